@@ -1,0 +1,1 @@
+"""GLSL sources, read by `napari_unpack.rendering.shader_source`."""

@@ -1,0 +1,1 @@
+"""What objects look like: transfer function, interference, colouring, hues."""

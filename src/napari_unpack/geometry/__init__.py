@@ -1,0 +1,1 @@
+"""Axes, boxes, views, rays and rigid placements: the ground every other room stands on."""

@@ -1,0 +1,94 @@
+"""Axis order and homogeneous coordinates.
+
+Everything inside the package is z, y, x (see CONVENTIONS.md). The other order exists only at
+the doors to vispy and to file formats, and is converted here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+def flip(vectors: ArrayLike) -> NDArray[np.float64]:
+    """Swap z, y, x and x, y, z along the last axis.
+
+    Parameters
+    ----------
+    vectors : (..., 3) array_like
+        Points or vectors in either order.
+
+    Returns
+    -------
+    (..., 3) ndarray of float64
+        The same in the other order.
+    """
+    return np.asarray(vectors, dtype=np.float64)[..., ::-1]
+
+
+def flip_matrix(matrix: ArrayLike) -> Matrix:
+    """Reorder an affine or projective (4, 4) column-vector matrix between zyx and xyz.
+
+    Parameters
+    ----------
+    matrix : (4, 4) array_like
+        Maps homogeneous column vectors of one axis order.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        The same map for the other order, on both sides.
+    """
+    order = [2, 1, 0, 3]
+    return np.asarray(matrix, dtype=np.float64)[np.ix_(order, order)]
+
+
+def unit(vector: ArrayLike, name: str = "vector") -> Vector:
+    """Scale a vector to length 1.
+
+    Parameters
+    ----------
+    vector : (3,) array_like
+        Any finite vector but zero.
+    name : str
+        What to call it in the error.
+
+    Returns
+    -------
+    (3,) ndarray of float64
+
+    Raises
+    ------
+    ValueError
+        If it is not three finite numbers, or zero.
+    """
+    v = np.asarray(vector, dtype=np.float64)
+    if v.shape != (3,) or not np.isfinite(v).all():
+        raise ValueError(f"{name} must be three finite numbers (z, y, x), got {vector!r}")
+    length = float(np.linalg.norm(v))
+    if length == 0.0:
+        raise ValueError(f"{name} must not be zero, got {vector!r}")
+    return v / length
+
+
+def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
+    """Apply a (4, 4) column-vector matrix to points, dividing by w.
+
+    Parameters
+    ----------
+    matrix : (4, 4) ndarray of float64
+        Affine or projective.
+    points : (..., 3) array_like
+        Points in the matrix's source space.
+
+    Returns
+    -------
+    (..., 3) ndarray of float64
+    """
+    p = np.asarray(points, dtype=np.float64)
+    q = p @ matrix[:3, :3].T + matrix[:3, 3]
+    w = p @ matrix[3, :3] + matrix[3, 3]
+    return q / w[..., None]

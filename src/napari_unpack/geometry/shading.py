@@ -1,0 +1,34 @@
+"""The light of a picture: Blinn-Phong with the lamp at the viewer's head."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Shading:
+    """How strongly surfaces are modelled by light.
+
+    Parameters
+    ----------
+    ambient, diffuse, specular : float
+        Weights in [0, 1]; specular is added in white, the others multiply the tinted colour.
+    shininess : float
+        Exponent of the highlight.
+    gradient_floor : float
+        Fraction of the transfer function's domain per voxel below which the density gradient
+        is too weak to be a surface: shading fades out towards flat (ambient + diffuse) there.
+
+    Notes
+    -----
+    With n = -gradient / |gradient| (towards lower density, that is out of the object) in world
+    space, c = |n . l| for a two-sided surface and l towards the viewer along the ray, and
+    s = clip(|gradient| / gradient_floor, 0, 1): light = ambient + diffuse * (1 - s + s * c),
+    highlight = specular * s * c ** shininess (half vector = light vector for a headlight).
+    """
+
+    ambient: float = 0.3
+    diffuse: float = 0.7
+    specular: float = 0.25
+    shininess: float = 24.0
+    gradient_floor: float = 0.01

@@ -1,0 +1,116 @@
+"""Rigid placements of objects: equations 3 and 4, rotations, and their interpolation.
+
+All matrices are (4, 4), act on column vectors (z, y, x, 1) in mm, and compose right to left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
+from napari_unpack.geometry.view import Camera
+
+
+def translation(offset: ArrayLike) -> Matrix:
+    """Return the (4, 4) translation by an offset in mm, z y x."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = np.asarray(offset, dtype=np.float64)
+    return matrix
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Matrix:
+    """Return the (3, 3) rotation by `angle` radians about an axis, right-handed in (z, y, x)."""
+    return Rotation.from_rotvec(unit(axis, "axis") * angle).as_matrix()
+
+
+def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
+    """Interpolate two (3, 3) rotations along the shortest arc, 0 giving the first."""
+    both = Rotation.from_matrix(np.stack([first, second]))
+    return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where an object stands in pivot space: its centre, its turn, its size.
+
+    A point w of the bag (world mm) whose object has box centre b appears at
+    center + scale * rotation @ (w - b) in pivot space.
+
+    Parameters
+    ----------
+    center : (3,) ndarray of float64
+        Where the object's box centre is, pivot space mm (the paper's u).
+    rotation : (3, 3) ndarray of float64
+        From world axes to pivot axes.
+    scale : float
+        Enlargement, 1 being true to the bag.
+    """
+
+    center: Vector
+    rotation: Matrix
+    scale: float = 1.0
+
+    def pivot_from_world(self, box_center: ArrayLike) -> Matrix:
+        """Return the (4, 4) map from the packed bag's world mm to pivot space."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.scale * self.rotation
+        matrix[:3, 3] = self.center - matrix[:3, :3] @ np.asarray(box_center, dtype=np.float64)
+        return matrix
+
+    def world_from_world(self, box_center: ArrayLike, camera: Camera) -> Matrix:
+        """Return the T of eq. 3 with M = 1: the extra world-side transformation.
+
+        Notes
+        -----
+        Li et al. 2012, eq. 3, w = V T M v. V is the camera's rigid pivot map here, M the
+        identity since the bag's world is the world.
+        """
+        return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
+
+    def toward(self, other: Pose, fraction: float) -> Pose:
+        """Interpolate to another pose: straight centre, shortest turn, geometric size."""
+        f = float(np.clip(fraction, 0.0, 1.0))
+        return Pose(
+            (1 - f) * self.center + f * other.center,
+            slerp(self.rotation, other.rotation, f),
+            self.scale ** (1 - f) * other.scale**f,
+        )
+
+
+def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0, 0)) -> Pose:
+    """Return the pose of an object at its packed place, moved by a world offset in mm."""
+    moved = np.asarray(box_center, dtype=np.float64) + np.asarray(offset, dtype=np.float64)
+    return Pose(transform_points(camera.pivot_from_world(), moved), camera.rotation.copy())
+
+
+def unpacking_displacement(
+    view: Matrix, model: Matrix, offset: ArrayLike, target: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the displacement in volume coordinates that brings an object's centre to u.
+
+    Parameters
+    ----------
+    view, model : (4, 4) ndarray of float64
+        V (world to camera) and M (volume to world) of eq. 3.
+    offset : (3,) array_like
+        o, the object's box centre, in volume coordinates.
+    target : (3,) array_like
+        u, where the centre shall be, in camera coordinates.
+
+    Returns
+    -------
+    (3,) ndarray of float64
+        t, to be applied right of M: w = V T M Trans(t) v.
+
+    Notes
+    -----
+    Li et al. 2012, eq. 4, T' = (V M)^-1 (u - V M o), read as points with w = 1, that is
+    t = (V M)^-1 u - o. Deviation: the paper writes T' on the world side of M in eq. 3 but
+    gives it in volume coordinates; we apply it right of M (notes/readings.md 7).
+    """
+    inverse: Matrix = np.linalg.inv(view @ model)
+    return transform_points(inverse, target) - np.asarray(offset, dtype=np.float64)

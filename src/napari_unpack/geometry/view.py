@@ -1,0 +1,183 @@
+"""A view of a bag: where one stands, which way is up, how much is seen.
+
+`View` is what a person asks for and may leave things open; `Camera` has nothing left open and
+turns into rays (`geometry.rays`) and into pivot space, where sprites live.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
+
+GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
+"""Up in a CT scan as scanners lay it out: rows (y) grow downwards, towards the table."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a person wants to see; whatever is None is chosen from the volume.
+
+    Parameters
+    ----------
+    direction : (3,) sequence of float
+        Direction of looking, world (z, y, x). Need not be of unit length.
+    up : (3,) sequence of float, optional
+        What is up in the picture. By default -y, or -z when looking along y.
+    center : (3,) sequence of float, optional
+        World point in the middle of the picture, mm. By default the middle of the volume.
+    height : float, optional
+        Visible height at the centre, mm. By default the diameter of the volume's bounding
+        sphere, enlarged in perspective so that the sphere just touches the frame.
+    fov : float
+        Vertical field of view in degrees, 0 (orthographic) to below 170.
+    """
+
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    up: tuple[float, float, float] | None = None
+    center: tuple[float, float, float] | None = None
+    height: float | None = None
+    fov: float = 0.0
+
+    def __post_init__(self) -> None:
+        unit(self.direction, "direction")
+        if self.up is not None:
+            unit(self.up, "up")
+            if np.linalg.norm(np.cross(unit(self.direction), unit(self.up))) < 1e-6:
+                raise ValueError(
+                    f"up must not be parallel to direction, got up={self.up!r}, "
+                    f"direction={self.direction!r}"
+                )
+        if not 0.0 <= self.fov < 170.0:
+            raise ValueError(f"fov must be in [0, 170) degrees, got {self.fov!r}")
+        if self.height is not None and not (np.isfinite(self.height) and self.height > 0):
+            raise ValueError(f"height must be a positive number of mm, got {self.height!r}")
+
+    def camera(self, shape: tuple[int, ...], spacing: ArrayLike) -> Camera:
+        """Settle everything left open for a volume.
+
+        Parameters
+        ----------
+        shape : (3,) tuple of int
+            Voxels along z, y, x.
+        spacing : (3,) array_like
+            Voxel size in mm, z y x.
+
+        Returns
+        -------
+        Camera
+        """
+        size = np.asarray(shape, dtype=np.float64) * np.asarray(spacing, dtype=np.float64)
+        middle = (size - np.asarray(spacing, dtype=np.float64)) / 2
+        radius = float(np.linalg.norm(size)) / 2
+        # Sphere of radius r at distance d fills half-angle asin(r/d); with d = h / (2 tan a)
+        # the frame touches it where sin a = r/d, so h = 2 r / cos a.
+        height = self.height or 2 * radius / np.cos(np.radians(self.fov) / 2)
+        center = middle if self.center is None else np.asarray(self.center, dtype=np.float64)
+        return Camera.looking(self.direction, self.up, center, float(height), self.fov)
+
+    def orthographic(self) -> View:
+        """Return the same view without perspective."""
+        return replace(self, fov=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A view with nothing left open, in world mm (z, y, x).
+
+    Parameters
+    ----------
+    rotation : (3, 3) ndarray of float64
+        Rows are the pivot-space axes in world coordinates: towards the viewer, down the
+        picture, right in the picture. A proper rotation; the identity is napari's default view.
+    center : (3,) ndarray of float64
+        World point at the origin of pivot space, mm.
+    height : float
+        Visible height at the centre, mm.
+    fov : float
+        Vertical field of view, degrees; 0 is orthographic.
+    """
+
+    rotation: Matrix
+    center: Vector
+    height: float
+    fov: float = 0.0
+
+    @classmethod
+    def looking(
+        cls,
+        direction: ArrayLike,
+        up: ArrayLike | None,
+        center: ArrayLike,
+        height: float,
+        fov: float = 0.0,
+    ) -> Camera:
+        """Make a camera from a direction of looking and an up vector."""
+        towards = -unit(direction, "direction")
+        wanted = np.asarray(GRAVITY_UP if up is None else up, dtype=np.float64)
+        if up is None and np.linalg.norm(np.cross(towards, wanted)) < 1e-3:
+            wanted = np.array([-1.0, 0.0, 0.0])
+        down = -(wanted - towards * (wanted @ towards))
+        down /= np.linalg.norm(down)
+        rotation = np.stack([towards, down, np.cross(towards, down)])
+        return cls(rotation, np.asarray(center, dtype=np.float64), float(height), float(fov))
+
+    @property
+    def direction(self) -> Vector:
+        """Direction of looking, (3,) unit vector, world."""
+        return -self.rotation[0]
+
+    @property
+    def up(self) -> Vector:
+        """What is up in the picture, (3,) unit vector, world."""
+        return -self.rotation[1]
+
+    @property
+    def right(self) -> Vector:
+        """What is right in the picture, (3,) unit vector, world."""
+        return self.rotation[2]
+
+    @property
+    def distance(self) -> float:
+        """Distance of the eye from the centre, mm; infinite when orthographic."""
+        if self.fov == 0.0:
+            return float("inf")
+        return self.height / (2 * float(np.tan(np.radians(self.fov) / 2)))
+
+    def orthographic(self) -> Camera:
+        """Return the same camera without perspective."""
+        return replace(self, fov=0.0)
+
+    def pivot_from_world(self) -> Matrix:
+        """Return the rigid (4, 4) map from world mm to pivot space (towards, down, right)."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[:3, 3] = -self.rotation @ self.center
+        return matrix
+
+    def pixels(self, pivot_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
+        """Project pivot-space points to pixels.
+
+        Parameters
+        ----------
+        pivot_points : (..., 3) array_like
+            Points in pivot space, mm.
+        size : (int, int)
+            Height and width of the picture in pixels.
+
+        Returns
+        -------
+        (..., 2) ndarray of float64
+            Row and column; pixel centres are at integers, row 0 is at the top.
+        """
+        p = np.asarray(pivot_points, dtype=np.float64)
+        scale = size[0] / self.height / (1.0 - p[..., 0] / self.distance)
+        middle = (np.asarray(size, dtype=np.float64) - 1) / 2
+        return middle + p[..., 1:] * scale[..., None]
+
+    def project(self, world_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
+        """Project world points (mm) to pixels (row, column); see `pixels`."""
+        return self.pixels(transform_points(self.pivot_from_world(), world_points), size)

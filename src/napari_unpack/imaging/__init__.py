@@ -1,0 +1,1 @@
+"""The one door to both rendering backends: it chooses, and never computes."""

@@ -1,0 +1,1 @@
+"""Readers, writers, pictures, movies and session files."""

@@ -1,0 +1,1 @@
+"""The three stage layers of napari and their vispy adapters."""

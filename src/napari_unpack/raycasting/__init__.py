@@ -1,0 +1,1 @@
+"""The CPU backend: numba ray casters with empty-space skipping."""

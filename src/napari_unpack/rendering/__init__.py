@@ -1,0 +1,1 @@
+"""The GL backend: shaders, textures, passes and visuals on vispy."""

@@ -1,0 +1,1 @@
+"""vispy visuals that draw what the passes made."""

@@ -1,0 +1,1 @@
+"""Volume to labels: foreground, components, recursive isoperimetric splitting, evaluation."""

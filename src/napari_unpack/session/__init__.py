@@ -1,0 +1,1 @@
+"""The state of an unpacking and the verbs that change it."""

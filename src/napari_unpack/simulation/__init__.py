@@ -1,0 +1,1 @@
+"""Packed bags with ground truth."""

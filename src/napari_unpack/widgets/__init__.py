@@ -1,0 +1,1 @@
+"""Dock widgets: they wire, they compute nothing."""
