@@ -112,5 +112,5 @@ def unpacking_displacement(
     t = (V M)^-1 u - o. Deviation: the paper writes T' on the world side of M in eq. 3 but
     gives it in volume coordinates; we apply it right of M (notes/readings.md 7).
     """
-    inverse: Matrix = np.linalg.inv(view @ model)
+    inverse: NDArray[np.float64] = np.linalg.inv(view @ model).astype(np.float64)
     return transform_points(inverse, target) - np.asarray(offset, dtype=np.float64)
