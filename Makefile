@@ -1,0 +1,59 @@
+# The two commands are `make demo` and `make test`; both do all their own set-up.
+# Everything lives in .venv; remove it to start afresh.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+OUTPUT ?= demo-output
+
+export UNPACK_REQUIRE_GL ?= 1
+export NAPARI_CONFIG ?=
+
+.PHONY: setup demo test test-plain test-plugin lint bench screenshots clean
+
+setup: $(READY)
+
+$(READY): pyproject.toml constraints.txt tools/system-libraries.sh
+	@bash tools/system-libraries.sh
+	@echo "[setup] virtual environment in $(VENV)"
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; name one with make PYTHON=...")'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	@echo "[setup] packages (a few minutes the first time)"
+	@$(BIN)/python -m pip install --quiet -c constraints.txt --group dev -e .
+	@touch $@
+
+# With a screen this opens napari on a packed bag; without one the same plugin runs on a
+# virtual screen and writes pictures, a movie and a table to $(OUTPUT).
+#   make demo INPUT=scan.npz LABELS=labels.npz
+demo: $(READY)
+	@bash tools/on-a-screen.sh $(BIN)/napari-unpack demo $(if $(INPUT),"$(INPUT)") \
+	  $(if $(LABELS),--labels "$(LABELS)") --output "$(OUTPUT)"
+
+test: test-plain test-plugin
+
+test-plain: $(READY)
+	@echo "[test 1/2] algorithms, ray casting, shaders"
+	@PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest tests --ignore=tests/plugin
+
+test-plugin: $(READY)
+	@echo "[test 2/2] the plugin in a real viewer on a virtual screen"
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest tests/plugin
+
+lint: $(READY)
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+	@PATH="$(CURDIR)/$(BIN):$$PATH" lint-imports
+	@$(BIN)/npe2 validate napari_unpack
+
+bench: $(READY)
+	@$(BIN)/python -m pip install --quiet -c constraints.txt --group bench
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
+
+screenshots: $(READY)
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/screenshots.py docs/gallery
+
+clean:
+	rm -rf $(VENV) build dist demo-output src/*.egg-info
