@@ -1,0 +1,108 @@
+"""What the segmentation accepts, said in sentences when it is given something else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Spacing = tuple[float, float, float]
+
+
+def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
+    """Return a density volume as an array, or say what is wrong with it.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+        Densities of any integer or real type; NaN and infinities mean "nothing measured".
+
+    Returns
+    -------
+    (Z, Y, X) ndarray
+        Not copied where it is an array already; bool becomes uint8.
+
+    Raises
+    ------
+    TypeError
+        If the values are not real numbers.
+    ValueError
+        If it is not 3D, is empty, constant, or has no finite value.
+    """
+    array = np.asarray(volume)
+    if array.ndim != 3:
+        raise ValueError(f"volume must have 3 axes (z, y, x), got shape {array.shape}")
+    if array.size == 0:
+        raise ValueError(f"volume must not be empty, got shape {array.shape}")
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"volume must hold real numbers, got dtype {array.dtype}")
+    if array.dtype.kind == "b":
+        array = array.view(np.uint8)
+    low, high = finite_range(array)
+    if not low < high:
+        raise ValueError(
+            f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
+        )
+    return array
+
+
+def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
+    """Return the smallest and largest finite value of an array.
+
+    Raises
+    ------
+    ValueError
+        If no value is finite.
+    """
+    if array.dtype.kind != "f":
+        return float(array.min()), float(array.max())
+    low, high = np.inf, -np.inf
+    for plane in array:
+        finite = plane[np.isfinite(plane)]
+        if finite.size:
+            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    if low > high:
+        raise ValueError("volume has no finite value: all of it is NaN or infinite")
+    return low, high
+
+
+def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
+    """Return a voxel size as three floats.
+
+    Parameters
+    ----------
+    spacing : (3,) array_like
+        Millimetres, z y x.
+
+    Raises
+    ------
+    ValueError
+        If it is not three positive finite numbers.
+    """
+    sizes = np.asarray(spacing, dtype=np.float64)
+    if sizes.shape != (3,) or not np.isfinite(sizes).all() or (sizes <= 0).any():
+        raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
+    return (float(sizes[0]), float(sizes[1]), float(sizes[2]))
+
+
+def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
+    """Return a label volume as an integer array.
+
+    Raises
+    ------
+    TypeError
+        If it does not hold integers.
+    ValueError
+        If it is not 3D, is empty, or holds a negative label.
+    """
+    array = np.asarray(labels)
+    if array.dtype.kind == "b":
+        array = array.view(np.uint8)
+    if array.dtype.kind not in "ui":
+        raise TypeError(f"{name} must hold integers, got dtype {array.dtype}")
+    if array.ndim != 3 or array.size == 0:
+        raise ValueError(f"{name} must have 3 axes (z, y, x) and voxels, got shape {array.shape}")
+    if array.min() < 0:
+        raise ValueError(f"{name} must not hold negative labels, got {array.min()}")
+    return array

@@ -1,0 +1,80 @@
+"""A region: the voxels of one object, or of what may still be several, in their own box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.checks import Spacing
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """What an oracle is asked to judge.
+
+    Parameters
+    ----------
+    mask : (Z, Y, X) ndarray of bool
+        The region's voxels in its bounding box.
+    density : (Z, Y, X) ndarray
+        Density in the same box, a view of the volume.
+    origin : (int, int, int)
+        First voxel of the box in the volume.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    """
+
+    mask: NDArray[np.bool_]
+    density: NDArray[np.generic]
+    origin: tuple[int, int, int]
+    spacing: Spacing
+
+    @cached_property
+    def voxels(self) -> int:
+        """Number of voxels."""
+        return int(np.count_nonzero(self.mask))
+
+    @property
+    def voxel_volume(self) -> float:
+        """Volume of one voxel, mm^3."""
+        return float(np.prod(self.spacing))
+
+    @property
+    def volume(self) -> float:
+        """Volume, mm^3."""
+        return self.voxels * self.voxel_volume
+
+    @cached_property
+    def values(self) -> NDArray[np.float32]:
+        """Densities of the region's voxels, NaN as 0, (N,) float32."""
+        return np.nan_to_num(self.density[self.mask].astype(np.float32))
+
+    def part(self, mask: NDArray[np.bool_]) -> Region:
+        """Return the region of some of this one's voxels, cropped to their box."""
+        box = bounding_box(mask)
+        first = tuple(o + b.start for o, b in zip(self.origin, box, strict=True))
+        return Region(
+            np.ascontiguousarray(mask[box]),
+            self.density[box],
+            (first[0], first[1], first[2]),
+            self.spacing,
+        )
+
+    @property
+    def box(self) -> tuple[slice, slice, slice]:
+        """The region's place in the volume."""
+        a, b, c = (slice(o, o + n) for o, n in zip(self.origin, self.mask.shape, strict=True))
+        return a, b, c
+
+
+def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice]:
+    """Return the slices of the smallest box around a mask with at least one voxel."""
+    slices = []
+    for axis in range(3):
+        others = tuple(a for a in range(3) if a != axis)
+        hit = np.flatnonzero(mask.any(axis=others))
+        slices.append(slice(int(hit[0]), int(hit[-1]) + 1))
+    return slices[0], slices[1], slices[2]

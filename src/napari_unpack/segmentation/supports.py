@@ -1,0 +1,77 @@
+"""Long thin supports under a bag: scanner tables, belts and trays, which touch everything."""
+
+from __future__ import annotations
+
+import edt
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.checks import Spacing
+
+
+def find_supports(
+    matter: NDArray[np.bool_],
+    spacing: Spacing,
+    thickness: float = 12.0,
+    width: float = 120.0,
+    persistence: float = 0.8,
+) -> NDArray[np.bool_]:
+    """Find thin things of constant cross-section that run the whole length of the volume.
+
+    Parameters
+    ----------
+    matter : (Z, Y, X) ndarray of bool
+        Foreground.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    thickness : float
+        A support's walls are at most this thick, mm.
+    width : float
+        Its cross-section is at least this wide, mm, and so is its length.
+    persistence : float
+        Fraction of the slices along its axis in which a point of its cross-section is matter.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of bool
+        Voxels of supports.
+
+    Notes
+    -----
+    A table or belt is a prism along the direction of travel: seen along that axis it is a set of
+    pixels that are matter in nearly every slice, and packed things are not. Along each axis the
+    persistent pixels are grown by one pixel into their partial-volume rim, grouped, and kept
+    where they are thin and wide. Three passes over the volume. A tilted or short support is not
+    found by this; it is left to splitting.
+    """
+    found = np.zeros(matter.shape, np.bool_)
+    for axis in range(3):
+        length = matter.shape[axis] * spacing[axis]
+        others = [a for a in range(3) if a != axis]
+        extent = max(matter.shape[a] * spacing[a] for a in others)
+        if length < width or extent < 1.5 * width:
+            continue
+        plane = (spacing[others[0]], spacing[others[1]])
+        section = _thin_and_wide(
+            matter.mean(axis=axis, dtype=np.float32) >= persistence, plane, thickness, width
+        )
+        if section.any():
+            found |= np.expand_dims(section, axis)
+    return found & matter if found.any() else found
+
+
+def _thin_and_wide(
+    section: NDArray[np.bool_], spacing: tuple[float, float], thickness: float, width: float
+) -> NDArray[np.bool_]:
+    import cc3d
+    from scipy.ndimage import binary_dilation
+
+    pieces, count = cc3d.connected_components(section, connectivity=8, return_N=True)
+    keep = np.zeros(count + 1, np.bool_)
+    depth = edt.edt(section, anisotropy=spacing, black_border=False)
+    for piece in range(1, count + 1):
+        inside = pieces == piece
+        rows, columns = np.nonzero(inside)
+        spans = (np.ptp(rows) * spacing[0], np.ptp(columns) * spacing[1])
+        keep[piece] = max(spans) >= width and 2 * depth[inside].max() <= thickness
+    return np.asarray(binary_dilation(keep[pieces], np.ones((3, 3)), iterations=1))
