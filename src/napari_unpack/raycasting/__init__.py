@@ -1,1 +1,17 @@
-"""The CPU backend: numba ray casters with empty-space skipping."""
+"""The ray caster for the CPU: numba kernels over bands of rows, on as many threads as cores."""
+
+from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.raycasting.bricks import Bricks
+from napari_unpack.raycasting.object_ids import id_layers
+from napari_unpack.raycasting.occlusion import occlusion_counts
+from napari_unpack.raycasting.picking import contributions
+from napari_unpack.raycasting.tinted import tinted
+
+__all__ = [
+    "Bricks",
+    "OcclusionCounts",
+    "contributions",
+    "id_layers",
+    "occlusion_counts",
+    "tinted",
+]

@@ -1,0 +1,142 @@
+"""Which samples of the shared lattice a ray has inside a box, for every kernel alike.
+
+Sample k lies at t = (k + 1/2) step on every ray. Positions are computed afresh from k, never
+by adding steps, so that skipping some samples cannot move the others by a rounding error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.rays import Rays
+
+FAR = 1.0e9
+"""No ray has more samples than this on either side of the pivot plane."""
+
+BRICK = 8
+"""Voxels along the edge of a brick (bricks.py)."""
+
+
+def clipping_planes(clipping: ArrayLike | None) -> NDArray[np.float64]:
+    """Return clipping planes as an (N, 2, 3) array of (point, normal), voxels.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another.
+    """
+    if clipping is None:
+        return np.zeros((0, 2, 3))
+    planes = np.ascontiguousarray(clipping, dtype=np.float64)
+    if planes.ndim != 3 or planes.shape[1:] != (2, 3):
+        raise ValueError(
+            f"clipping must be (N, 2, 3): a point and a normal a plane, got {planes.shape}"
+        )
+    return planes
+
+
+def ray_numbers(rays: Rays) -> tuple[NDArray[np.float64], float, float]:
+    """Return what kernels need of rays: table, step, near."""
+    return np.ascontiguousarray(rays.table, dtype=np.float64), rays.step, rays.near
+
+
+@njit(cache=True, nogil=True)
+def ray_of(table, row, col):  # type: ignore[no-untyped-def]
+    """Return the origin and direction of one pixel's ray, voxels and voxels per mm."""
+    return (
+        table[0, 0] + row * table[1, 0] + col * table[2, 0],
+        table[0, 1] + row * table[1, 1] + col * table[2, 1],
+        table[0, 2] + row * table[1, 2] + col * table[2, 2],
+        table[3, 0] + row * table[4, 0] + col * table[5, 0],
+        table[3, 1] + row * table[4, 1] + col * table[5, 1],
+        table[3, 2] + row * table[4, 2] + col * table[5, 2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _slab(low, high, origin, direction, first, last):  # type: ignore[no-untyped-def]
+    if direction == 0.0:
+        if origin < low or origin >= high:
+            return first, first
+        return first, last
+    a = (low - origin) / direction
+    b = (high - origin) / direction
+    return max(first, min(a, b)), min(last, max(a, b))
+
+
+@njit(cache=True, nogil=True)
+def _inside(box, pz, py, px, dz, dy, dx, t):  # type: ignore[no-untyped-def]
+    z = np.floor(pz + t * dz + 0.5)
+    y = np.floor(py + t * dy + 0.5)
+    x = np.floor(px + t * dx + 0.5)
+    return box[0, 0] <= z < box[1, 0] and box[0, 1] <= y < box[1, 1] and box[0, 2] <= x < box[1, 2]
+
+
+@njit(cache=True, nogil=True)
+def sample_range(box, planes, step, near, phase, pz, py, px, dz, dy, dx):  # type: ignore[no-untyped-def]
+    """Return the half-open range of k whose samples have their nearest voxel in a box.
+
+    `box` (2, 3) int64 holds the lower and upper voxel; `planes` cut further (`clipping_planes`);
+    `phase` is 1/2 but for jittered rays.
+    """
+    first, last = -FAR * step, FAR * step
+    first, last = _slab(box[0, 0] - 0.5, box[1, 0] - 0.5, pz, dz, first, last)
+    first, last = _slab(box[0, 1] - 0.5, box[1, 1] - 0.5, py, dy, first, last)
+    first, last = _slab(box[0, 2] - 0.5, box[1, 2] - 0.5, px, dx, first, last)
+    if not first < last:
+        return 0, 0
+    # The division above may be off by a rounding error: look one further on both sides, then
+    # ask the very formula the kernels use, which is monotone in k.
+    k = int(np.floor(first / step - phase)) - 1
+    end = int(np.ceil(last / step - phase)) + 2
+    while k < end and (
+        (k + phase) * step <= near or not _inside(box, pz, py, px, dz, dy, dx, (k + phase) * step)
+    ):
+        if (k + phase) * step <= near:
+            k = max(k + 1, int(np.floor(near / step - phase)))
+        else:
+            k += 1
+    while end > k and not _inside(box, pz, py, px, dz, dy, dx, (end - 1 + phase) * step):
+        end -= 1
+    for i in range(planes.shape[0]):
+        height = (
+            (pz - planes[i, 0, 0]) * planes[i, 1, 0]
+            + (py - planes[i, 0, 1]) * planes[i, 1, 1]
+            + (px - planes[i, 0, 2]) * planes[i, 1, 2]
+        )
+        slope = dz * planes[i, 1, 0] + dy * planes[i, 1, 1] + dx * planes[i, 1, 2]
+        if slope == 0.0:
+            if height < 0.0:
+                return 0, 0
+            continue
+        edge = min(max(-height / slope / step - phase, -FAR), FAR)
+        if slope > 0.0:
+            k = max(k, int(np.ceil(edge)))
+        else:
+            end = min(end, int(np.floor(edge)) + 1)
+    return k, max(k, end)
+
+
+@njit(cache=True, nogil=True)
+def leap(distance, z, y, x, k, step, phase, pz, py, px, dz, dy, dx):  # type: ignore[no-untyped-def]
+    """Return the first k that may lie outside a cube of bricks around voxel (z, y, x).
+
+    The cube reaches `distance` - 1 bricks beyond the voxel's own. Errs on the side of too few.
+    """
+    exit_t = FAR * step
+    reach = distance * BRICK
+    if dz > 0.0:
+        exit_t = min(exit_t, ((z & -BRICK) + reach - 0.5 - pz) / dz)
+    elif dz < 0.0:
+        exit_t = min(exit_t, ((z & -BRICK) + BRICK - reach - 0.5 - pz) / dz)
+    if dy > 0.0:
+        exit_t = min(exit_t, ((y & -BRICK) + reach - 0.5 - py) / dy)
+    elif dy < 0.0:
+        exit_t = min(exit_t, ((y & -BRICK) + BRICK - reach - 0.5 - py) / dy)
+    if dx > 0.0:
+        exit_t = min(exit_t, ((x & -BRICK) + reach - 0.5 - px) / dx)
+    elif dx < 0.0:
+        exit_t = min(exit_t, ((x & -BRICK) + BRICK - reach - 0.5 - px) / dx)
+    return max(k + 1, int(np.ceil(exit_t / step - phase - 1e-3)))

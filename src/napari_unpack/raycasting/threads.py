@@ -1,0 +1,64 @@
+"""Bands of picture rows shared out among threads.
+
+Kernels release the GIL, so plain Python threads use every core; numba's own `parallel=True` is
+not used because its thread layers abort when two Python threads enter them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
+from typing import TypeVar
+
+State = TypeVar("State")
+
+
+def over_bands(
+    rows: int,
+    work: Callable[[State, int, int], None],
+    state: Callable[[], State],
+    threads: int | None = None,
+    band: int | None = None,
+) -> list[State]:
+    """Run work over all rows, a band at a time, each thread taking the next band when free.
+
+    Parameters
+    ----------
+    rows : int
+        How many rows there are.
+    work : callable
+        Takes (state, first row, row after the last).
+    state : callable
+        Makes what one thread keeps between its bands, such as counters of its own.
+    threads : int, optional
+        Workers, by default one a core.
+    band : int, optional
+        Rows of a band; by default about 16 bands a worker.
+
+    Returns
+    -------
+    list
+        The state of every worker, to be reduced by the caller.
+    """
+    workers = max(1, threads or os.cpu_count() or 1)
+    height = band or max(1, -(-rows // (16 * workers)))
+    workers = min(workers, -(-rows // height))
+    starts = iter(range(0, rows, height))
+    lock = Lock()
+
+    def worker() -> State:
+        own = state()
+        while True:
+            with lock:
+                first = next(starts, None)
+            if first is None:
+                return own
+            work(own, first, min(first + height, rows))
+
+    if workers <= 1:
+        return [worker()]
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(worker) for _ in range(workers)]
+        return [future.result() for future in futures]
