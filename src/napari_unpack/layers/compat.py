@@ -1,0 +1,256 @@
+"""Every private napari and vispy name of the project, and what to do when one has moved.
+
+napari draws a layer with the visual registered for its class and shows the controls registered
+for its class. Both registries are private (docs/decisions and notes on custom layers), so the
+three picture layers are put into them here and nowhere else. Where a registry is missing,
+`supported()` is False, `problem()` says why in a sentence, and the plugin falls back to napari's
+own layers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from napari.layers import Layer
+from numpy.typing import NDArray
+
+try:
+    from napari._qt.layer_controls.qt_layer_controls_base import QtLayerControls
+    from napari._qt.layer_controls.qt_layer_controls_container import layer_to_controls
+    from napari._vispy.layers.base import VispyBaseLayer
+    from napari._vispy.utils.visual import layer_to_visual
+    from napari.layers.base.base import _LayerSlicingState as SlicingState
+
+    _PROBLEM = ""
+except ImportError as error:
+    VispyBaseLayer = QtLayerControls = SlicingState = object
+    layer_to_visual, layer_to_controls = {}, {}
+    _PROBLEM = (
+        f"This napari keeps its layer registry elsewhere ({error}), so the packed picture cannot "
+        "be drawn in the viewer. Use a napari of the series 0.9, or the Python API."
+    )
+
+
+def supported() -> bool:
+    """Return whether this napari can show the three picture layers."""
+    return not _PROBLEM
+
+
+def problem() -> str:
+    """Return why it cannot, as a sentence to show; empty where it can."""
+    return _PROBLEM
+
+
+def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:
+    """Teach napari how to draw a layer class and which controls to show for it.
+
+    Parameters
+    ----------
+    layer : type
+        Subclass of `PictureLayer`.
+    adapter : type
+        Subclass of `PictureAdapter` that draws it.
+    sentence : str
+        What the controls say about the layer.
+    """
+    if supported():
+        layer_to_visual[layer] = adapter
+        layer_to_controls[layer] = _controls(sentence)
+        with contextlib.suppress(ImportError):
+            from napari._qt.layer_controls.dynamic import qt_dynamic_layer_controls as dynamic
+
+            dynamic.buttons_dict[layer] = dynamic.QtMultiLayerButtons
+
+
+def unwrap(proxy: Any) -> Any:
+    """Return the napari object behind the proxy that plugins are handed."""
+    return getattr(proxy, "__wrapped__", proxy)
+
+
+def repaint(viewer: Any) -> None:
+    """Ask for the canvas to be drawn again soon."""
+    canvas = native_canvas(viewer)
+    if canvas is not None:
+        canvas.update()
+
+
+def native_canvas(viewer: Any) -> Any | None:
+    """Return the vispy canvas of a viewer, or None where it has no window any more."""
+    window = getattr(unwrap(viewer), "window", None)
+    qt_viewer = getattr(window, "_qt_viewer", None)
+    canvas = getattr(qt_viewer, "canvas", None)
+    return getattr(canvas, "_scene_canvas", None)
+
+
+class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
+    """Slicing state of a layer that is a picture and has no slices."""
+
+    def _set_view_slice(self) -> None:
+        return None
+
+
+class PictureLayer(Layer):
+    """A napari layer that is a picture of a session: nothing to slice, nothing to pick by voxel.
+
+    Parameters
+    ----------
+    name : str
+        Name in the layer list.
+    box : (2, 3) ndarray of float, optional
+        First and last voxel along z, y, x: what the layer adds to the scene's extent. None adds
+        nothing.
+    **placement
+        scale, translate, rotate, shear, affine, units: as every napari layer takes them.
+
+    Notes
+    -----
+    To napari's writers and to **Duplicate** it is the table of its objects: a Points layer with
+    one point at each object's centre. Of napari's layer types that is the one no action of the
+    layer list tries to convert, project or split.
+    """
+
+    def __init__(self, name: str, box: NDArray[np.float64] | None = None, **placement: Any) -> None:
+        self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
+        self._points = np.zeros((0, 3))
+        self._point_state: dict[str, Any] = {}
+        super().__init__(None, 3, name=name, **placement)
+        self._thumbnail_source: NDArray[np.float32] | None = None
+        self.refresh()
+
+    @property
+    def data(self) -> NDArray[np.float64]:
+        """(N, 3) centres of this layer's objects, voxels z y x."""
+        return self._points
+
+    @data.setter
+    def data(self, data: NDArray[np.float64]) -> None:
+        raise AttributeError("this layer follows its session and cannot be given data")
+
+    def set_table(self, points: NDArray[np.float64], **state: Any) -> None:
+        """Set what the layer is as a Points layer: centres in voxels, and Points arguments."""
+        self._points, self._point_state = np.asarray(points, dtype=float), state
+
+    def set_picture(self, rgba: NDArray[np.float32]) -> None:
+        """Set the picture whose small copy stands in the layer list, premultiplied (H, W, 4)."""
+        self._thumbnail_source = rgba
+        self._update_thumbnail()
+
+    @property
+    def _type_string(self) -> str:
+        return "points"
+
+    @property
+    def _extent_data(self) -> NDArray[np.float64]:
+        return self._box
+
+    @property
+    def _extent_data_augmented(self) -> NDArray[np.float64]:
+        return self._box + [[-0.5], [0.5]]
+
+    def _get_ndim(self) -> int:
+        return 3
+
+    def _get_state(self) -> dict[str, Any]:
+        state = self._get_base_state()
+        state.update(
+            self._point_state, projection_mode="none", visible=True, blending="translucent"
+        )
+        return state
+
+    def _set_view_slice(self) -> None:
+        return None
+
+    def _get_value(self, position: Any) -> None:
+        return None
+
+    def _get_layer_slicing_state(self, data: Any, cache: bool) -> Any:
+        return NothingToSlice(self, data, cache)
+
+    def _update_thumbnail(self) -> None:
+        source = getattr(self, "_thumbnail_source", None)
+        if source is None or min(source.shape[:2]) < 1:
+            return
+        height, width = self._thumbnail_shape[:2]
+        zoom = max(source.shape[0] / height, source.shape[1] / width)
+        middle = (np.asarray(source.shape[:2]) - 1) / 2
+        rows = middle[0] + (np.arange(height) - (height - 1) / 2) * zoom
+        cols = middle[1] + (np.arange(width) - (width - 1) / 2) * zoom
+        small = np.zeros((height, width, 4), dtype=np.float32)
+        keep_r = (rows > -0.5) & (rows < source.shape[0] - 0.5)
+        keep_c = (cols > -0.5) & (cols < source.shape[1] - 0.5)
+        picked = source[np.ix_(rows[keep_r].round().astype(int), cols[keep_c].round().astype(int))]
+        small[np.ix_(keep_r, keep_c)] = picked
+        small[..., 3] = 1.0
+        self.thumbnail = (np.clip(small, 0, 1) * 255).astype(np.uint8)
+
+
+class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
+    """Between a picture layer and the vispy node that draws it.
+
+    Parameters
+    ----------
+    layer : PictureLayer
+    node : vispy.scene.VisualNode
+        Draws it; must blend premultiplied colours by itself.
+    **kwargs
+        Whatever this napari hands to its visuals (fonts and the like).
+    """
+
+    def __init__(self, layer: Layer, node: Any, **kwargs: Any) -> None:
+        super().__init__(layer, node, **kwargs)
+        self._on_close: list[Callable[[], None]] = []
+        self.reset()
+
+    @property
+    def in_3d(self) -> bool:
+        """Whether the layer is displayed in three dimensions."""
+        return len(self.layer._slice_input.displayed) == 3
+
+    def _on_data_change(self, event: Any = None) -> None:
+        self.node.update()
+
+    def _on_opacity_change(self, event: Any = None) -> None:
+        self.node.opacity = self.layer.opacity
+        self.node.update()
+
+    def _on_blending_change(self, event: Any = None) -> None:
+        # napari's modes expect straight alpha; the node's own state is for premultiplied.
+        self.node.update()
+
+    def when_closed(self, callback: Callable[[], None]) -> None:
+        """Call back when napari takes the visual down."""
+        self._on_close.append(callback)
+
+    def close(self) -> None:
+        """Disconnect from the layer and let go of the node."""
+        for callback in self._on_close:
+            callback()
+        self._on_close.clear()
+        super().close()
+
+
+def _controls(sentence: str) -> type[Any]:
+    """Make the controls class of one layer class: opacity, and a sentence."""
+    from qtpy.QtWidgets import QLabel
+
+    class PictureControls(QtLayerControls):  # type: ignore[misc,valid-type]
+        """Controls with what applies to a picture: its opacity."""
+
+        PAN_ZOOM_ACTION_NAME = "activate_tracks_pan_zoom_mode"
+        TRANSFORM_ACTION_NAME = "activate_tracks_transform_mode"
+
+        def __init__(self, layer: Layer) -> None:
+            super().__init__(layer)
+            for name in ("blend_combobox", "blend_label"):
+                widget = getattr(self._opacity_blending_controls, name, None)
+                if widget is not None:
+                    widget.hide()
+            self.transform_button.hide()
+            words = QLabel(sentence)
+            words.setWordWrap(True)
+            self.layout().addRow(words)
+
+    return PictureControls
