@@ -1,0 +1,209 @@
+"""Cards: flat pictures with depth that stand in a vispy scene among other visuals.
+
+The packed bag's cached picture, an object in flight and every sprite are cards. Their list is
+drawn twice: first the pixels whose alpha reached 1/2, which write depth, then all others, which
+are tested against it. So opaque parts hide each other whatever the order of the list, soft edges
+blend over what is behind them, and a Points layer drawn before or after is hidden where it should
+be (DESIGN.md, decision 4.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from vispy import gloo
+from vispy.visuals import Visual
+from vispy.visuals.filters import Alpha, PickingFilter
+
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.rendering.shader_source import load
+from napari_unpack.rendering.visuals.pictures import Picture
+from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
+
+RGBA = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """A soft outline and a drop shadow around a card; lengths in pixels of its picture."""
+
+    outline: RGBA = (1.0, 1.0, 1.0, 0.85)
+    outline_width: float = 1.5
+    shadow: RGBA = (0.0, 0.0, 0.0, 0.5)
+    shadow_offset: tuple[float, float] = (2.0, 3.0)
+    shadow_size: float = 7.0
+
+    @property
+    def margin(self) -> float:
+        """How far it reaches beyond the picture."""
+        return max(self.outline_width, self.shadow_size + max(map(abs, self.shadow_offset)))
+
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """One picture at one place.
+
+    Parameters
+    ----------
+    picture : Picture
+        Premultiplied RGBA, with or without depths. Keep and `update` it: a card made anew
+        around the same picture uploads nothing.
+    place : ScreenPlace or PivotPlace
+        On the screen (the packed bag, an object's box) or in pivot space (a sprite).
+    opacity : float
+        Of this card.
+    silhouette : Silhouette, optional
+        Outline and shadow.
+    """
+
+    picture: Picture
+    place: Place = ScreenPlace()
+    opacity: float = 1.0
+    silhouette: Silhouette | None = None
+
+
+class CardsVisual(Visual):  # type: ignore[misc]
+    """Draw a list of cards.
+
+    Attributes
+    ----------
+    cards : sequence of Card
+        What to draw; assigning redraws. Order matters only among translucent pixels: later
+        cards are drawn over earlier ones.
+    clip_from_pivot : (4, 4) ndarray of float64
+        From pivot space (towards, down, right, 1) in mm to clip space, column vectors; see
+        `places.clip_from_pivot`. Places sprites and turns t into depths.
+    cards_opacity : float
+        Of all cards together. A scene node's own `opacity` (napari sets it from the layer)
+        is multiplied on.
+    before_draw : callable, optional
+        Called with this visual at the start of every draw, while vispy's transforms and the
+        current GL context are those of the drawing canvas: the moment to set
+        `clip_from_pivot` and `cards` from the camera, or to run a `TintedCaster`.
+    draws : int
+        How many times it was drawn.
+
+    Notes
+    -----
+    It owns its GL state: premultiplied blending (one, one_minus_src_alpha), depth test "lequal",
+    depth written by the core draw only, culling off. Presets set from outside, as napari's
+    `VispyBaseLayer.reset` does, have no effect. Depth function and mask are left at GL's defaults.
+    vispy's opacity filter would scale alpha alone and is replaced by a uniform; picking by
+    vispy's own render is not supported (nothing is drawn).
+    """
+
+    def __init__(self, cards: Sequence[Card] = ()) -> None:
+        # Before Visual.__init__: scene nodes attach their filters during theirs.
+        self._alpha_filter: Any = None
+        vertex, fragment = load("passes/card.vert"), load("passes/card.frag")
+        Visual.__init__(self, vcode=vertex.code, fcode=fragment.code)
+        self.unfreeze()
+        self._cards: tuple[Card, ...] = tuple(cards)
+        self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
+        self.cards_opacity = 1.0
+        self.before_draw: Callable[[CardsVisual], None] | None = None
+        self.draws = 0
+        self._blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
+        self._corners = gloo.VertexBuffer(
+            np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
+        )
+        self._draw_mode = "triangle_strip"
+        self.freeze()
+
+    @property
+    def cards(self) -> tuple[Card, ...]:
+        """What is drawn."""
+        return self._cards
+
+    @cards.setter
+    def cards(self, cards: Sequence[Card]) -> None:
+        self._cards = tuple(cards)
+        self.update()
+
+    @property
+    def clip_from_pivot(self) -> Matrix:
+        """From pivot space in mm to clip space."""
+        return self._clip_from_pivot
+
+    @clip_from_pivot.setter
+    def clip_from_pivot(self, matrix: Matrix) -> None:
+        self._clip_from_pivot = np.asarray(matrix, dtype=np.float64)
+
+    def attach(self, filt: Any, view: Any = None) -> None:
+        """Attach a filter; the node's opacity is taken over, its picking left out."""
+        if isinstance(filt, Alpha):
+            self._alpha_filter = filt
+        elif not isinstance(filt, PickingFilter):
+            super().attach(filt, view)
+
+    def draw(self) -> None:
+        """Draw all cards in the current context and viewport."""
+        if not self.visible or getattr(self, "picking", False):
+            return
+        if self.before_draw is not None:
+            self.before_draw(self)
+        self.draws += 1
+        overall = self.cards_opacity * (
+            1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
+        )
+        shown = [card for card in self._cards if card.opacity * overall > 0.0]
+        if not shown:
+            return
+        self._program["a_corner"] = self._corners
+        for core in (True, False):
+            gloo.set_state(
+                depth_test=True,
+                depth_mask=core,
+                depth_func="lequal",
+                cull_face=False,
+                blend=True,
+                blend_equation="func_add",
+                blend_func=("one", "one_minus_src_alpha"),
+            )
+            for card in shown:
+                self._set(card, overall, core)
+                self._program.draw(self._draw_mode)
+        gloo.set_state(depth_mask=True, depth_func="less")
+
+    def _set(self, card: Card, overall: float, core: bool) -> None:
+        color, depth = card.picture.textures()
+        height, width = card.picture.size
+        origin, right, down = card.place.frame(self._clip_from_pivot)
+        margin = 0.0 if card.silhouette is None else card.silhouette.margin
+        values: dict[str, Any] = {
+            "u_picture": color,
+            "u_depth": self._blank if depth is None else depth,
+            "u_has_depth": float(depth is not None),
+            "u_core": float(core),
+            "u_t": card.place.t,
+            "u_t_origin": card.place.t_origin,
+            "u_z_of_t": depth_row(self._clip_from_pivot, card.place.ndc_depth),
+            "u_opacity": card.opacity * overall,
+            "u_clip_origin": origin,
+            "u_clip_right": right,
+            "u_clip_down": down,
+            "u_margin": (margin / width, margin / height),
+            "u_decorated": float(card.silhouette is not None),
+        }
+        if card.silhouette is not None or "u_texel" not in self._program:
+            edge = card.silhouette or Silhouette()
+            values |= {
+                "u_texel": (1.0 / width, 1.0 / height),
+                "u_outline": edge.outline,
+                "u_outline_width": edge.outline_width,
+                "u_shadow": edge.shadow,
+                "u_shadow_offset": edge.shadow_offset,
+                "u_shadow_size": edge.shadow_size,
+            }
+        for name, value in values.items():
+            self._program[name] = value
+
+    def _prepare_transforms(self, view: Any) -> None:
+        """Do nothing: cards are placed by `clip_from_pivot`."""
+
+    def _compute_bounds(self, axis: int, view: Any) -> None:
+        """Have no extent: cards never change what a camera frames."""
+        return None

@@ -1,0 +1,52 @@
+"""vispy's transforms as the (4, 4) column-vector matrices the rest of the package speaks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from vispy.visuals.transforms import (
+    ChainTransform,
+    MatrixTransform,
+    NullTransform,
+    STTransform,
+)
+
+from napari_unpack.geometry.axes import Matrix
+
+
+def matrix_of(transform: Any) -> Matrix:
+    """Return the matrix of a linear or projective vispy transform.
+
+    Parameters
+    ----------
+    transform : vispy transform
+        A matrix, a scale and translation, nothing, or a chain of these: all that lies between
+        a 3D scene and the screen.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        For column vectors (x, y, z, w); vispy's own act on rows.
+
+    Raises
+    ------
+    TypeError
+        If a link of the chain is another kind, such as a logarithm.
+
+    Notes
+    -----
+    Not made by mapping points: `STTransform.map` ignores w, unlike its own shader.
+    """
+    if isinstance(transform, ChainTransform):
+        product = np.eye(4)
+        for link in transform.transforms:
+            product = product @ matrix_of(link)
+        return product
+    if isinstance(transform, NullTransform):
+        return np.eye(4)
+    if isinstance(transform, STTransform):
+        transform = transform.as_matrix()
+    if isinstance(transform, MatrixTransform):
+        return np.asarray(transform.matrix, dtype=np.float64).T.copy()
+    raise TypeError(f"transform must be made of matrices and scales, got {transform!r}")
