@@ -52,6 +52,31 @@ class LabelBoxes:
         row = self.index(object_id)
         return box_corners(self.lower[row] - 0.5, self.upper[row] - 0.5) * spacing
 
+    def front_areas(
+        self, spacing: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return what the front faces of every box cover of an orthographic picture.
+
+        Parameters
+        ----------
+        spacing : (3,) ndarray of float64
+            Voxel size in mm, z y x.
+        direction : (3,) ndarray of float64
+            Direction of looking, world, of length 1.
+
+        Returns
+        -------
+        (N,) ndarray of float64
+            Areas in square mm: those of the three visible faces, foreshortened.
+        """
+        edges = (self.upper - self.lower) * np.asarray(spacing, dtype=np.float64)
+        faces = np.stack(
+            [edges[:, 1] * edges[:, 2], edges[:, 0] * edges[:, 2], edges[:, 0] * edges[:, 1]],
+            axis=1,
+        )
+        areas: NDArray[np.float64] = faces @ np.abs(direction)
+        return areas
+
 
 def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (8, 3) corners of an axis-aligned box."""

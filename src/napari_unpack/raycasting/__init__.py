@@ -4,12 +4,13 @@ from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.raycasting.bricks import Bricks
 from napari_unpack.raycasting.object_ids import id_layers
 from napari_unpack.raycasting.occlusion import occlusion_counts
-from napari_unpack.raycasting.picking import contributions
+from napari_unpack.raycasting.picking import by_contribution, contributions
 from napari_unpack.raycasting.tinted import tinted
 
 __all__ = [
     "Bricks",
     "OcclusionCounts",
+    "by_contribution",
     "contributions",
     "id_layers",
     "occlusion_counts",

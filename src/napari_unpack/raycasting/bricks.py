@@ -165,7 +165,7 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
                     larger[:used] = ids[:used]
                     ids = larger
                 start = used
-                previous = -1
+                previous = np.int64(-1)
                 for z in range(bz * BRICK, min(bz * BRICK + BRICK, depth)):
                     for y in range(by * BRICK, min(by * BRICK + BRICK, height)):
                         for x in range(bx * BRICK, min(bx * BRICK + BRICK, width)):

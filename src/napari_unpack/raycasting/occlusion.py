@@ -81,15 +81,16 @@ def occlusion_counts(
     ids = np.flatnonzero(counts[0])
     met = slots[ids]
     return OcclusionCounts(
-        ids, *counts, blocks=blocks[np.ix_(met, met)] if blocks.size or not len(ids) else None
-    )
+        ids, counts[0], counts[1], counts[2], counts[3], counts[4],
+        blocks[np.ix_(met, met)] if len(candidates) <= MOST_IN_TABLE else None,
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def _count(
+def _count(  # type: ignore[no-untyped-def]
     labels, table, step, near, planes, visible, distance,
     first_row, last_row, width, slots, counts, blocks,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     skip = distance.size > 0

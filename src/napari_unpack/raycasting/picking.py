@@ -43,8 +43,9 @@ def contributions(
     Returns
     -------
     dict of int to float
-        Contribution in (0, 1] by ID, 0 being matter without a label, in the order in which the
-        ray first sees them. The sum is the pixel's alpha; there is no early end.
+        Contribution in [0, 1] by ID, 0 being matter without a label, in the order in which the
+        ray meets them. The sum is the pixel's alpha; there is no early end, so that what lies
+        behind opaque matter is listed too.
 
     Raises
     ------
@@ -66,10 +67,31 @@ def contributions(
     return {int(i): float(shares[i]) for i in order[:count]}
 
 
+def by_contribution(shares: dict[int, float]) -> list[tuple[int, float]]:
+    """Order the objects of a pixel for picking.
+
+    Parameters
+    ----------
+    shares : dict of int to float
+        From `contributions`: by ID, nearest first.
+
+    Returns
+    -------
+    list of (int, float)
+        The object that contributes most, then those behind it by depth, then those in front of
+        it by depth; never ID 0. Ties go to the nearer object.
+    """
+    objects = [(i, share) for i, share in shares.items() if i]
+    if not objects:
+        return []
+    most = max(range(len(objects)), key=lambda n: objects[n][1])
+    return objects[most:] + objects[:most]
+
+
 @njit(cache=True, nogil=True)
-def _contribute(
+def _contribute(  # type: ignore[no-untyped-def]
     volume, labels, numbers, step, near, planes, spacing, lo, hi, table, tints, shares, order
-):  # type: ignore[no-untyped-def]
+):
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     pz, py, px, dz, dy, dx = ray_of(numbers, 0, 0)
@@ -80,6 +102,7 @@ def _contribute(
     exponent = length / spacing.min()
     top = table.shape[0] - 1
     through = 1.0
+    met = np.zeros(tints.shape[0], np.bool_)
     count = 0
     for sample in range(k, end):
         t = (sample + 0.5) * step
@@ -92,7 +115,8 @@ def _contribute(
         a = (table[i, 3] + (u - i) * (table[i + 1, 3] - table[i, 3])) * tints[label, 3]
         if a <= 0:
             continue
-        if shares[label] == 0.0:
+        if not met[label]:
+            met[label] = True
             order[count] = label
             count += 1
         a = 1.0 - (1.0 - min(a, 1.0)) ** exponent

@@ -6,8 +6,6 @@ label's object multiplies what the master transfer function makes of the density
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
@@ -149,10 +147,10 @@ def phase_of(row, col, jitter):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _cast(
+def _cast(  # type: ignore[no-untyped-def]
     volume, labels, numbers, step, near, jitter, planes, distance,
     table, tints, look, first_row, last_row, image, depth,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     one = np.float32(1)
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape

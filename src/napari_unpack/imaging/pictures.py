@@ -1,0 +1,221 @@
+"""Pictures for everyone: ID layers, tinted pictures, and what is under a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.view import View
+from napari_unpack.imaging.arguments import (
+    checked_labels,
+    checked_size,
+    checked_spacing,
+    checked_volume,
+)
+from napari_unpack.imaging.backends import chosen
+from napari_unpack.imaging.casting import (
+    TABLE_ENTRIES,
+    TransferFunctionLike,
+    cast_ids,
+    cast_tinted,
+    rays_for,
+)
+from napari_unpack.raycasting import by_contribution, contributions
+
+
+def object_id_layers(
+    labels: ArrayLike,
+    spacing: ArrayLike = (1.0, 1.0, 1.0),
+    view: View | None = None,
+    layers: int = 2,
+    size: Sequence[int] = (512, 512),
+    hidden: Iterable[int] = (),
+    backend: str = "auto",
+    step: float | None = None,
+) -> NDArray[np.int32] | NDArray[np.int64]:
+    """List the objects under every pixel, nearest first.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) array_like of int
+        Object IDs, 0 background.
+    spacing : (3,) array_like
+        Voxel size in mm, z y x.
+    view : View, optional
+        Where one looks from; by default along +x, framing the volume.
+    layers : int
+        How many objects of a ray to list.
+    size : (int, int)
+        Height and width, pixels.
+    hidden : iterable of int
+        Objects that are as air.
+    backend : {"auto", "cpu", "gl"}
+    step : float, optional
+        Distance of samples in mm, by default `min(spacing)`.
+
+    Returns
+    -------
+    (layers, H, W) ndarray of int32, or int64 for IDs above its range
+        The k-th distinct object on each ray, 0 where there is none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as above.
+    """
+    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
+    if int(layers) != layers or layers < 1:
+        raise ValueError(f"layers must be a positive integer, got {layers!r}")
+    camera = (view or View()).camera(given.array.shape, mm)
+    ids = cast_ids(
+        given.array, mm, camera, given.visible(hidden), pixels, int(layers),
+        step_scale=step_scale(step, mm), backend=backend,
+    )  # fmt: skip
+    if given.names is None:
+        return ids
+    wide = np.int32 if given.names[-1] <= np.iinfo(np.int32).max else np.int64
+    named: NDArray[np.int32] | NDArray[np.int64] = given.names.astype(wide)[ids]
+    return named
+
+
+def render(
+    volume: ArrayLike,
+    labels: ArrayLike,
+    spacing: ArrayLike = (1.0, 1.0, 1.0),
+    view: View | None = None,
+    transfer_function: TransferFunctionLike | None = None,
+    tints: Mapping[int, Sequence[float]] | None = None,
+    hidden: Iterable[int] = (),
+    size: Sequence[int] = (1024, 1024),
+    backend: str = "auto",
+    shading: Shading | None = Shading(),  # noqa: B008 (frozen)
+    step: float | None = None,
+    jitter: bool = False,
+    clipping: ArrayLike | None = None,
+) -> NDArray[np.float32]:
+    """Cast a tinted picture of a volume.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like of real numbers
+        Density; NaN counts as the lowest.
+    labels : (Z, Y, X) array_like of int
+        Object IDs, 0 for matter without a label.
+    spacing : (3,) array_like
+        Voxel size in mm, z y x.
+    view : View, optional
+        Where one looks from; by default along +x, framing the volume.
+    transfer_function : TransferFunctionLike, optional
+        By default `appearance.TransferFunction.default_for(volume)`.
+    tints : mapping of int to (r, g, b) or (r, g, b, a), optional
+        By ID; 0 is matter without a label. What is not listed is white and opaque.
+    hidden : iterable of int
+        Objects not drawn; 0 hides matter without a label.
+    size : (int, int)
+        Height and width, pixels.
+    backend : {"auto", "cpu", "gl"}
+    shading : Shading, optional
+        The light; None for none.
+    step : float, optional
+        Distance of samples in mm, by default `min(spacing)`.
+    jitter : bool
+        Trade banding for grain.
+    clipping : (N, 2, 3) array_like, optional
+        Planes (point, normal) in voxels; what lies behind one is cut away.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied RGBA.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as above.
+    """
+    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
+    density = checked_volume(volume, given.array.shape)
+    camera = (view or View()).camera(given.array.shape, mm)
+    scale = step_scale(step, mm)
+    image, _ = cast_tinted(
+        density, given.array, mm, camera, transfer_function or default_for(density),
+        given.tints(tints, hidden), pixels,
+        step_scale=scale, shading=shading, jitter=jitter, clipping=clipping, backend=backend,
+    )  # fmt: skip
+    return image
+
+
+def pick(
+    volume: ArrayLike,
+    labels: ArrayLike,
+    spacing: ArrayLike = (1.0, 1.0, 1.0),
+    view: View | None = None,
+    pixel: Sequence[int] = (0, 0),
+    size: Sequence[int] = (512, 512),
+    transfer_function: TransferFunctionLike | None = None,
+    tints: Mapping[int, Sequence[float]] | None = None,
+    hidden: Iterable[int] = (),
+    step: float | None = None,
+    clipping: ArrayLike | None = None,
+    backend: str = "auto",
+) -> list[tuple[int, float]]:
+    """Tell what a pixel of the tinted picture shows.
+
+    Parameters
+    ----------
+    volume, labels, spacing, view, size, transfer_function, tints, hidden, step, clipping
+        As for `render`.
+    pixel : (int, int)
+        Row and column.
+    backend : {"auto", "cpu", "gl"}
+        Checked only: a single ray is cast on the CPU whichever it is.
+
+    Returns
+    -------
+    list of (int, float)
+        Objects and their contributions to the pixel's alpha: the one that contributes most,
+        then those behind it by depth, then those in front of it. Empty where there is none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as above, or the pixel lies outside the picture.
+
+    Notes
+    -----
+    notes/readings.md 13: the largest contribution wins; stepping deeper walks down the list.
+    """
+    chosen(backend if backend not in ("auto", "gl") else "cpu")
+    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
+    density = checked_volume(volume, given.array.shape)
+    row, col = int(pixel[0]), int(pixel[1])
+    if not (0 <= row < pixels[0] and 0 <= col < pixels[1]):
+        raise ValueError(f"pixel must lie inside a picture of {pixels}, got {(row, col)}")
+    camera = (view or View()).camera(given.array.shape, mm)
+    rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
+    look = transfer_function or default_for(density)
+    shares = contributions(
+        density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
+        given.tints(tints, hidden), clipping=clipping,
+    )  # fmt: skip
+    return [(given.name(label), share) for label, share in by_contribution(shares)]
+
+
+def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFunctionLike:
+    """Return the transfer function a volume gets when none is asked for."""
+    from napari_unpack.appearance import TransferFunction
+
+    look: TransferFunctionLike = TransferFunction.default_for(volume)
+    return look
+
+
+def step_scale(step: float | None, spacing: NDArray[np.float64]) -> float:
+    """Return a step in mm as a multiple of `min(spacing)`; raise ValueError unless positive."""
+    if step is None:
+        return 1.0
+    if not (np.isfinite(step) and step > 0):
+        raise ValueError(f"step must be a positive number of mm, got {step!r}")
+    return float(step / spacing.min())
