@@ -25,6 +25,9 @@ class Shading:
     space, c = |n . l| for a two-sided surface and l towards the viewer along the ray, and
     s = clip(|gradient| / gradient_floor, 0, 1): light = ambient + diffuse * (1 - s + s * c),
     highlight = specular * s * c ** shininess (half vector = light vector for a headlight).
+    The gradient is the central difference of the interpolated density one voxel to both sides,
+    halved, times min(spacing) / spacing: density per min(spacing) mm of the bag. A sample's
+    colour is min(tinted colour * light + highlight, 1).
     """
 
     ambient: float = 0.3
