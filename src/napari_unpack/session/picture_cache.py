@@ -1,0 +1,194 @@
+"""What casting an object again and again needs, made once: its crop, its bricks, its pictures.
+
+A flight casts one object some thirty times a second. Cutting its box out of the volume and
+looking over its bricks cost more than the cast itself, and depend on the volume and the labels
+alone.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.boxes import LabelBoxes, box_corners
+from napari_unpack.geometry.rays import voxel_from_world
+from napari_unpack.geometry.transforms import translation
+from napari_unpack.imaging.arguments import checked_volume
+from napari_unpack.raycasting import Bricks
+
+Density = NDArray[np.uint16] | NDArray[np.float32]
+
+MARGIN = 4
+"""Voxels around an object's box: two of fringe (geometry.halo), one for interpolation, one for
+the gradient."""
+
+MEGABYTES = 512
+"""Crops and pictures kept for one session."""
+
+
+class Pictured(Protocol):
+    """What pictures ask of a session for its volume; see `session.Session`."""
+
+    @property
+    def volume(self) -> NDArray[Any]:
+        """(Z, Y, X) density, any real dtype."""
+
+    @property
+    def display_labels(self) -> NDArray[np.uint16]:
+        """(Z, Y, X) uint16 object IDs, grown into the fringe."""
+
+    @property
+    def boxes(self) -> LabelBoxes:
+        """Boxes of the objects, voxels."""
+
+    @property
+    def spacing(self) -> NDArray[np.float64]:
+        """(3,) voxel size, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crop:
+    """A box of a volume, ready to be cast.
+
+    Parameters
+    ----------
+    volume : (z, y, x) ndarray of uint16 or float32
+        C-contiguous density.
+    labels : (z, y, x) ndarray of uint16
+        C-contiguous display labels.
+    bricks : Bricks
+        Of both.
+    voxel_from_world : (4, 4) ndarray of float64
+        World mm to the crop's voxels.
+    center : (3,) ndarray of float64
+        Middle of the object's box, world mm: the point that a pose places.
+    corners : (8, 3) ndarray of float64
+        Around all that can be seen of it, world mm.
+    """
+
+    volume: Density
+    labels: NDArray[np.uint16]
+    bricks: Bricks
+    voxel_from_world: Matrix
+    center: Vector
+    corners: NDArray[np.float64]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays, bytes."""
+        return self.volume.nbytes + self.labels.nbytes
+
+
+class PictureCache:
+    """Crops and pictures of one session, the least recently used thrown away first.
+
+    Parameters
+    ----------
+    session : Pictured
+        Only its arrays are kept, not itself.
+    megabytes : int
+        What may be kept besides the whole volume.
+    """
+
+    def __init__(self, session: Pictured, megabytes: int = MEGABYTES) -> None:
+        self.volume, self.labels = session.volume, session.display_labels
+        self._spacing = np.asarray(session.spacing, dtype=np.float64)
+        self._boxes = session.boxes
+        self._limit = megabytes * 2**20
+        self._kept: OrderedDict[Hashable, Any] = OrderedDict()
+        self._bytes = 0
+        self._lock = Lock()
+        self._density: Density | None = None
+        self._whole: Crop | None = None
+
+    def whole(self) -> Crop:
+        """Return the whole volume as a crop."""
+        if self._whole is None:
+            shape = np.asarray(self.volume.shape)
+            everything = tuple(slice(0, int(n)) for n in shape)
+            middle = (shape - 1) / 2 * self._spacing
+            self._whole = self._cut(everything, middle, 0 * shape, shape)
+        return self._whole
+
+    def crop(self, object_id: int) -> Crop:
+        """Return an object's crop; raise `KeyError` where there is no such object."""
+
+        def make() -> Crop:
+            row = self._boxes.index(object_id)
+            low = np.maximum(self._boxes.lower[row] - 2, 0)
+            high = np.minimum(self._boxes.upper[row] + 2, self.volume.shape)
+            middle = self._boxes.center(object_id, self._spacing)
+            return self._cut(self._boxes.slices(object_id, MARGIN), middle, low, high)
+
+        return self.keep(("crop", object_id), make)
+
+    def keep(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what is kept under a key, making it first where it is not.
+
+        Parameters
+        ----------
+        key : hashable
+            All that the thing depends on, but for volume and labels.
+        make : callable
+            Makes a thing with `nbytes`.
+        """
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        made = make()
+        with self._lock:
+            if key not in self._kept:
+                self._kept[key] = made
+                self._bytes += made.nbytes
+            while self._bytes > self._limit and len(self._kept) > 1:
+                _, dropped = self._kept.popitem(last=False)
+                self._bytes -= dropped.nbytes
+        return made
+
+    def _cut(
+        self,
+        box: tuple[slice, ...],
+        center: Vector,
+        low: NDArray[np.int64],
+        high: NDArray[np.int64],
+    ) -> Crop:
+        if self._density is None:
+            self._density = checked_volume(self.volume, self.labels.shape)
+        volume: Density = np.ascontiguousarray(self._density[box])  # type: ignore[assignment]
+        labels = np.ascontiguousarray(self.labels[box])
+        first = np.array([s.start for s in box], dtype=np.float64)
+        return Crop(
+            volume,
+            labels,
+            Bricks.of(labels, volume),
+            translation(-first) @ voxel_from_world(self._spacing),
+            center,
+            box_corners(low.astype(float) - 0.5, high.astype(float) - 0.5) * self._spacing,
+        )
+
+
+@dataclass(frozen=True)
+class CacheBook:
+    """The cache of every living session, begun anew when its volume or labels are exchanged."""
+
+    _caches: WeakKeyDictionary[Any, PictureCache] = field(default_factory=WeakKeyDictionary)
+
+    def of(self, session: Pictured) -> PictureCache:
+        """Return a session's cache."""
+        cache = self._caches.get(session)
+        if (
+            cache is None
+            or cache.volume is not session.volume
+            or cache.labels is not session.display_labels
+        ):
+            cache = self._caches[session] = PictureCache(session)
+        return cache

@@ -1,0 +1,183 @@
+"""A patch: one rectangle of a picture with its depths; and how patches become a picture.
+
+The packed bag, a flying object and a sprite are all patches, so a picture without a screen is
+put together as the plugin's layers are (Li et al. 2012, section 5.3): each part is cast on its
+own, kept while nothing it depends on changes, and laid over the others by depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.view import Camera
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A rectangle of a picture.
+
+    Parameters
+    ----------
+    rgba : (h, w, 4) ndarray of float32
+        Premultiplied colour.
+    depth : (h, w) ndarray of float32
+        t in mm where alpha first reached 0.5, growing away from the viewer; +inf elsewhere.
+    row, col : int
+        Pixel of the picture where the patch's first pixel lies; may be negative.
+    plane : float
+        t of the middle of what is shown, mm. Stands in for the depth of translucent pixels.
+    """
+
+    rgba: Image
+    depth: NDArray[np.float32]
+    row: int
+    col: int
+    plane: float = 0.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+        return self.depth.shape[0], self.depth.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays, bytes."""
+        return self.rgba.nbytes + self.depth.nbytes
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no pixels, its object being out of the picture."""
+        return self.depth.size == 0
+
+    def at(self, row: int, col: int, plane: float) -> Patch:
+        """Return the same patch elsewhere, its depths moved along with its plane."""
+        moved = self.depth + np.float32(plane - self.plane)
+        return Patch(self.rgba, moved, row, col, plane)
+
+    def trimmed(self) -> Patch:
+        """Return the smallest patch that keeps every pixel which is not fully transparent."""
+        seen = self.rgba[..., 3] > 0
+        rows, cols = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
+        if not len(rows):
+            return nothing(self.plane)
+        window = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
+        return Patch(
+            np.ascontiguousarray(self.rgba[window]),
+            np.ascontiguousarray(self.depth[window]),
+            self.row + int(rows[0]),
+            self.col + int(cols[0]),
+            self.plane,
+        )
+
+
+def nothing(plane: float = 0.0) -> Patch:
+    """Return a patch without pixels."""
+    return Patch(np.zeros((0, 0, 4), np.float32), np.zeros((0, 0), np.float32), 0, 0, plane)
+
+
+def window_of(
+    pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]
+) -> tuple[int, int, int, int] | None:
+    """Find the pixels that a box can touch.
+
+    Parameters
+    ----------
+    pivot_corners : (8, 3) array_like
+        Corners of the box in pivot space, mm; any rotation.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+
+    Returns
+    -------
+    (row, col, height, width) or None
+        None where the box lies outside the picture or behind the eye.
+
+    Notes
+    -----
+    A box that reaches behind the eye's plane projects to no rectangle: it gets the whole
+    picture.
+    """
+    corners = np.asarray(pivot_corners, dtype=np.float64)
+    behind = corners[:, 0] >= camera.distance * (1 - 1e-6)
+    if behind.all():
+        return None
+    if behind.any():
+        return 0, 0, size[0], size[1]
+    pixels = camera.pixels(corners, size)
+    low = np.maximum(np.ceil(pixels.min(0) - 1e-9), 0).astype(int)
+    high = np.minimum(np.floor(pixels.max(0) + 1e-9) + 1, size).astype(int)
+    if (high <= low).any():
+        return None
+    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
+def compose(
+    size: tuple[int, int],
+    patches: Iterable[Patch],
+    background: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+) -> Image:
+    """Lay patches over each other by depth, pixel by pixel.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Height and width of the picture, pixels.
+    patches : iterable of Patch
+        What lies outside the picture is cut off.
+    background : sequence of 3 or 4 floats
+        Straight RGB or RGBA behind everything.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied.
+
+    Raises
+    ------
+    ValueError
+        If the background is not three or four numbers.
+
+    Notes
+    -----
+    On a pixel the patch with the smaller depth is in front; at equal depths the later one.
+    Where alpha stays below 0.5 a patch stands at its `plane`. A pixel remembers one depth, the
+    nearest so far, so what comes third goes before or behind both others, never between them.
+    """
+    if len(background) not in (3, 4):
+        raise ValueError(f"background must be RGB or RGBA, got {background!r}")
+    image = np.zeros((*size, 4), np.float32)
+    nearest = np.full(size, np.inf, np.float32)
+    for patch in patches:
+        _lay(image, nearest, patch)
+    color = np.asarray([*background, 1.0][:4], np.float32)
+    color[:3] *= color[3]
+    image += (1.0 - image[..., 3:]) * color
+    return image
+
+
+def _lay(image: Image, nearest: NDArray[np.float32], patch: Patch) -> None:
+    top, left = max(patch.row, 0), max(patch.col, 0)
+    bottom = min(patch.row + patch.size[0], image.shape[0])
+    right = min(patch.col + patch.size[1], image.shape[1])
+    if bottom <= top or right <= left:
+        return
+    there = slice(top, bottom), slice(left, right)
+    here = slice(top - patch.row, bottom - patch.row), slice(left - patch.col, right - patch.col)
+    color, below, before = patch.rgba[here], image[there], nearest[there]
+    depth = patch.depth[here]
+    stand = np.where(np.isfinite(depth), depth, np.float32(patch.plane))
+    in_front = (stand <= before)[..., None]
+    image[there] = np.where(
+        in_front,
+        color + (1.0 - color[..., 3:]) * below,
+        below + (1.0 - below[..., 3:]) * color,
+    )
+    nearest[there] = np.where(color[..., 3] > 0, np.minimum(stand, before), before)

@@ -1,0 +1,299 @@
+"""Pictures of a session, on either backend and without a window.
+
+The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
+napari's layers draw the same patches as cards (layers/); films and scripts compose them here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.imaging import TransferFunctionLike
+from napari_unpack.session.picture_cache import CacheBook, Pictured
+from napari_unpack.session.picture_casting import Look, cast_crop
+from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
+
+__all__ = [
+    "BACKGROUND",
+    "Patch",
+    "compose",
+    "object_patch",
+    "packed_patch",
+    "scene",
+    "sprite_patch",
+]
+
+BACKGROUND: tuple[float, float, float] = (0.055, 0.063, 0.078)
+"""Straight RGB behind a scene: near black, so that hues at full value glow."""
+
+LIGHT = Shading()
+
+_BOOK = CacheBook()
+
+
+class FlyingObject(Protocol):
+    """What a scene asks of a flight; see `unpacking.Flight`."""
+
+    def pose(self, time: float, camera: Camera) -> Pose:
+        """Return where the object is."""
+
+
+class Depicted(Pictured, Protocol):
+    """What pictures ask of a session; `session.Session` is one."""
+
+    @property
+    def transfer_function(self) -> TransferFunctionLike:
+        """Colour and opacity by density."""
+
+    @property
+    def poses(self) -> Mapping[int, Pose]:
+        """Poses of the unpacked objects, pivot space."""
+
+    @property
+    def flights(self) -> Mapping[int, Any]:
+        """Flights in the air."""
+
+    def packed_tints(self) -> NDArray[np.float32]:
+        """(M, 4) tints, zero but for what is packed."""
+
+    def solo_tints(self, object_id: int) -> NDArray[np.float32]:
+        """(M, 4) tints, zero but for one object."""
+
+
+def packed_patch(
+    session: Depicted,
+    camera: Camera,
+    size: tuple[int, int],
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Patch:
+    """Cast what is packed.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose bag.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    step_scale : float
+        Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+
+    Returns
+    -------
+    Patch
+        The window of the picture that the volume's box covers.
+    """
+    look = _look(session, session.packed_tints(), shading, step_scale, backend)
+    return cast_crop(_BOOK.of(session).whole(), None, camera, size, look)
+
+
+def object_patch(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    camera: Camera,
+    size: tuple[int, int],
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Patch:
+    """Cast one object alone where a pose places it; only its projected box is cast.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose object.
+    object_id : int
+        Which.
+    pose : Pose
+        Where it is, in the pivot space of the camera.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    step_scale : float
+        Distance of samples in the object's own smallest voxel edge.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+
+    Returns
+    -------
+    Patch
+        Without pixels where the object is out of the picture.
+
+    Raises
+    ------
+    KeyError
+        If there is no such object.
+
+    Notes
+    -----
+    Li et al. 2012, eq. 3: rays are mapped back by T^-1 into the packed volume. The samples are
+    those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
+    """
+    crop = _BOOK.of(session).crop(object_id)
+    moved = pose.world_from_world(crop.center, camera)
+    look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
+    return cast_crop(crop, moved, camera, size, look)
+
+
+def sprite_patch(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    pixels_per_mm: float,
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Patch:
+    """Cast the small picture of an unpacked object.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose object.
+    object_id : int
+        Which.
+    pose : Pose
+        Its turn and scale; where it is does not matter.
+    pixels_per_mm : float
+        Resolution in pivot space.
+    step_scale, backend, shading
+        As for `object_patch`.
+
+    Returns
+    -------
+    Patch
+        Orthographic, on a transparent ground, no row or column empty at its border. `row` and
+        `col` count from the pixel whose centre is the object's box centre, so the card's top
+        left corner is (row - 0.5, col - 0.5) / pixels_per_mm from `pose.center` along the
+        pivot's axes down and right. Depth and plane are relative to the box centre.
+
+    Raises
+    ------
+    ValueError
+        If the resolution is not positive.
+    KeyError
+        If there is no such object.
+    """
+    if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
+        raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
+    cache = _BOOK.of(session)
+    crop = cache.crop(object_id)
+    still = Pose(np.zeros(3), pose.rotation, pose.scale)
+    reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
+    half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
+    size = int(2 * half[0] + 1), int(2 * half[1] + 1)
+    camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm)
+    patch = object_patch(session, object_id, still, camera, size, step_scale, backend, shading)
+    patch = patch.trimmed()
+    return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
+
+
+def scene(
+    session: Depicted,
+    camera: Camera,
+    size: tuple[int, int],
+    time: float | None = None,
+    background: Sequence[float] = BACKGROUND,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Image:
+    """Put together what a person sees: the bag, what flies, and the sprites.
+
+    Parameters
+    ----------
+    session : Depicted
+        What is packed, in the air and unpacked.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    time : float, optional
+        When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
+    background : sequence of 3 or 4 floats
+        Straight RGB or RGBA behind everything.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied.
+
+    Notes
+    -----
+    The packed bag and the sprites are cast again only when something they depend on has
+    changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
+    """
+    cache = _BOOK.of(session)
+    packed = _look(session, session.packed_tints(), shading, 1.0, backend)
+    key = ("packed", packed.key, _camera_key(camera), size)
+    patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
+    for object_id, pose in session.poses.items():
+        if object_id not in session.flights:
+            patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
+    if time is not None:
+        for object_id, flight in session.flights.items():
+            pose = flight.pose(time, camera)
+            patches.append(
+                object_patch(session, object_id, pose, camera, size, 1.0, backend, shading)
+            )
+    return compose(size, patches, background)
+
+
+def _placed_sprite(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    camera: Camera,
+    size: tuple[int, int],
+    backend: str,
+    shading: Shading | None,
+) -> Patch:
+    nearness = 1.0 - pose.center[0] / camera.distance
+    if nearness <= 0.0:
+        return nothing()
+    resolution = size[0] / camera.height / nearness
+    look = _look(session, session.solo_tints(object_id), shading, 1.0, backend)
+    key = ("sprite", look.key, pose.rotation.tobytes(), pose.scale, round(resolution, 6))
+    patch: Patch = _BOOK.of(session).keep(
+        key,
+        lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
+    )
+    row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
+    return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
+
+
+def _look(
+    session: Depicted,
+    tints: NDArray[np.float32],
+    shading: Shading | None,
+    step_scale: float,
+    backend: str,
+) -> Look:
+    spacing = np.asarray(session.spacing, dtype=np.float64)
+    return Look(session.transfer_function, tints, shading, spacing, step_scale, backend)
+
+
+def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:
+    return camera.rotation.tobytes(), camera.center.tobytes(), camera.height, camera.fov
