@@ -49,13 +49,13 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
     tail = np.full(256, -1, np.int64)
     after = np.full(len(labels), -1, np.int32)
     steps = np.array([-strides[0], strides[0], -strides[1], strides[1], -strides[2], strides[2]])
-    lowest = 256
+    lowest = np.int64(256)
     for voxel in range(len(labels)):
         if labels[voxel] <= 0:
             continue
         for step in steps:
             if labels[voxel + step] == 0:
-                level = heights[voxel]
+                level = np.int64(heights[voxel])
                 if tail[level] < 0:
                     head[level] = voxel
                 else:

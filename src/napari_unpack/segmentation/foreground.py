@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 BINS = 512
@@ -20,7 +21,8 @@ class Levels:
     air : float
         Density of the background: its mode.
     noise : float
-        Standard deviation of the background about it.
+        Standard deviation of the background about it; from its upper side, since scanners clip
+        the lower.
     low, high : float
         A voxel is matter at `low` where it is connected to a voxel at `high`.
     """
@@ -52,7 +54,8 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     -----
     Otsu on raw CT numbers puts its threshold between metal and everything else. Here densities
     above air are compressed by asinh, with its knee at a quarter of the median of what Otsu calls
-    dense, which gives cloth and metal comparable weight, and the lowest of two Otsu thresholds is `high`.
+    dense, which gives cloth and metal comparable weight; the lower of two Otsu thresholds is
+    `high`.
     `low` is where a blurred edge of matter of the weakest class crosses half its height. At most
     4 million voxels, evenly spread, are looked at.
     """
@@ -60,23 +63,23 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     bottom, top = (float(q) for q in np.quantile(sample, [0.0, 0.9995]))
     if not top > bottom:
         top = float(sample.max())
-    air, noise = _background(sample, bottom, top)
+    air = _background(sample, bottom, top)
     dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[0]
     matter = sample[sample > dense]
-    if top <= air + 6 * noise or not len(matter):
+    if not len(matter) or not dense > air:
         raise ValueError(
-            "nothing found in the foreground: no density rises above the background's noise "
-            f"({noise:g} about {air:g}); pass threshold= to choose it yourself"
+            "nothing found in the foreground: no density rises above the background at "
+            f"{air:g}; pass threshold= to choose it yourself"
         )
     knee = (float(np.median(matter)) - air) / 4
     lifted = np.arcsinh(np.clip(sample - air, 0, top - air) / knee)
-    first = _two_thresholds(*_histogram(lifted))[0]
+    first, second = _two_thresholds(*_histogram(lifted))
     high = air + knee * float(np.sinh(first))
-    weak = sample[sample > high]
-    typical = float(np.quantile(weak, 0.25)) if len(weak) else high
-    low = air + 0.5 * (min(typical, 2 * high - air) - air)
-    low = max(min(low, high), air + 4 * noise)
-    return Levels(air, noise, low, max(high, low))
+    noise = float(np.quantile(sample[sample <= high], 0.84)) - air
+    weak = sample[(lifted > first) & (lifted <= second)]
+    typical = float(np.quantile(weak, 0.2)) if len(weak) else high
+    low = max(air + 0.5 * (typical - air), air + 3.5 * noise)
+    return Levels(air, noise, min(low, high), high)
 
 
 def foreground(volume: NDArray[np.generic], levels: Levels) -> NDArray[np.bool_]:
@@ -115,6 +118,71 @@ def foreground(volume: NDArray[np.generic], levels: Levels) -> NDArray[np.bool_]
     return weak
 
 
+def peel(
+    matter: NDArray[np.bool_],
+    density: NDArray[np.generic],
+    air: float,
+    layers: int = 2,
+    fraction: float = 0.5,
+) -> NDArray[np.bool_]:
+    """Take off the blurred fringe of matter that is denser than the threshold asks.
+
+    Parameters
+    ----------
+    matter : (Z, Y, X) ndarray of bool
+        Foreground by one threshold for the whole volume. Not changed.
+    density : (Z, Y, X) ndarray
+        Density.
+    air : float
+        Density of the background.
+    layers : int
+        Voxels taken off at most.
+    fraction : float
+        A voxel beside the background goes where its density above air is below this share of
+        the largest among its 26 neighbours: a blurred edge lies at half of its height.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of bool
+
+    Notes
+    -----
+    One low threshold makes steel a voxel or two too thick and gives it a shell of every density
+    between air's and its own. Thin matter is safe: its densest voxels have no denser neighbour.
+    """
+    for _ in range(layers):
+        inner = matter.copy()
+        _peel(matter, density, air, fraction, inner)
+        matter = inner
+    return matter
+
+
+@njit(cache=True, nogil=True)
+def _peel(matter, density, air, fraction, inner):  # type: ignore[no-untyped-def]
+    depth, height, width = matter.shape
+    for z in range(depth):
+        for y in range(height):
+            for x in range(width):
+                if not matter[z, y, x]:
+                    continue
+                rim = (
+                    (z > 0 and not matter[z - 1, y, x])
+                    or (z + 1 < depth and not matter[z + 1, y, x])
+                    or (y > 0 and not matter[z, y - 1, x])
+                    or (y + 1 < height and not matter[z, y + 1, x])
+                    or (x > 0 and not matter[z, y, x - 1])
+                    or (x + 1 < width and not matter[z, y, x + 1])
+                )
+                if not rim:
+                    continue
+                limit = air + (np.float64(density[z, y, x]) - air) / fraction
+                for k in range(max(z - 1, 0), min(z + 2, depth)):
+                    for j in range(max(y - 1, 0), min(y + 2, height)):
+                        for i in range(max(x - 1, 0), min(x + 2, width)):
+                            if density[k, j, i] > limit:
+                                inner[z, y, x] = False
+
+
 def _sample(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     step = max(1, int(np.ceil((volume.size / SAMPLES) ** (1 / 3))))
     sample = volume[::step, ::step, ::step].astype(np.float64).reshape(-1)
@@ -125,16 +193,12 @@ def _sample(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     return sample
 
 
-def _background(sample: NDArray[np.float64], bottom: float, top: float) -> tuple[float, float]:
-    """Return the mode of the darker half of the range and the spread below it."""
+def _background(sample: NDArray[np.float64], bottom: float, top: float) -> float:
+    """Return the mode of the darker half of the range."""
     counts, edges = np.histogram(sample, bins=BINS, range=(bottom, top))
-    half = counts[: BINS // 2]
-    mode = int(np.argmax(half))
+    mode = int(np.argmax(counts[: BINS // 2]))
     inside = sample[(sample >= edges[mode]) & (sample <= edges[mode + 1])]
-    air = float(np.median(inside)) if len(inside) else bottom
-    below = air - sample[sample <= air]
-    noise = 1.4826 * float(np.median(below)) if len(below) else 0.0
-    return air, noise
+    return float(np.median(inside)) if len(inside) else bottom
 
 
 def _histogram(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

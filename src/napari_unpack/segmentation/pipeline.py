@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cc3d
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
-from napari_unpack.segmentation.foreground import find_levels, foreground
+from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
+from napari_unpack.segmentation.materials import MaterialScale, material_parts
+from napari_unpack.segmentation.merging import absorb_small, join_containers
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
@@ -45,6 +46,7 @@ def segment(
     threshold: float | None = None,
     smallest: float = 500.0,
     supports: bool = True,
+    step: float = 0.16,
     rule: SplitRule | None = None,
 ) -> Segmentation:
     """Find the objects of a packed volume.
@@ -65,6 +67,8 @@ def segment(
         Objects below this are dropped or joined to a neighbour, mm^3.
     supports : bool
         Leave out the scanner's table.
+    step : float
+        Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
         When to cut.
 
@@ -83,15 +87,22 @@ def segment(
     size = checked_spacing(spacing)
     tell = progress or _silent
     tell(0.0, "Finding matter")
-    matter = _matter(density, threshold)
+    levels = _levels(density, threshold)
+    matter = peel(foreground(density, levels), density, levels.air)
     if supports:
         matter &= ~find_supports(matter, size)
-    tell(0.1, "Finding components")
-    regions = _components(matter, density, size, smallest)
+    tell(0.1, "Finding materials")
+    voxel = float(np.prod(size))
+    scale = MaterialScale(levels.air, _knee(density, matter, levels.air), step)
+    parts = material_parts(density, matter, scale, max(int(smallest / voxel), 1))
+    tell(0.25, "Finding components")
+    regions = _components(parts, density, size, smallest)
     limits = replace(rule or SplitRule(), smallest=max(smallest, (rule or SplitRule()).smallest))
-    found = split(regions, limits, oracle, lambda f, text: tell(0.15 + 0.75 * f, text))
+    found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.55 * f, text))
+    tell(0.85, "Joining containers and their contents")
+    labels = join_containers(_label(found, density.shape), size)
+    labels = rank_labels(absorb_small(labels, size, smallest))
     tell(0.95, "Measuring objects")
-    labels = _label(found, density.shape)
     table = object_table(labels, density, size, oracle)
     tell(1.0, f"{len(table)} objects")
     return Segmentation(labels, table)
@@ -101,18 +112,21 @@ def _silent(fraction: float, text: str) -> None:
     """Report nothing."""
 
 
-def _matter(density: NDArray[np.generic], threshold: float | None) -> NDArray[np.bool_]:
+def _levels(density: NDArray[np.generic], threshold: float | None) -> Levels:
     levels = find_levels(density)
-    if threshold is not None:
-        levels = replace(levels, low=threshold, high=threshold)
-    return foreground(density, levels)
+    return levels if threshold is None else replace(levels, low=threshold, high=threshold)
+
+
+def _knee(density: NDArray[np.generic], matter: NDArray[np.bool_], air: float) -> float:
+    """Return a quarter of the median density of matter above air."""
+    values = density[matter][:: max(1, int(matter.size // 1_000_000))]
+    return max((float(np.nanmedian(values.astype(np.float64))) - air) / 4, 1e-6)
 
 
 def _components(
-    matter: NDArray[np.bool_], density: NDArray[np.generic], spacing: Spacing, smallest: float
+    parts: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, smallest: float
 ) -> list[Region]:
-    components = cc3d.connected_components(matter, connectivity=6)
-    boxes = label_boxes(components)
+    boxes = label_boxes(parts)
     large = boxes.counts * float(np.prod(spacing)) >= smallest
     if not large.any():
         raise ValueError(
@@ -123,13 +137,32 @@ def _components(
     for name in boxes.ids[large].tolist():
         box = boxes.slices(name)
         first = (box[0].start, box[1].start, box[2].start)
-        regions.append(Region(components[box] == name, density[box], first, spacing))
+        regions.append(Region(parts[box] == name, density[box], first, spacing))
     return regions
 
 
 def _label(regions: list[Region], shape: tuple[int, ...]) -> NDArray[np.int32]:
     labels = np.zeros(shape, np.int32)
-    ranked = sorted(regions, key=lambda r: (-r.voxels, r.origin))
-    for name, region in enumerate(ranked, 1):
+    for name, region in enumerate(regions, 1):
         labels[region.box][region.mask] = name
     return labels
+
+
+def rank_labels(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Renumber labels 1, 2, ... from the largest to the smallest.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Not changed.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+    """
+    counts = np.bincount(labels.reshape(-1))
+    counts[0] = 0
+    present = int(np.count_nonzero(counts))
+    names = np.zeros(len(counts), np.int32)
+    names[np.argsort(-counts, kind="stable")[:present]] = np.arange(1, present + 1)
+    return names[labels]

@@ -19,6 +19,7 @@ from napari_unpack.segmentation.region import Region
 
 COARSE_VOXELS = 60_000
 DROP = 1.15
+THICK = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,8 @@ def shape_cuts(region: Region, smallest: float, keep: int = 3) -> Iterator[Cut]:
     tens of milliseconds, and the neck is placed to the voxel.
     """
     depth = edt.edt(region.mask, anisotropy=region.spacing, black_border=True)
+    if float(depth.max()) < THICK * max(region.spacing):
+        return
     factor = 1
     while region.voxels / factor**3 > COARSE_VOXELS:
         factor *= 2
@@ -79,9 +82,13 @@ def shape_cuts(region: Region, smallest: float, keep: int = 3) -> Iterator[Cut]:
     for k in significant_minima(sweep.ratio, first, last, DROP, keep):
         parts = _carry_back(sweep, k, mask, region, depth, factor)
         parts = connected_parts(parts, int(smallest / region.voxel_volume))
-        if parts.max() >= 2:
+        if parts.max() >= 2 and _all_thick(parts, depth, THICK * max(region.spacing)):
             neck = sweep.cut[k] / min(sweep.cut[: k + 1].max(), sweep.cut[k:].max())
             yield Cut(parts, float(sweep.ratio[k]), float(neck), "distance tree")
+
+
+def _all_thick(parts: NDArray[np.int32], depth: NDArray[np.float32], least: float) -> bool:
+    return all(float(depth[parts == k].max()) >= least for k in range(1, int(parts.max()) + 1))
 
 
 def connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int32]:

@@ -63,7 +63,8 @@ def split(
     """
     stack = list(reversed(regions))
     total = max(sum(region.voxels for region in regions), 1)
-    settled, done = 0, []
+    settled = 0
+    done: list[Region] = []
     while stack:
         region = stack.pop()
         if progress is not None:

@@ -1,0 +1,169 @@
+"""The merge pass: undo what splitting took apart but the world keeps together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import edt
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.checks import Spacing
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Who touches whom, and over how much.
+
+    Parameters
+    ----------
+    area : (M, M) ndarray of float64
+        Area in mm^2 of the faces between labels, symmetric; row and column 0 are background,
+        including the border of the volume. Labels must be few: memory is quadratic in them.
+    volume : (M,) ndarray of float64
+        mm^3.
+    thickness : (M,) ndarray of float64
+        Twice the mean depth of a label's voxels times 2: the thickness of a plate, mm.
+    """
+
+    area: NDArray[np.float64]
+    volume: NDArray[np.float64]
+    thickness: NDArray[np.float64]
+
+    @property
+    def surface(self) -> NDArray[np.float64]:
+        """Return the whole surface of every label, mm^2."""
+        return np.asarray(self.area.sum(axis=1))
+
+
+def measure_contacts(labels: NDArray[np.int32], spacing: Spacing) -> Contacts:
+    """Measure labels and their contacts.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Labels, 0 background.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+
+    Returns
+    -------
+    Contacts
+    """
+    top = int(labels.max())
+    area = _contact_area(labels, top, np.prod(spacing) / np.array(spacing))
+    counts, depths = _depths(labels, edt.edt(labels, anisotropy=spacing, black_border=True), top)
+    # A plate of thickness t has mean depth t / 4.
+    return Contacts(area, counts * np.prod(spacing), 4 * depths / np.maximum(counts, 1))
+
+
+def join_containers(
+    labels: NDArray[np.int32],
+    spacing: Spacing,
+    wall: float = 7.0,
+    enclosed: float = 0.6,
+) -> NDArray[np.int32]:
+    """Join a thin shell with what fills it.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects. Not changed.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    wall : float
+        A shell is at most this thick, mm.
+    enclosed : float
+        A filling has at least this share of its surface on the shell.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        The filling takes the shell's label.
+    """
+    contacts = measure_contacts(labels, spacing)
+    surface = np.maximum(contacts.surface, 1e-9)
+    owner = np.arange(len(surface))
+    share = contacts.area / surface[:, None]
+    share[:, 0] = 0
+    shell = np.argmax(share, axis=1)
+    for filling in range(1, len(surface)):
+        wrap = int(shell[filling])
+        thin = contacts.thickness[wrap] <= min(wall, 0.6 * contacts.thickness[filling])
+        if thin and share[filling, wrap] >= enclosed:
+            owner[filling] = wrap
+    return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
+
+
+def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -> NDArray[np.int32]:
+    """Join labels below a volume to the neighbour they touch most; drop those with none.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects. Not changed.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    smallest : float
+        mm^3.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+    """
+    contacts = measure_contacts(labels, spacing)
+    touching = contacts.area.copy()
+    touching[:, 0] = 0
+    owner = np.arange(len(touching))
+    for name in np.argsort(contacts.volume[1:], kind="stable") + 1:
+        if contacts.volume[name] >= smallest:
+            break
+        other = int(np.argmax(touching[name]))
+        owner[name] = other if touching[name, other] > 0 and _root(owner, other) != name else 0
+    return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
+
+
+def _root(owner: NDArray[np.int64], k: int) -> int:
+    seen = 0
+    while owner[k] != k and seen < len(owner):
+        k, seen = int(owner[k]), seen + 1
+    return k
+
+
+@njit(cache=True, nogil=True)
+def _contact_area(labels, top, faces):  # type: ignore[no-untyped-def]
+    area = np.zeros((top + 1, top + 1), np.float64)
+    depth, height, width = labels.shape
+    for z in range(depth):
+        for y in range(height):
+            for x in range(width):
+                here = labels[z, y, x]
+                for axis in range(3):
+                    k, j, i = z + (axis == 0), y + (axis == 1), x + (axis == 2)
+                    other = 0
+                    if k < depth and j < height and i < width:
+                        other = labels[k, j, i]
+                    if other != here:
+                        area[here, other] += faces[axis]
+                        area[other, here] += faces[axis]
+                if here:
+                    if z == 0:
+                        area[here, 0] += faces[0]
+                    if y == 0:
+                        area[here, 0] += faces[1]
+                    if x == 0:
+                        area[here, 0] += faces[2]
+    area[0, 0] = 0
+    return area
+
+
+@njit(cache=True, nogil=True)
+def _depths(labels, distance, top):  # type: ignore[no-untyped-def]
+    counts = np.zeros(top + 1, np.float64)
+    depths = np.zeros(top + 1, np.float64)
+    flat, deep = labels.reshape(-1), distance.reshape(-1)
+    for k in range(len(flat)):
+        counts[flat[k]] += 1
+        depths[flat[k]] += deep[k]
+    return counts, depths
