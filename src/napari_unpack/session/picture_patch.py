@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.view import Camera
@@ -156,28 +157,39 @@ def compose(
     image = np.zeros((*size, 4), np.float32)
     nearest = np.full(size, np.inf, np.float32)
     for patch in patches:
-        _lay(image, nearest, patch)
+        plane = np.float32(patch.plane)
+        _lay(image, nearest, patch.rgba, patch.depth, patch.row, patch.col, plane)
     color = np.asarray([*background, 1.0][:4], np.float32)
     color[:3] *= color[3]
-    image += (1.0 - image[..., 3:]) * color
+    _fill(image, color)
     return image
 
 
-def _lay(image: Image, nearest: NDArray[np.float32], patch: Patch) -> None:
-    top, left = max(patch.row, 0), max(patch.col, 0)
-    bottom = min(patch.row + patch.size[0], image.shape[0])
-    right = min(patch.col + patch.size[1], image.shape[1])
-    if bottom <= top or right <= left:
-        return
-    there = slice(top, bottom), slice(left, right)
-    here = slice(top - patch.row, bottom - patch.row), slice(left - patch.col, right - patch.col)
-    color, below, before = patch.rgba[here], image[there], nearest[there]
-    depth = patch.depth[here]
-    stand = np.where(np.isfinite(depth), depth, np.float32(patch.plane))
-    in_front = (stand <= before)[..., None]
-    image[there] = np.where(
-        in_front,
-        color + (1.0 - color[..., 3:]) * below,
-        below + (1.0 - below[..., 3:]) * color,
-    )
-    nearest[there] = np.where(color[..., 3] > 0, np.minimum(stand, before), before)
+@njit(cache=True, nogil=True)
+def _lay(image, nearest, rgba, depth, top, left, plane):  # type: ignore[no-untyped-def]
+    height, width = nearest.shape
+    for r in range(max(0, -top), min(depth.shape[0], height - top)):
+        for c in range(max(0, -left), min(depth.shape[1], width - left)):
+            alpha = rgba[r, c, 3]
+            if alpha <= 0:
+                continue
+            t = depth[r, c] if depth[r, c] < np.inf else plane
+            below, mine = image[top + r, left + c], rgba[r, c]
+            if t <= nearest[top + r, left + c]:
+                rest = np.float32(1) - alpha
+                for i in range(4):
+                    below[i] = mine[i] + rest * below[i]
+                nearest[top + r, left + c] = t
+            else:
+                rest = np.float32(1) - below[3]
+                for i in range(4):
+                    below[i] += rest * mine[i]
+
+
+@njit(cache=True, nogil=True)
+def _fill(image, color):  # type: ignore[no-untyped-def]
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            rest = np.float32(1) - image[r, c, 3]
+            for i in range(4):
+                image[r, c, i] += rest * color[i]
