@@ -11,6 +11,7 @@ from vispy.visuals.transforms import (
     NullTransform,
     STTransform,
 )
+from vispy.visuals.transforms.base_transform import InverseTransform
 
 from napari_unpack.geometry.axes import Matrix
 
@@ -43,6 +44,9 @@ def matrix_of(transform: Any) -> Matrix:
         for link in transform.transforms:
             product = product @ matrix_of(link)
         return product
+    if isinstance(transform, InverseTransform):
+        inverse: Matrix = np.linalg.inv(matrix_of(transform.inverse)).astype(np.float64)
+        return inverse
     if isinstance(transform, NullTransform):
         return np.eye(4)
     if isinstance(transform, STTransform):
