@@ -1,3 +1,4 @@
+# ruff: noqa: TID251
 """Every private napari and vispy name of the project, and what to do when one has moved.
 
 napari draws a layer with the visual registered for its class and shows the controls registered
@@ -10,12 +11,13 @@ own layers.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from napari.layers import Layer
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from psygnal import Signal
 
 try:
     from napari._qt.layer_controls.qt_layer_controls_base import QtLayerControls
@@ -99,6 +101,8 @@ class PictureLayer(Layer):
     ----------
     name : str
         Name in the layer list.
+    spacing : (3,) array_like
+        Voxel size of the session, mm z y x: the layer's scale unless placed otherwise.
     box : (2, 3) ndarray of float, optional
         First and last voxel along z, y, x: what the layer adds to the scene's extent. None adds
         nothing.
@@ -112,13 +116,39 @@ class PictureLayer(Layer):
     layer list tries to convert, project or split.
     """
 
-    def __init__(self, name: str, box: NDArray[np.float64] | None = None, **placement: Any) -> None:
+    frame_changed = Signal(object)
+
+    def __init__(
+        self,
+        name: str,
+        spacing: ArrayLike,
+        box: NDArray[np.float64] | None = None,
+        **placement: Any,
+    ) -> None:
+        self.spacing = np.asarray(spacing, dtype=np.float64)
+        self._frame: Any = None
         self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
         self._points = np.zeros((0, 3))
         self._point_state: dict[str, Any] = {}
-        super().__init__(None, 3, name=name, **placement)
+        super().__init__(None, 3, name=name, **{"scale": self.spacing, **placement})
         self._thumbnail_source: NDArray[np.float32] | None = None
         self.refresh()
+
+    @property
+    def frame(self) -> Any:
+        """What the canvas showed when the layer was last drawn, a `view_camera.Frame` or None."""
+        return self._frame
+
+    def cards_at(self, frame: Any) -> Sequence[Any]:
+        """Return the cards to draw, called at every draw; see `rendering.visuals.cards`."""
+        if not frame.same_as(self._frame):
+            self._frame = frame
+            self.frame_changed.emit(frame)
+        return ()
+
+    def repaint(self) -> None:
+        """Ask to be drawn again."""
+        self.events.refresh()
 
     @property
     def data(self) -> NDArray[np.float64]:
@@ -148,7 +178,7 @@ class PictureLayer(Layer):
 
     @property
     def _extent_data_augmented(self) -> NDArray[np.float64]:
-        return self._box + [[-0.5], [0.5]]
+        return self._box + np.array([[-0.5], [0.5]])
 
     def _get_ndim(self) -> int:
         return 3

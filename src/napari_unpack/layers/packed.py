@@ -1,0 +1,64 @@
+"""The layer of all that is still packed: the paper's first layer, cached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.cards_adapter import CardsAdapter
+from napari_unpack.layers.compat import PictureLayer, register
+from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.visuals.cards import Card
+
+
+class PackedLayer(PictureLayer):
+    """The picture of the packed bag. It is kept; drawing it again casts no ray.
+
+    Parameters
+    ----------
+    name, spacing, box, **placement
+        As for `PictureLayer`; the box is the volume's.
+    """
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        self._shot: Shot | None = None
+        self._cards: tuple[Card, ...] = ()
+        self._cards_for: Camera | None = None
+        self.dimming = 1.0
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+
+    @property
+    def shot(self) -> Shot | None:
+        """What is shown."""
+        return self._shot
+
+    def show(self, shot: Shot | None) -> None:
+        """Show another picture."""
+        self._shot, self._cards_for = shot, None
+        if shot is not None:
+            self.set_picture(shot.patch.rgba)
+        self.repaint()
+
+    def dim(self, factor: float) -> None:
+        """Multiply the layer's opacity, for the time something else is looked at."""
+        self.dimming, self._cards_for = factor, None
+        self.repaint()
+
+    def cards_at(self, frame: Frame) -> Sequence[Card]:
+        """Return the picture's one card, moved with the camera while a new one is cast."""
+        super().cards_at(frame)
+        if self._shot is None:
+            return ()
+        if self._cards_for is not self.frame.camera:
+            self._cards = (self._shot.card(frame.camera, self.dimming),)
+            self._cards_for = self.frame.camera
+        return self._cards
+
+
+register(
+    PackedLayer,
+    CardsAdapter,
+    "The objects that are still packed. The picture is cast again only when the view, a colour or "
+    "the opacity of densities changes. Use the Virtual Unpacking panel to change those.",
+)

@@ -1,0 +1,98 @@
+"""Patches on their way to cards: a picture, and the camera it was cast for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.picture_place import picture_place, sprite_place
+from napari_unpack.rendering.visuals.cards import Card, Silhouette
+from napari_unpack.rendering.visuals.pictures import Picture
+from napari_unpack.session.pictures import Patch
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A patch of a picture cast for one camera.
+
+    Parameters
+    ----------
+    patch : Patch
+        Pixels, depths, window.
+    picture : Picture
+        The same, for the graphics card.
+    camera : Camera
+        The camera it was cast for.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    """
+
+    patch: Patch
+    picture: Picture
+    camera: Camera
+    size: tuple[int, int]
+
+    @classmethod
+    def of(cls, patch: Patch, camera: Camera, size: tuple[int, int]) -> Shot | None:
+        """Return the shot of a patch; None where it has no pixels. For worker threads too."""
+        if patch.is_empty:
+            return None
+        return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), camera, size)
+
+    def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
+        """Return the card that shows it where it belongs under a camera."""
+        place = picture_place(self.patch, self.camera, self.size, seen_by)
+        return Card(self.picture, place, opacity)
+
+
+@dataclass(frozen=True, eq=False)
+class Sprite:
+    """The small picture of an unpacked object, in pivot space.
+
+    Parameters
+    ----------
+    patch : Patch
+        Of `session.pictures.sprite_patch`.
+    picture : Picture
+        The same, for the graphics card.
+    pose : Pose
+        Where it waits and how it is turned.
+    mm : float
+        Size of a pixel, mm.
+    """
+
+    patch: Patch
+    picture: Picture
+    pose: Pose
+    mm: float
+
+    @classmethod
+    def of(cls, patch: Patch, pose: Pose, mm: float) -> Sprite | None:
+        """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
+        if patch.is_empty:
+            return None
+        return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), pose, mm)
+
+    def moved(self, pose: Pose) -> Sprite:
+        """Return the same picture elsewhere."""
+        return replace(self, pose=pose)
+
+    def card(self, silhouette: Silhouette | None, opacity: float = 1.0) -> Card:
+        """Return its card."""
+        z, y, x = (float(v) for v in self.pose.center)
+        return Card(self.picture, sprite_place(self.patch, (z, y, x), self.mm), opacity, silhouette)
+
+    def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
+        """Return whether a point of its plane lies on its rectangle, widened by mm."""
+        place = sprite_place(self.patch, (0.0, *self.pose.center[1:]), self.mm)
+        down, right = np.abs(pivot_point[1:] - place.center[1:])
+        return bool(down <= place.half[0] + margin and right <= place.half[1] + margin)
+
+
+def to_bytes(rgba: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return colours in [0, 1] as bytes, a quarter of the upload."""
+    return (np.clip(rgba, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
