@@ -1,0 +1,122 @@
+"""Step 2: hues that neighbours in this view do not share, and what density shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qtpy.QtCore import QTimer
+from qtpy.QtWidgets import QCheckBox, QComboBox
+
+from napari_unpack.widgets.notices import spoken
+from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
+from napari_unpack.widgets.presets import AUTOMATIC, PRESETS, preset
+from napari_unpack.widgets.section import Disclosure, Section, button, form
+from napari_unpack.widgets.workbench import Workbench
+
+CUSTOM = "My own curve"
+_LIVE_MS = 40
+
+
+class ColorSection(Section):
+    """Recolour, choose what is shown, edit the opacity curve.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    """
+
+    def __init__(self, workbench: Workbench) -> None:
+        super().__init__("2", "Colour")
+        self._bench = workbench
+        self.recolor = button(
+            "Recolour for this view",
+            "Give objects that meet in this view hues that are far apart (C).",
+            primary=True,
+        )
+        self.at_rest = QCheckBox("Whenever the view comes to rest")
+        self.at_rest.setToolTip("Recolour by itself when you stop turning the bag.")
+        self.preset = QComboBox()
+        self.preset.addItems([AUTOMATIC, *PRESETS, CUSTOM])
+        self.preset.setToolTip("Which densities are shown, and how opaque they are.")
+        self.editor = OpacityEditor()
+        more = Disclosure("Opacity curve", "Which densities are shown, drawn by hand.")
+        more.contents.addWidget(self.editor)
+        self.curve = more
+        fields = form()
+        fields.addRow("Show", self.preset)
+        self.contents.addWidget(self.recolor)
+        self.contents.addWidget(self.at_rest)
+        self.contents.addLayout(fields)
+        self.contents.addWidget(more)
+
+        self._edited: list[Point] | None = None
+        self._live = QTimer(self)
+        self._live.setSingleShot(True)
+        self._live.setInterval(_LIVE_MS)
+        self._live.timeout.connect(self._apply_curve)
+        self._domain: tuple[float, float] | None = None
+        self.recolor.clicked.connect(lambda: self._bench.recolor())
+        self.at_rest.toggled.connect(self._set_at_rest)
+        self.preset.activated.connect(lambda _: self._apply_preset())
+        self.editor.edited.connect(self._edit)
+        more.toggle.toggled.connect(lambda _: self._show_curve())
+        workbench.staged.connect(self._reload)
+        workbench.changed.connect(self._refresh)
+        self._reload()
+
+    def _reload(self) -> None:
+        stage = self._bench.stage
+        self._domain = None
+        self.lock("Available after step 1." if stage is None else None)
+        if stage is None:
+            return
+        blocked = self.at_rest.blockSignals(True)
+        self.at_rest.setChecked(bool(stage.recolor_at_rest))
+        self.at_rest.blockSignals(blocked)
+        self.preset.setCurrentText(AUTOMATIC)
+        self._show_curve()
+
+    def _refresh(self, news: frozenset[str]) -> None:
+        if "transfer_function" in news:
+            self._show_curve()
+
+    def _show_curve(self) -> None:
+        session = self._bench.session
+        if session is None or not self.curve.toggle.isChecked():
+            return
+        transfer_function: Any = session.transfer_function
+        low, high = transfer_function.domain
+        if self._domain is None or low < self._domain[0] or high > self._domain[1]:
+            self._domain = (float(low), float(high))
+            self.editor.show_histogram(histogram(session.volume, self._domain))
+        self.editor.show_curve(transfer_function.points, self._domain)
+
+    def _set_at_rest(self, on: bool) -> None:
+        if self._bench.stage is not None:
+            self._bench.stage.recolor_at_rest = on
+
+    def _apply_preset(self) -> None:
+        session = self._bench.session
+        name = self.preset.currentText()
+        if session is None:
+            return
+        if name == CUSTOM:
+            self.curve.toggle.setChecked(True)
+            return
+        with spoken():
+            session.transfer_function = preset(name, session.volume)
+
+    def _edit(self, points: list[Point]) -> None:
+        self._edited = points
+        self.preset.setCurrentText(CUSTOM)
+        if not self._live.isActive():
+            self._live.start()
+
+    def _apply_curve(self) -> None:
+        from napari_unpack.appearance import TransferFunction
+
+        session, points = self._bench.session, self._edited
+        if session is None or points is None:
+            return
+        with spoken():
+            session.transfer_function = TransferFunction(points)

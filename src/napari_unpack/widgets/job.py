@@ -1,0 +1,104 @@
+"""Long work off the main thread, with progress and cancel."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from qtpy.QtCore import QObject, Signal
+
+Progress = Callable[[float, str], None]
+_PAUSE = 1 / 30
+
+
+class Cancelled(Exception):
+    """The user asked the work to stop."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of the work: a result, or what it raised.
+
+    Parameters
+    ----------
+    result : object
+        What the work returned; None if it raised.
+    error : Exception or None
+        What it raised.
+    """
+
+    result: Any = None
+    error: Exception | None = None
+
+
+class Job(QObject):
+    """One piece of work at a time on napari's worker threads.
+
+    Signals, all received on the main thread: `progressed` (fraction in [0, 1], text) at most
+    thirty times a second, `ended` (`Outcome`).
+    """
+
+    progressed = Signal(float, str)
+    ended = Signal(object)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._stop = threading.Event()
+        self._worker: Any = None
+
+    @property
+    def running(self) -> bool:
+        """Whether work is under way."""
+        return self._worker is not None
+
+    def start(self, work: Callable[[Progress], Any]) -> None:
+        """Begin.
+
+        Parameters
+        ----------
+        work : callable
+            Takes a progress callable (fraction, text), returns the result. The callable raises
+            `Cancelled` once `cancel` was called.
+
+        Raises
+        ------
+        RuntimeError
+            If earlier work is still under way.
+        """
+        from napari.qt.threading import create_worker
+
+        if self.running:
+            raise RuntimeError("earlier work is still under way; cancel it first")
+        self._stop = stop = threading.Event()
+        last = 0.0
+
+        def report(fraction: float, text: str) -> None:
+            nonlocal last
+            if stop.is_set():
+                raise Cancelled
+            now = time.monotonic()
+            if now - last >= _PAUSE or fraction >= 1.0:
+                last = now
+                self.progressed.emit(float(fraction), str(text))
+
+        def run() -> Outcome:
+            try:
+                report(0.0, "")
+                return Outcome(result=work(report))
+            except Exception as error:
+                return Outcome(error=error)
+
+        self._worker = create_worker(run)
+        self._worker.returned.connect(self._finish)
+        self._worker.start()
+
+    def cancel(self) -> None:
+        """Ask the work to stop at its next report; harmless when nothing runs."""
+        self._stop.set()
+
+    def _finish(self, outcome: Outcome) -> None:
+        self._worker = None
+        self.ended.emit(outcome)

@@ -1,0 +1,51 @@
+"""Errors and messages become one sentence in napari's notifications."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+EXPECTED = (ValueError, TypeError, KeyError, MemoryError, OSError)
+"""What bad input and full machines raise; anything else is a defect and keeps its traceback."""
+
+
+def sentence(error: BaseException) -> str:
+    """Turn an exception into a sentence for people.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+        Its message with a capital letter and a full stop.
+    """
+    text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+    if isinstance(error, MemoryError):
+        text = text or "there is not enough memory for this volume"
+    text = " ".join(text.split()) or type(error).__name__
+    return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
+
+
+def inform(text: str) -> None:
+    """Say something that needs no action."""
+    from napari.utils.notifications import show_info
+
+    show_info(text)
+
+
+def warn(text: str) -> None:
+    """Say why something could not be done."""
+    from napari.utils.notifications import show_warning
+
+    show_warning(text)
+
+
+@contextmanager
+def spoken() -> Iterator[None]:
+    """Turn expected errors of the block into warnings; let defects through."""
+    try:
+        yield
+    except EXPECTED as error:
+        warn(sentence(error))

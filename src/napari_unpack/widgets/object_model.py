@@ -1,0 +1,278 @@
+"""The objects of a session as a Qt table model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, TypeAlias
+
+import numpy as np
+from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from qtpy.QtGui import QColor
+
+from napari_unpack.widgets import notices
+
+Index: TypeAlias = QModelIndex | QPersistentModelIndex
+SORT = Qt.ItemDataRole.UserRole
+ID = Qt.ItemDataRole.UserRole + 1
+STATE = Qt.ItemDataRole.UserRole + 2
+
+STATE_WORDS = {
+    "PACKED": "packed",
+    "FLYING_OUT": "flying",
+    "UNPACKED": "unpacked",
+    "FLYING_BACK": "flying",
+    "INSPECTED": "inspected",
+    "HIDDEN": "hidden",
+}
+
+
+class Column(IntEnum):
+    """The columns, left to right."""
+
+    EYE = 0
+    SWATCH = 1
+    NAME = 2
+    STATE = 3
+    VOLUME = 4
+    SIZE = 5
+    DENSITY = 6
+    CONFIDENCE = 7
+
+
+TITLES = {
+    Column.EYE: ("", "Shown or hidden: click an eye to change it."),
+    Column.SWATCH: ("", "The object's hue in this view: click one to see that object alone."),
+    Column.NAME: ("Name", "Double-click to rename."),
+    Column.STATE: ("State", "Where the object is now."),
+    Column.VOLUME: ("cm³", "Volume in cubic centimetres."),
+    Column.SIZE: ("Size, mm", "Edges of the object's upright box, longest first, in mm."),
+    Column.DENSITY: ("Density", "Mean density in the volume's own values."),
+    Column.CONFIDENCE: ("Sure", "How sure the segmentation is that this is one whole object."),
+}
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """What never changes about an object."""
+
+    id: int
+    volume: float
+    edges: tuple[float, float, float]
+    density: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class _Live:
+    """What may change about an object at any moment."""
+
+    name: str
+    state: str
+    hue: float | None
+    free: bool
+
+    @property
+    def words(self) -> str:
+        return "free" if self.free and self.state == "PACKED" else STATE_WORDS[self.state]
+
+    @property
+    def color(self) -> QColor:
+        return QColor("#888888") if self.hue is None else QColor.fromHsvF(self.hue, 1.0, 1.0)
+
+
+class ObjectModel(QAbstractTableModel):
+    """One row an object; `refresh` takes over states, hues and names from the session."""
+
+    def __init__(self, parent: Any = None) -> None:
+        super().__init__(parent)
+        self._session: Any = None
+        self._facts: list[_Facts] = []
+        self._rows: dict[int, int] = {}
+        self._live: list[_Live] = []
+        self._free: frozenset[int] = frozenset()
+
+    def load(self, session: Any) -> None:
+        """Show the objects of a session, or nothing for None.
+
+        Parameters
+        ----------
+        session : napari_unpack.Session or None
+        """
+        self.beginResetModel()
+        self._session = session
+        self._facts = [] if session is None else _facts_of(session)
+        self._rows = {facts.id: row for row, facts in enumerate(self._facts)}
+        self._free = frozenset()
+        self._live = self._look()
+        self.endResetModel()
+
+    def refresh(self, free: Iterable[int] | None = None) -> None:
+        """Read states, hues and names anew; tell the view of the rows that changed only.
+
+        Parameters
+        ----------
+        free : iterable of int, optional
+            The objects that nothing blocks now, where that is known.
+        """
+        if free is not None:
+            self._free = frozenset(free)
+        before, self._live = self._live, self._look()
+        columns = {"color": (Column.SWATCH, Column.SWATCH), "rest": (Column.EYE, Column.STATE)}
+        for row, (old, new) in enumerate(zip(before, self._live, strict=True)):
+            if old != new:
+                only_color = (old.state, old.name, old.free) == (new.state, new.name, new.free)
+                first, last = columns["color" if only_color else "rest"]
+                self.dataChanged.emit(self.index(row, first), self.index(row, last))
+
+    def _look(self) -> list[_Live]:
+        if self._session is None:
+            return []
+        states, hues = self._session.states, self._session.hues
+        names = self._session.objects["name"].to_dict()
+        return [
+            _Live(
+                str(names[f.id]),
+                str(states[f.id].name),
+                float(hues[f.id]) % 1.0 if f.id in hues else None,
+                f.id in self._free,
+            )
+            for f in self._facts
+        ]
+
+    def row_of(self, object_id: int) -> int | None:
+        """Return the row of an object, or None."""
+        return self._rows.get(object_id)
+
+    def id_at(self, row: int) -> int:
+        """Return the object's ID in a row."""
+        return self._facts[row].id
+
+    def rowCount(self, parent: Index | None = None) -> int:
+        """Return the number of objects."""
+        return 0 if parent is not None and parent.isValid() else len(self._facts)
+
+    def columnCount(self, parent: Index | None = None) -> int:
+        """Return the number of columns."""
+        return 0 if parent is not None and parent.isValid() else len(Column)
+
+    def headerData(self, section: int, orientation: Any, role: int = 0) -> Any:
+        """Return a column's title or its tooltip."""
+        if orientation != Qt.Orientation.Horizontal:
+            return None
+        title, tip = TITLES[Column(section)]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return title
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return tip
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return _alignment(Column(section))
+        return None
+
+    def flags(self, index: Index) -> Any:
+        """Tell what a cell can do: all are selectable, names are editable."""
+        flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
+        if index.column() == Column.NAME:
+            flags |= Qt.ItemFlag.ItemIsEditable
+        return flags
+
+    def data(self, index: Index, role: int = 0) -> Any:
+        """Return what a cell shows, sorts by, or is coloured with."""
+        if not index.isValid() or self._session is None:
+            return None
+        row, column = index.row(), Column(index.column())
+        facts, live = self._facts[row], self._live[row]
+        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
+            return _text(facts, live, column)
+        if role == SORT:
+            return _sort_key(facts, live, column)
+        if role == ID:
+            return facts.id
+        if role == STATE:
+            return live.state
+        if role == Qt.ItemDataRole.DecorationRole and column == Column.SWATCH:
+            return live.color
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return _alignment(column)
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return _tip(facts, live, column)
+        return None
+
+    def setData(self, index: Index, value: Any, role: int = 2) -> bool:
+        """Rename an object."""
+        name = str(value).strip()
+        if index.column() != Column.NAME or not name or self._session is None:
+            return False
+        with notices.spoken():
+            self._session.rename(self.id_at(index.row()), name)
+            self.refresh()
+            return True
+        return False
+
+
+def _text(facts: _Facts, live: _Live, column: Column) -> str:
+    if column == Column.NAME:
+        return live.name
+    if column == Column.STATE:
+        return live.words
+    if column == Column.VOLUME:
+        return f"{facts.volume:.1f}" if facts.volume < 100 else f"{facts.volume:.0f}"
+    if column == Column.SIZE:
+        return " × ".join(f"{edge:.0f}" for edge in facts.edges)
+    if column == Column.DENSITY:
+        return f"{facts.density:.0f}" if abs(facts.density) >= 10 else f"{facts.density:.2g}"
+    if column == Column.CONFIDENCE:
+        return "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
+    return ""
+
+
+def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
+    keys: dict[Column, Any] = {
+        Column.EYE: live.state == "HIDDEN",
+        Column.SWATCH: -1.0 if live.hue is None else live.hue,
+        Column.NAME: _natural(live.name),
+        Column.STATE: live.words,
+        Column.VOLUME: facts.volume,
+        Column.SIZE: facts.edges[0],
+        Column.DENSITY: facts.density,
+        Column.CONFIDENCE: -1.0 if np.isnan(facts.confidence) else facts.confidence,
+    }
+    return keys[column]
+
+
+def _tip(facts: _Facts, live: _Live, column: Column) -> str:
+    if column == Column.STATE and live.words == "free":
+        return "Nothing blocks this object: it can be unpacked now."
+    if column in (Column.EYE, Column.SWATCH):
+        return TITLES[column][1]
+    return f"{live.name}, object {facts.id}"
+
+
+def _natural(name: str) -> str:
+    """Make names sort as people count: object 2 before object 10."""
+    return re.sub(r"\d+", lambda digits: digits.group().zfill(12), name.casefold())
+
+
+def _alignment(column: Column) -> Any:
+    numbers = column in (Column.VOLUME, Column.SIZE, Column.DENSITY, Column.CONFIDENCE)
+    side = Qt.AlignmentFlag.AlignRight if numbers else Qt.AlignmentFlag.AlignLeft
+    return side | Qt.AlignmentFlag.AlignVCenter
+
+
+def _facts_of(session: Any) -> list[_Facts]:
+    objects, boxes = session.objects, session.boxes
+    edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
+    by_id = dict(zip((int(i) for i in boxes.ids), edges, strict=True))
+    return [
+        _Facts(
+            id=int(object_id),
+            volume=float(record.volume_mm3) / 1000,
+            edges=tuple(float(edge) for edge in by_id[int(object_id)]),  # type: ignore[arg-type]
+            density=float(record.mean_density),
+            confidence=float(getattr(record, "confidence", float("nan"))),
+        )
+        for object_id, record in zip(objects.index, objects.itertuples(index=False), strict=True)
+        if int(object_id) in by_id
+    ]

@@ -1,0 +1,239 @@
+"""The table of objects: eyes and swatches to click, sorting, searching, and a context menu."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qtpy.QtCore import (
+    QEvent,
+    QItemSelection,
+    QItemSelectionModel,
+    QPointF,
+    QRectF,
+    QSize,
+    QSortFilterProxyModel,
+    Qt,
+    Signal,
+)
+from qtpy.QtGui import QColor, QPainter, QPainterPath, QPen
+from qtpy.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QStyle,
+    QStyledItemDelegate,
+    QTableView,
+)
+
+from napari_unpack.widgets.object_model import ID, SORT, STATE, Column, Index, ObjectModel
+
+ROW = 24
+WIDTHS = {
+    Column.EYE: 26,
+    Column.SWATCH: 24,
+    Column.NAME: 96,
+    Column.STATE: 66,
+    Column.VOLUME: 54,
+    Column.SIZE: 92,
+    Column.DENSITY: 60,
+    Column.CONFIDENCE: 52,
+}
+
+
+class ObjectFilter(QSortFilterProxyModel):
+    """Sort by any column; keep rows by a text in the name or by state."""
+
+    def __init__(self, parent: Any = None) -> None:
+        super().__init__(parent)
+        self._text = ""
+        self._states: frozenset[str] | None = None
+        self.setSortRole(SORT)
+        self.setDynamicSortFilter(True)
+
+    def keep_text(self, text: str) -> None:
+        """Keep the objects whose name or ID contains a text."""
+        self._text = text.strip().casefold()
+        self._renew()
+
+    def keep_states(self, states: frozenset[str] | None) -> None:
+        """Keep the objects in these states, or in any for None."""
+        self._states = states
+        self._renew()
+
+    def _renew(self) -> None:
+        if hasattr(self, "beginFilterChange"):
+            self.beginFilterChange()
+            self.endFilterChange()
+        else:
+            self.invalidateFilter()
+
+    def filterAcceptsRow(self, row: int, parent: Index) -> bool:
+        """Tell whether a row stays."""
+        model = self.sourceModel()
+        index = model.index(row, Column.NAME, parent)
+        if self._states is not None and model.data(index, STATE) not in self._states:
+            return False
+        name = str(model.data(index, Qt.ItemDataRole.DisplayRole)).casefold()
+        return self._text in name or self._text == str(model.data(index, ID))
+
+
+class _ClickDelegate(QStyledItemDelegate):
+    """A cell that is a picture and acts on one click, without changing the selection."""
+
+    clicked = Signal(int)
+
+    def editorEvent(self, event: Any, model: Any, option: Any, index: Any) -> bool:
+        if (
+            event.type() == QEvent.Type.MouseButtonRelease
+            and event.button() == Qt.MouseButton.LeftButton
+        ):
+            self.clicked.emit(int(index.data(ID)))
+        return event.type() in (
+            QEvent.Type.MouseButtonPress,
+            QEvent.Type.MouseButtonRelease,
+            QEvent.Type.MouseButtonDblClick,
+        )
+
+    def paint(self, painter: QPainter, option: Any, index: Any) -> None:
+        if option.state & QStyle.StateFlag.State_Selected:
+            painter.fillRect(option.rect, option.palette.highlight())
+        painter.save()
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        self.draw(painter, QRectF(option.rect), index, option)
+        painter.restore()
+
+    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
+        raise AssertionError("a delegate draws its own picture")
+
+    def sizeHint(self, option: Any, index: Any) -> QSize:
+        return QSize(ROW, ROW)
+
+
+class SwatchDelegate(_ClickDelegate):
+    """The hue of the object: full when it is in the bag, a ring when it is out or hidden."""
+
+    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
+        """Draw a rounded square."""
+        color = index.data(Qt.ItemDataRole.DecorationRole)
+        square = QRectF(0, 0, 12, 12)
+        square.moveCenter(cell.center())
+        if index.data(STATE) == "PACKED":
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(color)
+        else:
+            painter.setPen(QPen(color, 2))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            square.adjust(1, 1, -1, -1)
+        painter.drawRoundedRect(square, 3, 3)
+
+
+class EyeDelegate(_ClickDelegate):
+    """An open eye for a shown object, a faint closed one for a hidden object."""
+
+    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
+        """Draw the eye."""
+        hidden = index.data(STATE) == "HIDDEN"
+        color = QColor(option.palette.text().color())
+        color.setAlphaF(0.35 if hidden else 0.85)
+        middle = cell.center()
+        painter.setPen(QPen(color, 1.3))
+        lids = QPainterPath(middle + QPointF(-7, 0))
+        lids.quadTo(middle + QPointF(0, 8), middle + QPointF(7, 0))
+        if not hidden:
+            lids.quadTo(middle + QPointF(0, -8), middle + QPointF(-7, 0))
+        painter.drawPath(lids)
+        if not hidden:
+            painter.setBrush(color)
+            painter.drawEllipse(middle, 2.0, 2.0)
+
+
+class ObjectTable(QTableView):
+    """The view. Emits what the user asks for; the section acts.
+
+    Signals: `eye_clicked`, `swatch_clicked` (object ID), `ids_selected` (frozenset of IDs, by
+    the user only).
+    """
+
+    eye_clicked = Signal(int)
+    swatch_clicked = Signal(int)
+    ids_selected = Signal(object)
+
+    def __init__(self, model: ObjectModel) -> None:
+        super().__init__()
+        self.objects = model
+        self.rows = ObjectFilter(self)
+        self.rows.setSourceModel(model)
+        self.setModel(self.rows)
+        self._quiet = False
+        self._delegates = (EyeDelegate(self), SwatchDelegate(self))
+        self._delegates[0].clicked.connect(self.eye_clicked)
+        self._delegates[1].clicked.connect(self.swatch_clicked)
+        self.setItemDelegateForColumn(Column.EYE, self._delegates[0])
+        self.setItemDelegateForColumn(Column.SWATCH, self._delegates[1])
+        self._settle_looks()
+        self.selectionModel().selectionChanged.connect(self._tell_selection)
+
+    def _settle_looks(self) -> None:
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
+        self.setEditTriggers(
+            QAbstractItemView.EditTrigger.DoubleClicked
+            | QAbstractItemView.EditTrigger.EditKeyPressed
+        )
+        self.setShowGrid(False)
+        self.setWordWrap(False)
+        self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
+        self.verticalHeader().hide()
+        self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        self.verticalHeader().setDefaultSectionSize(ROW)
+        header = self.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setMinimumSectionSize(20)
+        header.setSectionsMovable(True)
+        for column, width in WIDTHS.items():
+            self.setColumnWidth(column, width)
+        self.setSortingEnabled(True)
+        self.sortByColumn(Column.NAME, Qt.SortOrder.AscendingOrder)
+        self.setMinimumHeight(ROW * 7)
+
+    def selected_ids(self) -> list[int]:
+        """Return the IDs of the selected rows, from top to bottom."""
+        rows = sorted(self.selectionModel().selectedRows(Column.NAME), key=lambda i: i.row())
+        return [int(index.data(ID)) for index in rows]
+
+    def show_selection(self, ids: frozenset[int]) -> None:
+        """Select these objects' rows, and scroll to the first, without telling anybody."""
+        if ids == frozenset(self.selected_ids()):
+            return
+        picked = QItemSelection()
+        first = None
+        for object_id in ids:
+            row = self.objects.row_of(object_id)
+            if row is None:
+                continue
+            index = self.rows.mapFromSource(self.objects.index(row, Column.NAME))
+            if index.isValid():
+                picked.select(index, index)
+                first = index if first is None or index.row() < first.row() else first
+        flags = (
+            QItemSelectionModel.SelectionFlag.ClearAndSelect
+            | QItemSelectionModel.SelectionFlag.Rows
+        )
+        self._quiet = True
+        self.selectionModel().select(picked, flags)
+        self._quiet = False
+        if first is not None:
+            self.scrollTo(first)
+
+    def _tell_selection(self, *_: Any) -> None:
+        if not self._quiet:
+            self.ids_selected.emit(frozenset(self.selected_ids()))
+
+    def keyboardSearch(self, text: str) -> None:
+        """Leave letters alone: N, B, I, H and C are commands of the viewer."""
+
+    def keyPressEvent(self, event: Any) -> None:
+        """Hand letters and Ctrl+Z on to the viewer; arrows and the like stay the table's."""
+        if event.text().strip() and self.state() != QAbstractItemView.State.EditingState:
+            event.ignore()
+            return
+        super().keyPressEvent(event)

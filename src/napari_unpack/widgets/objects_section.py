@@ -1,0 +1,154 @@
+"""Step 4: the table of objects, wired to the session both ways."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qtpy.QtCore import Qt
+from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
+
+from napari_unpack.widgets.object_model import ObjectModel
+from napari_unpack.widgets.object_table import ObjectTable
+from napari_unpack.widgets.section import Section, button, row
+from napari_unpack.widgets.workbench import Workbench
+
+_SHOWN: dict[str, frozenset[str] | None] = {
+    "All": None,
+    "In the bag": frozenset({"PACKED"}),
+    "Taken out": frozenset({"UNPACKED", "FLYING_OUT", "FLYING_BACK", "INSPECTED"}),
+    "Hidden": frozenset({"HIDDEN"}),
+}
+
+
+class ObjectsSection(Section):
+    """Find, select, hide, isolate and name objects.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    """
+
+    def __init__(self, workbench: Workbench) -> None:
+        super().__init__("4", "Objects")
+        self._bench = workbench
+        self.model = ObjectModel(self)
+        self.table = ObjectTable(self.model)
+        self.search = QLineEdit()
+        self.search.setPlaceholderText("Search names")
+        self.search.setClearButtonEnabled(True)
+        self.search.setToolTip("List only the objects whose name contains this, or with this ID.")
+        self.filter = QComboBox()
+        self.filter.addItems(list(_SHOWN))
+        self.filter.setToolTip("List only the objects that are here.")
+        self.isolate = button("Isolate", "Show the selected objects alone.")
+        self.hide_chosen = button("Hide", "Hide the selected objects from the picture (H).")
+        self.show_all = button("Show all", "Show every hidden object again.")
+
+        self.contents.addLayout(row(self.search, self.filter))
+        self.contents.addWidget(self.table, stretch=1)
+        self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
+
+        self.search.textChanged.connect(self.table.rows.keep_text)
+        self.filter.currentTextChanged.connect(
+            lambda text: self.table.rows.keep_states(_SHOWN[text])
+        )
+        self.isolate.clicked.connect(lambda: self._bench.isolate(self._chosen()))
+        self.hide_chosen.clicked.connect(lambda: self._bench.hide(self._chosen()))
+        self.show_all.clicked.connect(self._show_all)
+        self.table.eye_clicked.connect(self._toggle_eye)
+        self.table.swatch_clicked.connect(self._toggle_alone)
+        self.table.ids_selected.connect(self._bench.select)
+        self.table.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.table.customContextMenuRequested.connect(self._open_menu)
+        workbench.staged.connect(self._reload)
+        workbench.changed.connect(self._refresh)
+        self._reload()
+
+    def _reload(self) -> None:
+        session = self._bench.session
+        self.model.load(session)
+        self.lock("Objects appear here after step 1." if session is None else None)
+        self._count()
+        self._enable()
+
+    def _refresh(self, news: frozenset[str]) -> None:
+        if news & {"states", "hues", "queue"}:
+            self.model.refresh()
+            self._count()
+        if "selected" in news:
+            self.table.show_selection(frozenset(self._bench.session.selected))
+        self._enable()
+
+    def mark_free(self, ids: frozenset[int]) -> None:
+        """Mark the objects that nothing blocks now."""
+        self.model.refresh(free=ids)
+
+    def _count(self) -> None:
+        session = self._bench.session
+        if session is None:
+            self.set_status("")
+            return
+        hidden = len(self._in("HIDDEN"))
+        self.set_status(f"{len(session.states)}" + (f", {hidden} hidden" if hidden else ""))
+
+    def _enable(self) -> None:
+        some = self._bench.session is not None and bool(self._chosen())
+        self.isolate.setEnabled(some)
+        self.hide_chosen.setEnabled(some)
+        self.show_all.setEnabled(bool(self._in("HIDDEN")))
+
+    def _in(self, *states: str) -> list[int]:
+        session = self._bench.session
+        if session is None:
+            return []
+        return [i for i, state in session.states.items() if state.name in states]
+
+    def _chosen(self) -> list[int]:
+        return self.table.selected_ids()
+
+    def _show_all(self) -> None:
+        self._bench.show(self._in("HIDDEN"))
+
+    def _toggle_eye(self, object_id: int) -> None:
+        hidden = object_id in self._in("HIDDEN")
+        (self._bench.show if hidden else self._bench.hide)([object_id])
+
+    def _toggle_alone(self, object_id: int) -> None:
+        alone = self._in("PACKED") == [object_id] and bool(self._in("HIDDEN"))
+        if alone:
+            self._show_all()
+        else:
+            self._bench.isolate([object_id])
+
+    def _open_menu(self, position: Any) -> None:
+        menu = self.menu()
+        if menu is not None:
+            menu.popup(self.table.viewport().mapToGlobal(position))
+
+    def menu(self) -> QMenu | None:
+        """Make the context menu of the selected rows; None where none is selected."""
+        ids = self._chosen()
+        if not ids:
+            return None
+        bench = self._bench
+        states = {bench.session.states[i].name for i in ids}
+        menu = QMenu(self)
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        entries = (
+            ("Unpack", lambda: bench.unpack(ids), "PACKED" in states),
+            ("Restore", lambda: bench.restore(ids), "UNPACKED" in states),
+            ("Inspect", lambda: bench.inspect(ids[0]), len(ids) == 1 and "HIDDEN" not in states),
+            (None, None, False),
+            ("Isolate", lambda: bench.isolate(ids), True),
+            ("Hide", lambda: bench.hide(ids), states != {"HIDDEN"}),
+            ("Show", lambda: bench.show(ids), "HIDDEN" in states),
+            ("Show all", self._show_all, bool(self._in("HIDDEN"))),
+        )
+        for text, act, enabled in entries:
+            if text is None:
+                menu.addSeparator()
+                continue
+            action = menu.addAction(text)
+            action.setEnabled(enabled)
+            action.triggered.connect(act)
+        return menu

@@ -1,0 +1,250 @@
+"""The opacity curve of the master transfer function, drawn over the density histogram."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
+from qtpy.QtGui import QBrush, QColor, QLinearGradient, QPainter, QPen, QPolygonF
+from qtpy.QtWidgets import QWidget
+
+Point = tuple[float, float]
+_MARGIN = 8.0
+_GRAB = 9.0
+_BINS = 128
+_SAMPLES = 1 << 20
+
+
+def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.float64]:
+    """Count densities on a logarithmic scale, from a million voxels at most.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+        Densities.
+    domain : (float, float)
+        Lowest and highest density shown.
+
+    Returns
+    -------
+    (128,) ndarray of float64
+        Heights in [0, 1].
+    """
+    values = np.asarray(volume).reshape(-1)
+    values = values[:: max(1, values.size // _SAMPLES)]
+    counts, _ = np.histogram(values[np.isfinite(values)], bins=_BINS, range=domain)
+    heights = np.log1p(counts.astype(np.float64))
+    return heights / max(float(heights.max()), 1e-9)
+
+
+class OpacityEditor(QWidget):
+    """Drag, add and remove the points of a piecewise linear opacity curve.
+
+    Opacity runs on a cubic-root scale, since what matters for translucency lies near zero.
+    Drag a point; double-click adds one; Delete or a right click removes one; arrow keys move
+    the chosen one; dragging the background moves the whole curve along the density axis.
+
+    `edited` carries the new points, while dragging too.
+    """
+
+    edited = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._points: list[Point] = [(0.0, 0.0), (1.0, 1.0)]
+        self._domain = (0.0, 1.0)
+        self._heights: NDArray[np.float64] = np.zeros(_BINS)
+        self._chosen = -1
+        self._dragged: float | None = None
+        self._accent = QColor("#5b7cf0")
+        self.setMinimumHeight(96)
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        self.setToolTip(
+            "Opacity of a voxel over its density, on the histogram of the volume. "
+            "Drag points; double-click adds one, a right click or Delete removes one; "
+            "drag beside the points to move the whole curve."
+        )
+
+    def sizeHint(self) -> QSize:
+        """Return the size it likes."""
+        return QSize(240, 110)
+
+    @property
+    def points(self) -> list[Point]:
+        """The curve, (density, opacity) by ascending density."""
+        return list(self._points)
+
+    def show_curve(self, points: Any, domain: tuple[float, float]) -> None:
+        """Show a curve.
+
+        Parameters
+        ----------
+        points : sequence of (float, float)
+            Density and opacity in [0, 1], ascending.
+        domain : (float, float)
+            Lowest and highest density shown.
+        """
+        if self._dragged is not None:
+            return
+        self._points = [(float(d), float(a)) for d, a in points]
+        self._domain = (float(domain[0]), max(float(domain[1]), float(domain[0]) + 1e-9))
+        self._chosen = min(self._chosen, len(self._points) - 1)
+        self.update()
+
+    def show_histogram(self, heights: NDArray[np.float64]) -> None:
+        """Show a histogram of the domain, heights in [0, 1]."""
+        self._heights = heights
+        self.update()
+
+    def set_accent(self, color: str) -> None:
+        """Draw the curve in a colour of the theme."""
+        self._accent = QColor(color)
+        self.update()
+
+    def _area(self) -> QRectF:
+        return QRectF(self.rect()).adjusted(_MARGIN, _MARGIN, -_MARGIN, -_MARGIN)
+
+    def position(self, point: Point) -> QPointF:
+        """Return where a point of the curve is drawn, in pixels."""
+        area, (low, high) = self._area(), self._domain
+        x = area.left() + (point[0] - low) / (high - low) * area.width()
+        return QPointF(x, area.bottom() - np.cbrt(point[1]) * area.height())
+
+    def _point_at(self, position: QPointF) -> Point:
+        area, (low, high) = self._area(), self._domain
+        part = (position.x() - area.left()) / max(area.width(), 1.0)
+        height = (area.bottom() - position.y()) / max(area.height(), 1.0)
+        return low + part * (high - low), float(np.clip(height, 0.0, 1.0)) ** 3
+
+    def _nearest(self, position: QPointF) -> int:
+        spots = [self.position(p) for p in self._points]
+        far = [np.hypot(s.x() - position.x(), s.y() - position.y()) for s in spots]
+        best = int(np.argmin(far))
+        return best if far[best] <= _GRAB else -1
+
+    def _move(self, index: int, point: Point) -> None:
+        below = self._points[index - 1][0] if index > 0 else self._domain[0]
+        above = self._points[index + 1][0] if index + 1 < len(self._points) else self._domain[1]
+        density = min(max(point[0], below), max(above, below))
+        self._points[index] = (density, min(max(point[1], 0.0), 1.0))
+        self._tell()
+
+    def _shift(self, by: float) -> None:
+        self._points = [(density + by, opacity) for density, opacity in self._points]
+        self._tell()
+
+    def _remove(self, index: int) -> None:
+        if index >= 0 and len(self._points) > 2:
+            del self._points[index]
+            self._chosen = -1
+            self._tell()
+
+    def _tell(self) -> None:
+        self.update()
+        self.edited.emit(self.points)
+
+    def mousePressEvent(self, event: Any) -> None:
+        """Choose a point, or take hold of the whole curve."""
+        self._chosen = self._nearest(event.position())
+        if event.button() == Qt.MouseButton.RightButton:
+            self._remove(self._chosen)
+        else:
+            self._dragged = self._point_at(event.position())[0]
+        self.update()
+
+    def mouseMoveEvent(self, event: Any) -> None:
+        """Drag the chosen point, or the whole curve."""
+        if self._dragged is None:
+            return
+        point = self._point_at(event.position())
+        if self._chosen >= 0:
+            self._move(self._chosen, point)
+        else:
+            self._shift(point[0] - self._dragged)
+            self._dragged = point[0]
+
+    def mouseReleaseEvent(self, event: Any) -> None:
+        """Let go."""
+        self._dragged = None
+
+    def mouseDoubleClickEvent(self, event: Any) -> None:
+        """Add a point."""
+        if self._nearest(event.position()) >= 0:
+            return
+        point = self._point_at(event.position())
+        index = sum(density < point[0] for density, _ in self._points)
+        self._points.insert(index, point)
+        self._chosen = index
+        self._tell()
+
+    def keyPressEvent(self, event: Any) -> None:
+        """Move or remove the chosen point."""
+        steps = {
+            Qt.Key.Key_Left: (-1.0, 0.0),
+            Qt.Key.Key_Right: (1.0, 0.0),
+            Qt.Key.Key_Up: (0.0, -1.0),
+            Qt.Key.Key_Down: (0.0, 1.0),
+        }
+        if self._chosen >= 0 and event.key() in steps:
+            across, down = steps[Qt.Key(event.key())]
+            spot = self.position(self._points[self._chosen])
+            self._move(self._chosen, self._point_at(spot + QPointF(across, down)))
+        elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Delete, Qt.Key.Key_Backspace):
+            self._remove(self._chosen)
+        else:
+            super().keyPressEvent(event)
+
+    def paintEvent(self, event: Any) -> None:
+        """Draw the histogram, the curve and its points."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        ink = self.palette().text().color()
+        painter.setPen(Qt.PenStyle.NoPen)
+        ground = QColor(ink)
+        ground.setAlphaF(0.06)
+        painter.setBrush(ground)
+        painter.drawRoundedRect(QRectF(self.rect()), 4, 4)
+        self._paint_histogram(painter, ink)
+        painter.setClipRect(self.rect())
+        self._paint_curve(painter)
+        painter.end()
+
+    def _paint_histogram(self, painter: QPainter, ink: QColor) -> None:
+        area = self._area()
+        width = area.width() / len(self._heights)
+        shade = QColor(ink)
+        shade.setAlphaF(0.28 if self.isEnabled() else 0.1)
+        outline = [area.bottomLeft()]
+        for k, height in enumerate(self._heights):
+            y = area.bottom() - height * area.height()
+            outline += [
+                QPointF(area.left() + k * width, y),
+                QPointF(area.left() + (k + 1) * width, y),
+            ]
+        painter.setBrush(shade)
+        painter.drawPolygon(QPolygonF([*outline, area.bottomRight()]))
+
+    def _paint_curve(self, painter: QPainter) -> None:
+        area, accent = self._area(), QColor(self._accent)
+        accent.setAlphaF(1.0 if self.isEnabled() else 0.4)
+        spots = [self.position(p) for p in self._points]
+        line = [
+            QPointF(area.left(), spots[0].y()),
+            *spots,
+            QPointF(area.right(), spots[-1].y()),
+        ]
+        fade = QLinearGradient(area.topLeft(), area.bottomLeft())
+        strong, weak = QColor(accent), QColor(accent)
+        strong.setAlphaF(0.35 * accent.alphaF())
+        weak.setAlphaF(0.05)
+        fade.setColorAt(0.0, strong)
+        fade.setColorAt(1.0, weak)
+        painter.setBrush(QBrush(fade))
+        painter.drawPolygon(QPolygonF([area.bottomLeft(), *line, area.bottomRight()]))
+        painter.setPen(QPen(accent, 2))
+        painter.drawPolyline(QPolygonF(line))
+        for k, spot in enumerate(spots):
+            painter.setBrush(accent if k == self._chosen else self.palette().window())
+            painter.drawEllipse(spot, 4.0, 4.0)

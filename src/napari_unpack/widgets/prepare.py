@@ -1,0 +1,77 @@
+"""From a volume to a session: the long work behind step 1, run off the main thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from napari_unpack.widgets.job import Progress
+from napari_unpack.widgets.sources import Volume
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A session, and the labels if they were found rather than given.
+
+    Parameters
+    ----------
+    session : napari_unpack.Session
+    found : (Z, Y, X) ndarray of int32 or None
+        New labels to show as a layer; None when the user's own were used.
+    """
+
+    session: Any
+    found: Any
+
+
+def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Progress) -> Prepared:
+    """Segment a volume unless labels are given, and make its session.
+
+    Parameters
+    ----------
+    volume : Volume
+    labels : (Z, Y, X) array of int or None
+        Object IDs to use; None segments.
+    settings : dict
+        Keyword arguments of `napari_unpack.segment`.
+    progress : callable
+        Takes (fraction in [0, 1], text); raises to cancel.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    ValueError
+        If the volume or the labels cannot be used, or nothing was found.
+    """
+    progress(0.0, "Reading the volume")
+    density = np.asarray(volume.data)
+    objects = None
+    found = None
+    if labels is None:
+        from napari_unpack.segmentation import segment
+
+        segmentation = segment(
+            density,
+            spacing=volume.spacing,
+            progress=lambda fraction, text: progress(0.9 * fraction, text),
+            **settings,
+        )
+        labels = found = segmentation.labels
+        objects = segmentation.objects
+    progress(0.9, "Measuring the objects")
+    ids = np.asarray(labels)
+    if not ids.any():
+        raise ValueError(
+            f"no objects were found in '{volume.name}': it may hold nothing denser than its "
+            "surroundings, or the labels are empty"
+        )
+    from napari_unpack.session import Session
+
+    session = Session(density, ids, spacing=volume.spacing, objects=objects)
+    progress(1.0, "Opening the stage")
+    return Prepared(session, found)

@@ -1,0 +1,43 @@
+"""A simulated packed bag as napari sample data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+LayerData = tuple[Any, dict[str, Any], str]
+SHAPE = (96, 120, 144)
+COUNT = 18
+
+
+def packed_bag(seed: int = 3) -> list[LayerData]:
+    """Simulate a small bag and its true objects.
+
+    Parameters
+    ----------
+    seed : int
+        Which bag.
+
+    Returns
+    -------
+    list of (array, dict, str)
+        The labels of the true objects, not shown, and above them the density volume, which
+        napari therefore makes the active layer: the one to segment.
+    """
+    from napari_unpack.simulation import simulate_bag
+
+    bag = simulate_bag(seed=seed, shape=SHAPE, count=COUNT)
+    placed = {"scale": tuple(float(s) for s in bag.spacing), "units": ("mm",) * 3}
+    return [
+        (bag.labels, {"name": "Packed bag, true objects", "visible": False, **placed}, "labels"),
+        (
+            bag.volume,
+            {
+                "name": "Packed bag",
+                "colormap": "gray",
+                "contrast_limits": (0, 3000),
+                "rendering": "attenuated_mip",
+                **placed,
+            },
+            "image",
+        ),
+    ]

@@ -1,0 +1,170 @@
+"""A numbered step of the panel: title, status, contents, and why it cannot be used yet."""
+
+from __future__ import annotations
+
+from qtpy.QtCore import Qt
+from qtpy.QtWidgets import (
+    QFormLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSizePolicy,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from napari_unpack.widgets.theme import GAP
+
+
+class Section(QWidget):
+    """One step. Fill `contents`; lock it with a reason until it can work.
+
+    Parameters
+    ----------
+    number : str
+        What stands in the badge.
+    title : str
+        The step's name.
+    parent : QWidget, optional
+    """
+
+    def __init__(self, number: str, title: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._badge = label(number, "badge")
+        self._badge.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._status = label("", "status")
+        self._status.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self._reason = label("", "hint", wrap=True)
+        self._reason.hide()
+        self.body = QWidget(self)
+        self.contents = column(self.body)
+
+        head = QHBoxLayout()
+        head.setSpacing(GAP + 2)
+        head.addWidget(self._badge)
+        head.addWidget(label(title, "title"))
+        head.addWidget(self._status, stretch=1)
+        outer = column(self)
+        outer.addLayout(head)
+        outer.addWidget(self._reason)
+        outer.addWidget(self.body, stretch=1)
+
+    def lock(self, reason: str | None) -> None:
+        """Disable the step and say why, or enable it again.
+
+        Parameters
+        ----------
+        reason : str or None
+            A sentence on what has to happen first; None unlocks.
+        """
+        self.body.setEnabled(reason is None)
+        self._reason.setText(reason or "")
+        self._reason.setVisible(reason is not None)
+        self._badge.setProperty("ready", "true" if reason is None else "false")
+        self._badge.style().unpolish(self._badge)
+        self._badge.style().polish(self._badge)
+
+    @property
+    def reason(self) -> str:
+        """Why the step is locked; empty when it is not."""
+        return str(self._reason.text())
+
+    def set_status(self, text: str) -> None:
+        """Show a few words at the right of the title."""
+        self._status.setText(text)
+
+    @property
+    def status(self) -> str:
+        """The words at the right of the title."""
+        return str(self._status.text())
+
+
+class Disclosure(QWidget):
+    """Settings that most people never need, behind one small line of text.
+
+    Parameters
+    ----------
+    title : str
+        The line of text.
+    tooltip : str
+        What is behind it.
+    """
+
+    def __init__(self, title: str, tooltip: str) -> None:
+        super().__init__()
+        self.toggle = QToolButton()
+        self.toggle.setProperty("role", "link")
+        self.toggle.setText(title)
+        self.toggle.setToolTip(tooltip)
+        self.toggle.setCheckable(True)
+        self.toggle.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.toggle.setArrowType(Qt.ArrowType.RightArrow)
+        self.toggle.setCursor(Qt.CursorShape.PointingHandCursor)
+        self._box = QWidget()
+        self.contents = column(self._box)
+        self._box.hide()
+        layout = column(self)
+        layout.addWidget(self.toggle)
+        layout.addWidget(self._box)
+        self.toggle.toggled.connect(self._show)
+
+    def _show(self, open_: bool) -> None:
+        self.toggle.setArrowType(Qt.ArrowType.DownArrow if open_ else Qt.ArrowType.RightArrow)
+        self._box.setVisible(open_)
+
+
+def column(owner: QWidget) -> QVBoxLayout:
+    """Give a widget a plain vertical layout with the panel's spacing."""
+    layout = QVBoxLayout(owner)
+    layout.setContentsMargins(0, 0, 0, 0)
+    layout.setSpacing(GAP)
+    return layout
+
+
+def row(*widgets: QWidget) -> QHBoxLayout:
+    """Put widgets side by side, sharing the width equally."""
+    layout = QHBoxLayout()
+    layout.setSpacing(GAP)
+    for widget in widgets:
+        layout.addWidget(widget, stretch=1)
+    return layout
+
+
+def form() -> QFormLayout:
+    """Make a two-column layout for labelled fields."""
+    layout = QFormLayout()
+    layout.setContentsMargins(0, 0, 0, 0)
+    layout.setHorizontalSpacing(GAP + 2)
+    layout.setVerticalSpacing(GAP)
+    layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+    return layout
+
+
+def label(text: str, role: str, wrap: bool = False) -> QLabel:
+    """Make a label in one of the panel's roles."""
+    made = QLabel(text)
+    made.setProperty("role", role)
+    made.setWordWrap(wrap)
+    if wrap:
+        made.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+    return made
+
+
+def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
+    """Make a push button; a section has one primary."""
+    made = QPushButton(text)
+    made.setToolTip(tooltip)
+    # Keys such as N and Space belong to the viewer, also just after a click.
+    made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+    if primary:
+        made.setProperty("role", "primary")
+    return made
+
+
+def rule() -> QFrame:
+    """Make the thin line between two sections."""
+    line = QFrame()
+    line.setProperty("role", "rule")
+    return line

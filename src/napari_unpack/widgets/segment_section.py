@@ -1,0 +1,235 @@
+"""Step 1: from a volume, or a volume and its labels, to a session on the stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from napari.layers import Image, Labels
+from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
+
+from napari_unpack.widgets import notices
+from napari_unpack.widgets.job import Cancelled, Job, Outcome
+from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
+from napari_unpack.widgets.prepare import Prepared, prepare
+from napari_unpack.widgets.section import Section, button, column, form, label
+from napari_unpack.widgets.settings import preferences
+from napari_unpack.widgets.sources import Volume, labels_of, same_shape, volume_of
+from napari_unpack.widgets.workbench import Workbench
+
+FIND = "Find the objects"
+
+
+@dataclass(frozen=True, eq=False)
+class _Order:
+    image: Any
+    labels: Any
+    volume: Volume
+
+
+class SegmentSection(Section):
+    """Choose a volume, and labels if there are any, and begin.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    """
+
+    def __init__(self, workbench: Workbench) -> None:
+        super().__init__("1", "Segment")
+        self._bench = workbench
+        self._order: _Order | None = None
+        self._then: Callable[[], None] | None = None
+        self.job = Job(self)
+        viewer = workbench.viewer
+        self.volume_box = LayerBox(viewer, _is_image, prefers=_is_volume)
+        self.volume_box.setToolTip("The volume to unpack: any 3D Image layer.")
+        self.labels_box = LayerBox(viewer, self._fits, none=FIND)
+        self.labels_box.setToolTip(
+            "Labels you already have, of the same shape; otherwise the objects are found."
+        )
+        self.start = button("Segment", "", primary=True)
+        self.sample = button(
+            "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
+        )
+        self.bar = QProgressBar()
+        self.bar.setTextVisible(False)
+        self.bar.setRange(0, 1000)
+        self.stage_text = label("", "hint", wrap=True)
+        self.cancel = button("Cancel", "Stop the work; nothing that is open changes.")
+        self.waiting = self._make_waiting()
+        self._arrange()
+
+        self.start.clicked.connect(lambda: self.run())
+        self.cancel.clicked.connect(self._cancel)
+        self.sample.clicked.connect(self._add_sample)
+        self.job.progressed.connect(self._show_progress)
+        self.job.ended.connect(self._finish)
+        self.volume_box.chosen.connect(self._choose_volume)
+        self.labels_box.chosen.connect(self._refresh)
+        workbench.staged.connect(self._refresh)
+        viewer.layers.selection.events.active.connect(self._follow_selection)
+        self._refresh()
+
+    def _make_waiting(self) -> QWidget:
+        waiting = QWidget()
+        layout = column(waiting)
+        layout.addWidget(self.bar)
+        line = QHBoxLayout()
+        line.addWidget(self.stage_text, stretch=1)
+        line.addWidget(self.cancel)
+        layout.addLayout(line)
+        waiting.hide()
+        return waiting
+
+    def _arrange(self) -> None:
+        fields = form()
+        fields.addRow("Volume", self.volume_box)
+        fields.addRow("Objects", self.labels_box)
+        self.contents.addLayout(fields)
+        self.contents.addWidget(self.start)
+        self.contents.addWidget(self.sample)
+        self.contents.addWidget(self.waiting)
+
+    def _fits(self, layer: Any) -> bool:
+        image = self.volume_box.layer
+        return (
+            isinstance(layer, Labels)
+            and is_users(layer)
+            and image is not None
+            and same_shape(image, layer)
+        )
+
+    def _choose_volume(self) -> None:
+        self.labels_box.refresh()
+        self._refresh()
+
+    def _follow_selection(self, _event: Any = None) -> None:
+        """Take up the layer the user selects in the list, if it is one of ours to choose from."""
+        layer = plain(self._bench.viewer.layers.selection.active)
+        if layer is None or self.job.running or not is_users(layer) or not layer.visible:
+            return
+        if isinstance(layer, Labels):
+            if self._fits(layer):
+                self.labels_box.choose(layer)
+        elif _is_volume(layer):
+            self.volume_box.choose(layer)
+
+    def _refresh(self) -> None:
+        chosen = self.labels_box.layer
+        self.start.setText("Segment" if chosen is None else "Unpack these labels")
+        self.start.setToolTip(
+            "Find the objects in the volume and put them on the stage."
+            if chosen is None
+            else "Put the volume on the stage with the labels chosen above."
+        )
+        image = self.volume_box.layer
+        self.start.setEnabled(image is not None and not self.job.running)
+        self.sample.setVisible(image is None or not _is_volume(image))
+        for field in (self.volume_box, self.labels_box):
+            field.setEnabled(image is not None and not self.job.running)
+        session = self._bench.session
+        self.set_status("" if session is None else f"{len(session.boxes.ids)} objects")
+        self.lock(None)
+
+    def run(self, then: Callable[[], None] | None = None) -> None:
+        """Do what the button says, with the layers chosen.
+
+        Parameters
+        ----------
+        then : callable, optional
+            Called with nothing once the stage is open.
+        """
+        if self.job.running:
+            return
+        image = self.volume_box.layer
+        if image is None:
+            notices.inform("Open a 3D volume first, or try File > Open Sample > Virtual Unpacking.")
+            return
+        with notices.spoken():
+            volume = volume_of(image)
+            layer = self.labels_box.layer
+            labels = None if layer is None else labels_of(layer, volume)
+            self._order = _Order(image, layer, volume)
+            self._then = then
+            self.job.start(partial(prepare, volume, labels, {}))
+            self._show_progress(0.0, "Starting")
+            self.waiting.show()
+            self.cancel.setEnabled(True)
+            self._refresh()
+
+    def _cancel(self) -> None:
+        self.cancel.setEnabled(False)
+        self.stage_text.setText("Stopping")
+        self.job.cancel()
+
+    def _show_progress(self, fraction: float, text: str) -> None:
+        self.bar.setValue(round(1000 * fraction))
+        if self.cancel.isEnabled():
+            self.stage_text.setText(text)
+
+    def _finish(self, outcome: Outcome) -> None:
+        self.waiting.hide()
+        order, self._order = self._order, None
+        self._refresh()
+        if isinstance(outcome.error, Cancelled) or order is None:
+            return
+        if isinstance(outcome.error, notices.EXPECTED):
+            notices.warn(notices.sentence(outcome.error))
+            return
+        if outcome.error is not None:
+            raise outcome.error
+        with notices.spoken():
+            self._put_on_stage(order, outcome.result)
+            if self._then is not None:
+                self._then()
+
+    def _put_on_stage(self, order: _Order, prepared: Prepared) -> None:
+        labels = order.labels
+        if prepared.found is not None:
+            image = order.image
+            labels = plain(
+                self._bench.viewer.add_labels(
+                    prepared.found,
+                    name=f"{image.name} objects",
+                    scale=image.scale,
+                    translate=image.translate,
+                    rotate=image.rotate,
+                    shear=image.shear,
+                    affine=image.affine,
+                    units=image.units,
+                    visible=image.visible,
+                )
+            )
+        liked = preferences()
+        self._bench.open(
+            prepared.session,
+            sources=(order.image, labels),
+            seconds=liked.seconds,
+            backend=liked.backend,
+            recolor_at_rest=liked.recolor_at_rest,
+        )
+
+    def _add_sample(self) -> None:
+        from napari_unpack.widgets.sample_data import packed_bag
+
+        with notices.spoken():
+            for data, settings, kind in packed_bag():
+                getattr(self._bench.viewer, f"add_{kind}")(data, **settings)
+
+    def end(self) -> None:
+        """Stop all work and all listening, for good."""
+        self.job.cancel()
+        self._bench.viewer.layers.selection.events.active.disconnect(self._follow_selection)
+        self.volume_box.close_links()
+        self.labels_box.close_links()
+
+
+def _is_image(layer: Any) -> bool:
+    return isinstance(layer, Image) and is_users(layer)
+
+
+def _is_volume(layer: Any) -> bool:
+    return _is_image(layer) and layer.ndim == 3 and not layer.rgb

@@ -1,0 +1,51 @@
+"""The plugin's page in napari's preferences, as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
+
+
+@dataclass(frozen=True)
+class Preferences:
+    """What the user prefers; the defaults are those of the manifest.
+
+    Parameters
+    ----------
+    seconds : float
+        Duration of one flight.
+    take_least_blocked : bool
+        What to do when nothing is free.
+    backend : str
+        "auto", "gl" or "cpu".
+    recolor_at_rest : bool
+        Recolour whenever the camera comes to rest.
+    """
+
+    seconds: float = 0.8
+    take_least_blocked: bool = False
+    backend: str = "auto"
+    recolor_at_rest: bool = True
+
+
+def preferences() -> Preferences:
+    """Read the user's preferences from napari.
+
+    Returns
+    -------
+    Preferences
+        The defaults where napari does not know the plugin, as when its manifest is blocked.
+    """
+    from napari.settings import get_plugin_settings
+
+    try:
+        stored = get_plugin_settings("napari-unpack")
+    except KeyError:
+        return Preferences()
+    return Preferences(
+        seconds=float(stored.unpacking.seconds),
+        take_least_blocked=stored.unpacking.when_nobody_is_free == "Take the least blocked",
+        backend=_BACKENDS.get(stored.drawing.backend, "auto"),
+        recolor_at_rest=bool(stored.drawing.recolor_at_rest),
+    )

@@ -1,0 +1,119 @@
+"""What the panel takes from napari's own layers: arrays, voxel size, matching shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """A density volume taken from an Image layer.
+
+    Parameters
+    ----------
+    data : (Z, Y, X) array
+        As the layer holds it; lazy arrays stay lazy.
+    spacing : (float, float, float)
+        Voxel size in mm, z y x.
+    name : str
+        The layer's name.
+    """
+
+    data: Any
+    spacing: tuple[float, float, float]
+    name: str
+
+
+def volume_of(layer: Any) -> Volume:
+    """Take the density volume out of an Image layer.
+
+    Parameters
+    ----------
+    layer : napari.layers.Image
+        Three-dimensional, one channel. Of a multiscale layer the finest level is taken.
+
+    Returns
+    -------
+    Volume
+
+    Raises
+    ------
+    ValueError
+        If the layer is not one 3D volume, or has no voxels.
+    """
+    data = layer.data[0] if layer.multiscale else layer.data
+    shape = tuple(int(n) for n in data.shape)
+    extent = " x ".join(map(str, shape))
+    if getattr(layer, "rgb", False) or len(shape) != 3:
+        kind = "a colour image" if getattr(layer, "rgb", False) else f"{len(shape)}D"
+        raise ValueError(
+            f"'{layer.name}' is {kind} ({extent}): choose a 3D volume with one value a voxel"
+        )
+    if 0 in shape:
+        raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
+    return Volume(data, spacing_of(layer), str(layer.name))
+
+
+def labels_of(layer: Any, volume: Volume) -> Any:
+    """Take the label volume that belongs to a density volume.
+
+    Parameters
+    ----------
+    layer : napari.layers.Labels
+    volume : Volume
+        What the labels must match, voxel for voxel.
+
+    Returns
+    -------
+    (Z, Y, X) array of int
+        Object IDs as the layer holds them.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+    """
+    data = layer.data[0] if layer.multiscale else layer.data
+    if tuple(data.shape) != tuple(volume.data.shape):
+        given, wanted = (" x ".join(map(str, a.shape)) for a in (data, volume.data))
+        raise ValueError(
+            f"labels '{layer.name}' are {given} but '{volume.name}' is {wanted}: "
+            "choose labels made from this volume"
+        )
+    return data
+
+
+def spacing_of(layer: Any) -> tuple[float, float, float]:
+    """Read the voxel size of a 3D layer from its scale and units.
+
+    Parameters
+    ----------
+    layer : napari.layers.Layer
+
+    Returns
+    -------
+    (float, float, float)
+        Millimetres, z y x. A scale without a unit of length counts as millimetres.
+    """
+    sizes = (
+        abs(float(scale)) * _millimetres(unit)
+        for scale, unit in zip(layer.scale[-3:], layer.units[-3:], strict=True)
+    )
+    z, y, x = sizes
+    return (z, y, x)
+
+
+def _millimetres(unit: Any) -> float:
+    if dict(unit.dimensionality) != {"[length]": 1.0}:
+        return 1.0
+    return float((1.0 * unit).to("millimeter").magnitude)
+
+
+def same_shape(image: Any, labels: Any) -> bool:
+    """Tell whether a Labels layer may belong to an Image layer, without reading either."""
+    a = image.data[0] if image.multiscale else image.data
+    b = labels.data[0] if labels.multiscale else labels.data
+    return np.shape(a) == np.shape(b)

@@ -1,0 +1,133 @@
+"""The panel's look: one style sheet, made from the colours of napari's theme.
+
+Widgets say what they are with a `role` property (primary, badge, title, hint, warning, link)
+and get their look from here, so that light and dark follow napari.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from qtpy.QtGui import QColor
+
+GAP = 6
+"""Pixels between neighbouring controls; sections are two of them apart."""
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The colours of the panel, as CSS strings.
+
+    Parameters
+    ----------
+    background, raised, line : str
+        The panel, controls upon it, and thin rules.
+    text, faint : str
+        Writing, and writing that may be overlooked.
+    accent, accent_hover, on_accent : str
+        The primary button, under the mouse, and writing on it.
+    warning : str
+        Reasons and warnings.
+    """
+
+    background: str
+    raised: str
+    line: str
+    text: str
+    faint: str
+    accent: str
+    accent_hover: str
+    on_accent: str
+    warning: str
+
+
+def palette_of(theme: str) -> Palette:
+    """Derive the palette from a napari theme.
+
+    Parameters
+    ----------
+    theme : str
+        Name of the theme, as in ``viewer.theme``.
+
+    Returns
+    -------
+    Palette
+    """
+    from napari.utils.theme import get_theme
+
+    colors: Any = get_theme(theme)
+    background, text = _color(colors.background), _color(colors.text)
+    accent = _color(colors.current)
+    dark = background.lightness() < 128
+    accent = accent.lighter(125) if dark else accent.darker(170)
+    return Palette(
+        background=background.name(),
+        raised=_color(colors.foreground).name(),
+        line=_mixed(background, text, 0.16),
+        text=text.name(),
+        faint=_mixed(background, text, 0.62),
+        accent=accent.name(),
+        accent_hover=accent.lighter(115).name(),
+        on_accent="#ffffff",
+        warning="#e3b617" if dark else "#8a5a00",
+    )
+
+
+def _color(color: Any) -> QColor:
+    return QColor(*color.as_rgb_tuple()[:3])
+
+
+def _mixed(a: QColor, b: QColor, part: float) -> str:
+    pairs = zip(a.getRgb()[:3], b.getRgb()[:3], strict=True)
+    return QColor(*(round(x + (y - x) * part) for x, y in pairs)).name()
+
+
+def style_sheet(palette: Palette) -> str:
+    """Write the style sheet of the whole panel.
+
+    Parameters
+    ----------
+    palette : Palette
+
+    Returns
+    -------
+    str
+        Qt style sheet; roles as in the module's description.
+    """
+    p = palette
+    return f"""
+    QWidget#unpacking_panel {{ background: {p.background}; }}
+    QScrollArea {{ border: none; background: {p.background}; }}
+    QLabel {{ background: transparent; color: {p.text}; }}
+    QLabel[role="badge"] {{
+        background: {p.raised}; color: {p.text}; border-radius: 10px; font-weight: 600;
+        min-width: 20px; max-width: 20px; min-height: 20px; max-height: 20px; }}
+    QLabel[role="badge"][ready="true"] {{ background: {p.accent}; color: {p.on_accent}; }}
+    QLabel[role="title"] {{ font-weight: 600; font-size: 13px; }}
+    QLabel[role="hint"], QLabel[role="status"] {{ color: {p.faint}; }}
+    QLabel[role="warning"] {{ color: {p.warning}; }}
+    QFrame[role="rule"] {{ background: {p.line}; border: none; max-height: 1px; min-height: 1px; }}
+    QPushButton {{ padding: 4px 8px; border-radius: 4px; min-height: 16px; }}
+    QPushButton[role="primary"] {{
+        background: {p.accent}; color: {p.on_accent}; font-weight: 600; padding: 6px 8px; }}
+    QPushButton[role="primary"]:hover {{ background: {p.accent_hover}; }}
+    QPushButton[role="primary"]:disabled {{ background: {p.raised}; color: {p.faint}; }}
+    QPushButton:disabled, QComboBox:disabled, QCheckBox:disabled {{ color: {p.faint}; }}
+    QToolButton[role="link"] {{
+        background: transparent; border: none; color: {p.faint}; padding: 1px 0px; }}
+    QToolButton[role="link"]:hover {{ color: {p.text}; }}
+    QProgressBar {{
+        border: none; border-radius: 3px; background: {p.raised}; min-height: 6px;
+        max-height: 6px; }}
+    QProgressBar::chunk {{ border-radius: 3px; background: {p.accent}; }}
+    QTableView {{
+        border: 1px solid {p.line}; border-radius: 4px; background: {p.background};
+        alternate-background-color: {p.background}; gridline-color: {p.line};
+        selection-background-color: {p.raised}; selection-color: {p.text}; }}
+    QTableView::item {{ padding: 0px 4px; }}
+    QTableView::item:selected {{ background: {p.raised}; color: {p.text}; }}
+    QHeaderView::section {{
+        background: {p.background}; color: {p.faint}; border: none; padding: 3px 4px;
+        border-bottom: 1px solid {p.line}; }}
+    """

@@ -1,0 +1,116 @@
+"""The dock widget Virtual Unpacking: four steps, top to bottom."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import napari
+from qtpy.QtCore import QEvent, QSize, Qt, QTimer
+from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
+
+from napari_unpack.widgets.color_section import ColorSection
+from napari_unpack.widgets.free_watch import FreeWatch
+from napari_unpack.widgets.keys import HELP, Keys
+from napari_unpack.widgets.objects_section import ObjectsSection
+from napari_unpack.widgets.section import label, rule
+from napari_unpack.widgets.segment_section import SegmentSection
+from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
+from napari_unpack.widgets.unpack_section import UnpackSection
+from napari_unpack.widgets.workbench import Workbench
+
+WIDTH = 316
+
+
+class UnpackingWidget(QWidget):
+    """Segment, Colour, Unpack, and the objects.
+
+    Parameters
+    ----------
+    napari_viewer : napari.Viewer
+        Passed by napari.
+    """
+
+    def __init__(self, napari_viewer: napari.viewer.Viewer) -> None:
+        super().__init__()
+        self.setObjectName("unpacking_panel")
+        self.setWindowTitle("Virtual Unpacking")
+        self._viewer = napari_viewer
+        self.workbench = Workbench(napari_viewer, self)
+        self.segment = SegmentSection(self.workbench)
+        self.color = ColorSection(self.workbench)
+        self.unpack = UnpackSection(self.workbench)
+        self.objects = ObjectsSection(self.workbench)
+        self.keys = Keys(self.workbench)
+        self._watch = FreeWatch(self.workbench, self)
+        self._watch.known.connect(self.unpack.tell_free)
+        self._watch.known.connect(lambda ids: self.objects.mark_free(ids or frozenset()))
+        self._ended = False
+        self._was_docked = False
+        self._arrange()
+        self._dress()
+        napari_viewer.events.theme.connect(self._dress)
+
+    def _arrange(self) -> None:
+        inside = QWidget()
+        column = QVBoxLayout(inside)
+        column.setContentsMargins(2 * GAP, 2 * GAP, 2 * GAP, 2 * GAP)
+        column.setSpacing(2 * GAP)
+        steps = (self.segment, self.color, self.unpack, self.objects)
+        for k, step in enumerate(steps):
+            if k:
+                column.addWidget(rule())
+            column.addWidget(step, stretch=1 if step is self.objects else 0)
+        column.addWidget(label(HELP, "hint", wrap=True))
+        scroll = QScrollArea()
+        scroll.setWidgetResizable(True)
+        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        scroll.setWidget(inside)
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.addWidget(scroll)
+        self.setMinimumWidth(WIDTH - 36)
+
+    def _dress(self, _event: Any = None) -> None:
+        palette = palette_of(self._viewer.theme)
+        self.setStyleSheet(style_sheet(palette))
+        self.color.editor.set_accent(palette.accent)
+
+    def sizeHint(self) -> QSize:
+        """Return the size it likes: narrow, and as tall as the window gives."""
+        return QSize(WIDTH, 720)
+
+    def end(self) -> None:
+        """Take the stage down, give the keys back and stop listening; safe to call twice."""
+        if self._ended:
+            return
+        self._ended = True
+        self.segment.end()
+        self._watch.end()
+        self.workbench.close()
+        self.keys.close()
+        self._viewer.events.theme.disconnect(self._dress)
+
+    def closeEvent(self, event: Any) -> None:
+        """End when the panel is closed."""
+        self.end()
+        super().closeEvent(event)
+
+    def showEvent(self, event: Any) -> None:
+        """Learn which window the panel stands in, to end when that closes."""
+        super().showEvent(event)
+        self.window().installEventFilter(self)
+
+    def eventFilter(self, watched: Any, event: Any) -> bool:
+        """End after the window closed; a close that the user calls off changes nothing."""
+        if event.type() == QEvent.Type.Close and watched is self.window():
+            QTimer.singleShot(0, self, lambda: None if watched.isVisible() else self.end())
+        return False
+
+    def event(self, event: Any) -> bool:
+        """End when napari takes the panel out of its dock: it is neither hidden nor closed then."""
+        if event.type() == QEvent.Type.ParentAboutToChange:
+            self._was_docked = self.parent() is not None
+        taken_out = event.type() == QEvent.Type.ParentChange and self.parent() is None
+        if taken_out and self._was_docked:
+            self.end()
+        return bool(super().event(event))

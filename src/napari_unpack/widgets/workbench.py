@@ -1,0 +1,179 @@
+"""What the panel's sections share: one viewer, at most one stage, and every verb a button has.
+
+Verbs never raise for bad input: the reason becomes a notification and everything stays as it
+was. Changes of the session, from whatever thread, arrive here, are gathered for a moment and
+handed to the sections as one `changed` on the main thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from qtpy.QtCore import QObject, QTimer, Signal
+
+from napari_unpack.widgets import notices
+
+_GATHER_MS = 30
+WATCHED = ("states", "hues", "transfer_function", "queue", "view", "selected")
+"""Signals of the session that the sections hear of, by name."""
+
+
+class Workbench(QObject):
+    """The viewer, its stage, and the verbs.
+
+    Signals: `staged` when a stage opened or closed; `changed` (frozenset of names from
+    `WATCHED`) after a burst of changes; `busy` (bool) when an object starts or ends flying.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+        Or the public proxy of it that plugins get.
+    parent : QObject, optional
+    """
+
+    staged = Signal()
+    changed = Signal(object)
+    _heard = Signal(str)
+    _told = Signal(str)
+
+    def __init__(self, viewer: Any, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.viewer = viewer
+        self.stage: Any = None
+        self._news: set[str] = set()
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(_GATHER_MS)
+        self._timer.timeout.connect(self._publish)
+        self._heard.connect(self._gather)
+        self._told.connect(notices.inform)
+        self._links: list[tuple[Any, Any]] = []
+
+    @property
+    def session(self) -> Any:
+        """The session on the stage, or None."""
+        return None if self.stage is None else self.stage.session
+
+    def open(self, session: Any, sources: Sequence[Any] = (), **settings: Any) -> None:
+        """Put a session on the stage, in place of what was there.
+
+        Parameters
+        ----------
+        session : napari_unpack.Session
+        sources : sequence of napari layers
+            The user's own layers, hidden while the stage is on.
+        **settings
+            Attributes of the stage to set before it opens.
+        """
+        from napari_unpack.layers.stage import Stage
+
+        self.close()
+        stage = Stage(self.viewer, session, sources=tuple(sources))
+        for name, value in settings.items():
+            setattr(stage, name, value)
+        self.stage = stage
+        for name in WATCHED:
+            self._link(getattr(session.events, name), lambda *_, name=name: self._heard.emit(name))
+        self._link(session.events.message, self._told.emit)
+        self._link(stage.events.message, self._told.emit)
+        self._link(stage.events.closed, lambda *_: self._forget())
+        stage.open()
+        self.staged.emit()
+
+    def close(self) -> None:
+        """Take the stage down; the user's layers come back as they were."""
+        if self.stage is not None:
+            stage = self.stage
+            self._forget()
+            stage.close()
+
+    def _forget(self) -> None:
+        if self.stage is None:
+            return
+        for signal, slot in self._links:
+            signal.disconnect(slot, missing_ok=True)
+        self._links.clear()
+        self._timer.stop()
+        self._news.clear()
+        self.stage = None
+        self.staged.emit()
+
+    def _link(self, signal: Any, slot: Any) -> None:
+        signal.connect(slot)
+        self._links.append((signal, slot))
+
+    def _gather(self, name: str) -> None:
+        self._news.add(name)
+        if not self._timer.isActive():
+            self._timer.start()
+
+    def _publish(self) -> None:
+        news, self._news = frozenset(self._news), set()
+        if news and self.stage is not None:
+            self.changed.emit(news)
+
+    def unpack(self, what: int | Iterable[int] = 1) -> None:
+        """Fly the next free objects out, or these."""
+        self._perform("unpack", what, on="stage")
+
+    def restore(self, what: int | Iterable[int] = 1) -> None:
+        """Fly the last unpacked objects back, or these."""
+        self._perform("restore", what, on="stage")
+
+    def restore_all(self) -> None:
+        """Fly everything back."""
+        if self.session is not None:
+            out = [i for i, state in self.session.states.items() if state.name in _OUTSIDE]
+            self._perform("restore", max(len(out), 1), on="stage")
+        else:
+            self._ask_for_a_session()
+
+    def inspect(self, object_id: int) -> None:
+        """Study one object alone."""
+        self._perform("inspect", object_id, on="stage")
+
+    def leave(self) -> None:
+        """Come back from studying an object."""
+        self._perform("leave", on="stage")
+
+    def recolor(self) -> None:
+        """Choose hues anew for this view."""
+        self._perform("recolor")
+
+    def hide(self, ids: Iterable[int]) -> None:
+        """Hide objects from the picture; nothing is edited."""
+        self._perform("hide", list(ids))
+
+    def show(self, ids: Iterable[int]) -> None:
+        """Show hidden objects again."""
+        self._perform("show", list(ids))
+
+    def isolate(self, ids: Iterable[int]) -> None:
+        """Show these objects alone."""
+        self._perform("isolate", list(ids))
+
+    def select(self, ids: Iterable[int]) -> None:
+        """Select these objects everywhere."""
+        self._perform("select", list(ids))
+
+    def undo(self) -> None:
+        """Take the last command back."""
+        self._perform("undo")
+
+    def redo(self) -> None:
+        """Do the command taken back once more."""
+        self._perform("redo")
+
+    def _perform(self, verb: str, *arguments: Any, on: str = "session") -> None:
+        if self.stage is None:
+            self._ask_for_a_session()
+            return
+        with notices.spoken():
+            getattr(self.stage if on == "stage" else self.session, verb)(*arguments)
+
+    def _ask_for_a_session(self) -> None:
+        notices.inform("Segment a volume first, or choose its labels: step 1 of Virtual Unpacking.")
+
+
+_OUTSIDE = frozenset({"UNPACKED", "FLYING_OUT", "INSPECTED"})
