@@ -23,6 +23,7 @@ from napari_unpack.rendering.shader_source import load
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
 
+WHOLE_SCREEN = ScreenPlace()
 RGBA = tuple[float, float, float, float]
 
 
@@ -60,7 +61,7 @@ class Card:
     """
 
     picture: Picture
-    place: Place = ScreenPlace()
+    place: Place = WHOLE_SCREEN
     opacity: float = 1.0
     silhouette: Silhouette | None = None
 
@@ -206,4 +207,4 @@ class CardsVisual(Visual):  # type: ignore[misc]
 
     def _compute_bounds(self, axis: int, view: Any) -> None:
         """Have no extent: cards never change what a camera frames."""
-        return None
+        return

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vispy.gloo import Texture2D
 
-NO_DEPTH = 1.0e30
-"""Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl."""
+from napari_unpack.rendering.framebuffer import NO_DEPTH
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 

@@ -1,0 +1,132 @@
+"""A GL context without a window: EGL, made on first use and then kept.
+
+It is made beside whatever vispy shows in the process (an application of its own, never
+`vispy.use`), and every use hands the previously current canvas back. PyOpenGL is bound to one
+platform when it is imported, so EGL can only be had where nothing else has bound it first: on a
+machine without a display, or under PYOPENGL_PLATFORM=egl. A desktop's napari draws in its own
+canvas instead and never needs this.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+
+class Offscreen:
+    """A headless canvas; get the process's one from `context()`.
+
+    Raises
+    ------
+    RuntimeError
+        If EGL cannot be had, with the reason.
+    """
+
+    def __init__(self) -> None:
+        from vispy import app
+        from vispy.gloo import gl
+
+        gl.use_gl("gl+")
+        self._app = app.Application("egl")
+        self.canvas: Any = app.Canvas(app=self._app, size=(1, 1), autoswap=False)
+        self._thread = threading.get_ident()
+        with self.use():
+            from OpenGL import GL
+
+            GL.glGetIntegerv(GL.GL_MAX_3D_TEXTURE_SIZE)
+            self.renderer = _text(GL.glGetString(GL.GL_RENDERER))
+            self.version = _text(GL.glGetString(GL.GL_VERSION))
+
+    @contextmanager
+    def use(self) -> Iterator[Any]:
+        """Make the context current inside the `with`, then hand back the canvas before it."""
+        from vispy.gloo.context import get_current_canvas
+
+        if threading.get_ident() != self._thread:
+            raise RuntimeError(
+                "the offscreen GL context belongs to the thread that first used it; "
+                "use that thread or the CPU backend"
+            )
+        previous = get_current_canvas()
+        self.canvas.set_current()
+        try:
+            yield self.canvas.context
+        finally:
+            self.canvas.context.flush_commands()
+            if previous is not None and previous is not self.canvas:
+                previous.set_current()
+
+
+def unavailable_because() -> str | None:
+    """Return why there is no offscreen GL here, in a sentence; None where there is."""
+    reason = _probe()[1]
+    if reason is None and threading.get_ident() != context()._thread:
+        return "the offscreen GL context belongs to another thread"
+    return reason
+
+
+def available() -> bool:
+    """Whether this thread can draw offscreen."""
+    return unavailable_because() is None
+
+
+def context() -> Offscreen:
+    """Return the process's offscreen context; raise `RuntimeError` with the reason if none."""
+    made, reason = _probe()
+    if made is None:
+        raise RuntimeError(f"no offscreen GL: {reason}")
+    return made
+
+
+def is_software() -> bool:
+    """Whether the driver draws on the CPU, so that the CPU backend is the better choice."""
+    return is_software_renderer(context().renderer)
+
+
+def is_software_renderer(name: str) -> bool:
+    """Whether a GL_RENDERER string names a software rasteriser."""
+    return any(word in name.lower() for word in ("llvmpipe", "softpipe", "swrast", "swiftshader"))
+
+
+@cache
+def _probe() -> tuple[Offscreen | None, str | None]:
+    reason = _claimed_by_another()
+    if reason is not None:
+        return None, reason
+    if not _has_display():
+        os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+        os.environ.setdefault("EGL_PLATFORM", "surfaceless")
+    try:
+        return Offscreen(), None
+    # Drivers, loaders and bindings fail in every way there is; each only means "not here".
+    except Exception as error:
+        return None, f"EGL failed: {error or type(error).__name__}"
+
+
+def _claimed_by_another() -> str | None:
+    if not sys.platform.startswith("linux"):
+        return f"EGL is not used on {sys.platform}"
+    wanted = os.environ.get("PYOPENGL_PLATFORM")
+    if wanted not in (None, "egl"):
+        return f"PYOPENGL_PLATFORM is {wanted}"
+    if wanted is None and _has_display():
+        return "a display is present, so PyOpenGL is left to its windows"
+    if wanted is None and "OpenGL.platform" in sys.modules:
+        return "PyOpenGL was imported before, for another platform"
+    default = getattr(sys.modules.get("vispy.app._default_app"), "default_app", None)
+    if default is not None and default.backend_name not in ("", "egl"):
+        return f"vispy draws in {default.backend_name} in this process"
+    return None
+
+
+def _has_display() -> bool:
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _text(value: bytes | str | None) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)

@@ -1,0 +1,62 @@
+"""Compiles our shaders at once, and says where they are wrong in our own files and lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from vispy import gloo
+
+from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.shader_source import ShaderSource, load
+
+
+class ShaderError(RuntimeError):
+    """A shader that this machine's driver does not accept."""
+
+
+def compiled(
+    fragment: str, defines: Mapping[str, object] | None = None, vertex: str = "fullscreen.vert"
+) -> gloo.Program:
+    """Compile and link one pass in the current context.
+
+    Parameters
+    ----------
+    fragment, vertex : str
+        Files under shaders/passes/.
+    defines : mapping, optional
+        Macros for both.
+
+    Returns
+    -------
+    vispy.gloo.Program
+        With a full-screen triangle strip bound where it takes `a_position`.
+
+    Raises
+    ------
+    ShaderError
+        With the driver's log, its line numbers turned into our files and lines.
+    RuntimeError
+        If no canvas is current.
+    """
+    vert, frag = load(f"passes/{vertex}", defines), load(f"passes/{fragment}", defines)
+    program = linked(vert, frag)
+    if "a_position" in program:
+        corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
+        program["a_position"] = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
+    return program
+
+
+def linked(vertex: ShaderSource, fragment: ShaderSource) -> gloo.Program:
+    """Compile and link two sources in the current context; see `compiled`."""
+    context = current_context()
+    context.flush_commands()
+    program = gloo.Program(vertex.code, fragment.code)
+    context.glir.associate(program.glir)
+    try:
+        context.flush_commands()
+    except RuntimeError as error:
+        log = str(error)
+        source = vertex if "VERTEX" in log.split(":", 1)[0] else fragment
+        raise ShaderError(f"{source.files[0]}: {source.explain(log)}") from error
+    return program
