@@ -14,6 +14,9 @@ from napari_unpack.rendering.visuals.cards import Card, Silhouette
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.session.pictures import Patch
 
+FRONT = -0.999
+"""Depth of what is before everything else, normalised device coordinates."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shot:
@@ -29,12 +32,15 @@ class Shot:
         The camera it was cast for.
     size : (int, int)
         Height and width of the whole picture, pixels.
+    in_front : bool
+        Draw it before everything else instead of where it is.
     """
 
     patch: Patch
     picture: Picture
     camera: Camera
     size: tuple[int, int]
+    in_front: bool = False
 
     @classmethod
     def of(cls, patch: Patch, camera: Camera, size: tuple[int, int]) -> Shot | None:
@@ -46,6 +52,8 @@ class Shot:
     def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
         """Return the card that shows it where it belongs under a camera."""
         place = picture_place(self.patch, self.camera, self.size, seen_by)
+        if self.in_front:
+            place = replace(place, ndc_depth=FRONT)
         return Card(self.picture, place, opacity)
 
 

@@ -1,0 +1,127 @@
+"""Work for other threads: the newest request of each kind, results back on the main thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+from qtpy.QtCore import QObject, Qt, Signal
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    lane: str
+    key: str
+    work: Callable[[], Any]
+    then: Callable[[Any], None]
+
+
+@dataclass(eq=False)
+class _Lane:
+    pool: ThreadPoolExecutor
+    running: _Job | None = None
+    waiting: dict[str, _Job] = field(default_factory=dict)
+
+
+class _Post(QObject):  # type: ignore[misc]
+    finished = Signal(object, object, object)
+
+
+class Jobs:
+    """Lanes of one thread each.
+
+    Parameters
+    ----------
+    lanes : tuple of str
+        Names. What is in one lane is done one after another, first asked first.
+    failed : callable
+        Told the text of an error in a job.
+
+    Notes
+    -----
+    A request replaces one of the same key that still waits. A job that already runs is finished
+    and its result delivered; whoever asked decides whether it is stale.
+    """
+
+    def __init__(self, lanes: tuple[str, ...], failed: Callable[[str], None]) -> None:
+        self._lanes = {
+            name: _Lane(ThreadPoolExecutor(1, thread_name_prefix=f"unpack-{name}"))
+            for name in lanes
+        }
+        self._failed = failed
+        self._closed = False
+        self._post = _Post()
+        self._post.finished.connect(self._on_finished, Qt.ConnectionType.QueuedConnection)
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything runs or waits."""
+        return any(lane.running or lane.waiting for lane in self._lanes.values())
+
+    def has(self, key: str) -> bool:
+        """Return whether a job of this key runs or waits."""
+        return any(
+            (lane.running is not None and lane.running.key == key) or key in lane.waiting
+            for lane in self._lanes.values()
+        )
+
+    def ask(
+        self, lane: str, key: str, work: Callable[[], Any], then: Callable[[Any], None]
+    ) -> None:
+        """Have work done in a lane.
+
+        Parameters
+        ----------
+        lane, key : str
+            Where, and what kind of request it is.
+        work : callable
+            Runs in the lane's thread; must touch neither Qt nor GL.
+        then : callable
+            Takes the result on the main thread.
+        """
+        if self._closed:
+            return
+        self._lanes[lane].waiting[key] = _Job(lane, key, work, then)
+        self._start(lane)
+
+    def drop(self, key: str) -> None:
+        """Forget what waits under a key."""
+        for lane in self._lanes.values():
+            lane.waiting.pop(key, None)
+
+    def close(self) -> None:
+        """Forget everything; what runs is finished and its result thrown away."""
+        self._closed = True
+        for lane in self._lanes.values():
+            lane.waiting.clear()
+            lane.pool.shutdown(wait=False, cancel_futures=True)
+
+    def _start(self, name: str) -> None:
+        lane = self._lanes[name]
+        if lane.running is not None or not lane.waiting or self._closed:
+            return
+        job = lane.running = lane.waiting.pop(next(iter(lane.waiting)))
+        lane.pool.submit(self._run, job)
+
+    def _run(self, job: _Job) -> None:
+        result, error = None, None
+        try:
+            result = job.work()
+        except Exception as caught:
+            error = caught
+        if not self._closed:
+            self._post.finished.emit(job, result, error)
+
+    def _on_finished(self, job: _Job, result: Any, error: Exception | None) -> None:
+        if self._closed:
+            return
+        self._lanes[job.lane].running = None
+        try:
+            if error is None:
+                job.then(result)
+            else:
+                self._failed(f"{job.key}: {error}")
+        finally:
+            self._start(job.lane)

@@ -1,0 +1,201 @@
+"""When the packed picture is cast again, how finely, and where: the cached layer of section 5.3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from time import perf_counter
+from typing import Any
+
+from qtpy.QtCore import QTimer
+
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.packed_window import recast_objects
+from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.picture_cache import Crop, PictureCache
+from napari_unpack.session.pictures import packed_patch
+
+MOVING_RAYS = 384
+FEWEST_RAYS = 160
+FRAME_SECONDS = 0.085
+REST_MS = 120
+
+
+class PackedPainter:
+    """Keeps the packed layer's picture right with as few passes as can be.
+
+    Parameters
+    ----------
+    session : Session
+        What is packed.
+    jobs : Jobs
+        With the lanes "quick" (while something moves) and "fine" (at rest).
+    show : callable
+        Given a `Shot`, or None where nothing of the bag is in view.
+    backend : callable
+        Returns the backend to cast with.
+
+    Attributes
+    ----------
+    passes : int
+        Castings of the packed picture so far, coarse, fine and partial.
+
+    Notes
+    -----
+    While the camera moves the picture has about 384 rays on its short side, as many as keep ten
+    frames a second, then all of them once the camera rests. The picture before stays until the
+    next one is there. An object that leaves or comes back recasts its own window alone.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        jobs: Jobs,
+        show: Callable[[Shot | None], None],
+        backend: Callable[[], str],
+    ) -> None:
+        self.passes = 0
+        self._session, self._jobs, self._show, self._backend = session, jobs, show, backend
+        self._frame: Frame | None = None
+        self._state = 0
+        self._shot: Shot | None = None
+        self._finest: tuple[Frame, int] | None = None
+        self._rays = float(MOVING_RAYS)
+        self._touched: set[int] = set()
+        self._crop: Crop | None = None
+        self._rest = QTimer()
+        self._rest.setSingleShot(True)
+        self._rest.setInterval(REST_MS)
+        self._rest.timeout.connect(self._ask_fine)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the picture is full and right for what the canvas shows."""
+        return self._frame is None or self._is_fine()
+
+    def look(self, frame: Frame) -> None:
+        """Take note of what the canvas shows now."""
+        if not frame.same_as(self._frame):
+            self._frame = frame
+            self._ask_coarse()
+
+    def recast(self) -> None:
+        """Cast again since the look of everything has changed."""
+        self._state += 1
+        if self._frame is not None:
+            self._ask_coarse()
+
+    def refine(self) -> None:
+        """Cast again since colours have changed, without a coarse picture between."""
+        self._state += 1
+        if self._frame is not None:
+            self._ask_fine()
+
+    def recast_objects(self, ids: Iterable[int]) -> None:
+        """Cast again where some objects are, since they have left, come back or changed."""
+        before, self._state = self._state, self._state + 1
+        self._touched |= set(ids)
+        frame, shot = self._frame, self._shot
+        if frame is None or not self._touched:
+            return
+        whole = shot is not None and self._finest is not None
+        if not whole or self._finest != (frame, before):
+            self._ask_coarse()
+            return
+        touched, state = frozenset(self._touched), self._state
+        self._finest = (frame, state)
+        self._jobs.ask("quick", "packed window", lambda: self._window(shot, touched), self._patched)
+
+    def close(self) -> None:
+        """Stop asking for pictures."""
+        self._rest.stop()
+        self._frame = None
+
+    def _is_fine(self) -> bool:
+        return self._finest == (self._frame, self._state) and not self._touched
+
+    def _window(
+        self, shot: Shot | None, touched: frozenset[int]
+    ) -> tuple[Shot | None, frozenset[int]]:
+        self.passes += 1
+        if shot is None:
+            return None, touched
+        if self._crop is None or self._crop.labels is not self._session.display_labels:
+            self._crop = PictureCache(self._session).whole()
+        return recast_objects(self._session, self._crop, shot, touched, self._backend()), touched
+
+    def _patched(self, result: tuple[Shot | None, frozenset[int]]) -> None:
+        shot, touched = result
+        if self._finest is not None and self._finest[0] is self._frame:
+            self._touched -= touched
+            self._shot = shot
+            self._show(shot)
+
+    def _ask_coarse(self) -> None:
+        frame, state = self._frame, self._state
+        if frame is None:
+            return
+        self._finest = None
+        self._touched.clear()
+        self._rest.start()
+        short = min(frame.size)
+        share = min(1.0, self._rays / short)
+        size = max(1, round(frame.size[0] * share)), max(1, round(frame.size[1] * share))
+        step = 1.0 if share == 1.0 else 1.5
+        self._jobs.ask(
+            "quick",
+            "packed",
+            lambda: self._cast(frame, size, step),
+            lambda result: self._coarse_done(result, frame, state, share == 1.0),
+        )
+
+    def _coarse_done(
+        self, result: tuple[Shot | None, float], frame: Frame, state: int, whole: bool
+    ) -> None:
+        shot, seconds = result
+        change = (FRAME_SECONDS / max(seconds, 1e-3)) ** 0.5
+        self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
+        self._rays = min(self._rays, max(MOVING_RAYS, min(frame.size)))
+        if self._finest is not None and self._finest[0] is self._frame:
+            return
+        self._shot = shot
+        if whole and frame is self._frame and state == self._state:
+            self._finest = (frame, state)
+            self._rest.stop()
+        self._show(shot)
+
+    def _ask_fine(self) -> None:
+        frame, state = self._frame, self._state
+        if frame is None or self._is_fine():
+            return
+        self._touched.clear()
+        self._rest.stop()
+        self._jobs.ask(
+            "fine",
+            "packed",
+            lambda: self._cast(frame, frame.size, 1.0),
+            lambda result: self._fine_done(result[0], frame, state),
+        )
+
+    def _fine_done(self, shot: Shot | None, frame: Frame, state: int) -> None:
+        if frame is not self._frame:
+            return
+        if state != self._state:
+            self._ask_fine()
+            return
+        self._shot, self._finest = shot, (frame, state)
+        self._show(shot)
+
+    def _cast(self, frame: Frame, size: tuple[int, int], step: float) -> tuple[Shot | None, float]:
+        self.passes += 1
+        began = perf_counter()
+        shot = cast_packed(self._session, frame.camera, size, step, self._backend())
+        return shot, perf_counter() - began
+
+
+def cast_packed(
+    session: Any, camera: Camera, size: tuple[int, int], step: float, backend: str
+) -> Shot | None:
+    """Cast the packed picture; for worker threads."""
+    return Shot.of(packed_patch(session, camera, size, step, backend), camera, size)
