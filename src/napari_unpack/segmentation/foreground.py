@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -82,7 +83,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     return Levels(air, noise, min(low, high), high)
 
 
-def foreground(volume: NDArray[np.generic], levels: Levels) -> NDArray[np.bool_]:
+def foreground(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
     """Return the voxels of matter.
 
     Parameters

@@ -141,10 +141,10 @@ def _carry_back(
     depth: NDArray[np.float32],
     factor: int,
 ) -> NDArray[np.int32]:
-    sides = np.zeros(mask.size, np.int32)
-    sides[sweep.order[: k + 1]] = 1
-    sides[sweep.order[k + 1 :]] = 2
-    sides = sides.reshape(mask.shape)
+    flat = np.zeros(mask.size, np.int32)
+    flat[sweep.order[: k + 1]] = 1
+    flat[sweep.order[k + 1 :]] = 2
+    sides: NDArray[np.int32] = flat.reshape(mask.shape)
     if factor == 1:
         return sides
     for axis in range(3):

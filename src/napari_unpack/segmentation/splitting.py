@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from napari_unpack.segmentation.convexity import solidity
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.shape_cuts import Cut, shape_cuts
 
@@ -26,6 +27,8 @@ class SplitRule:
         Without an oracle a cut is taken when its neck is at most this.
     compactness : float
         And when its area over volume^(2/3) of the smaller side is at most this.
+    convexity : float
+        And when the parts' volume-weighted mean solidity exceeds the whole's by this.
     gain : float
         With an oracle a cut is taken when the parts' volume-weighted mean confidence exceeds
         the whole's by this.
@@ -34,6 +37,7 @@ class SplitRule:
     smallest: float = 1000.0
     neck: float = 0.65
     compactness: float = 1.2
+    convexity: float = 0.05
     gain: float = 0.05
 
 
@@ -105,4 +109,10 @@ def _is_neck(region: Region, cut: Cut, rule: SplitRule) -> bool:
     counts = np.bincount(cut.parts.reshape(-1))[1:]
     smaller = min(float(counts[0]), float(counts.sum() - counts[0])) * region.voxel_volume
     compactness = cut.ratio * smaller ** (1 / 3)
-    return cut.neck <= rule.neck and compactness <= rule.compactness
+    if cut.neck > rule.neck or compactness > rule.compactness:
+        return False
+    whole = solidity(region.mask, region.spacing)
+    if whole > 1 - rule.convexity:
+        return False
+    parts = [solidity(part.mask, part.spacing) for part in parts_of(region, cut)]
+    return float(np.average(parts, weights=counts)) - whole >= rule.convexity

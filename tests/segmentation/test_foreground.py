@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from phantoms import ball, box, scanned
+
+from napari_unpack.segmentation.checks import checked_spacing, checked_volume
+from napari_unpack.segmentation.foreground import find_levels, foreground, peel
+from napari_unpack.segmentation.supports import find_supports
+
+SHAPE = (32, 40, 48)
+
+
+def bag():
+    labels = np.zeros(SHAPE, np.int32)
+    labels[ball(SHAPE, (16, 14, 14), 9)] = 1
+    labels[box(SHAPE, (8, 8, 28), (24, 30, 42))] = 2
+    return labels, scanned(labels, {1: 400, 2: 2500})
+
+
+@pytest.mark.parametrize(
+    ("convert", "name"),
+    [
+        (lambda v: v, "uint16"),
+        (lambda v: (v / 12).astype(np.uint8), "uint8"),
+        (lambda v: v.astype(np.int16) - 1000, "Hounsfield"),
+        (lambda v: v.astype(np.float32) * 1e-4, "attenuation"),
+        (lambda v: v.astype(np.float64) * 1e5 - 7e7, "large floats"),
+    ],
+)
+def test_cloth_and_metal_are_both_foreground_at_any_scale(convert, name):
+    labels, volume = bag()
+    scaled = convert(volume)
+    found = foreground(scaled, find_levels(scaled))
+    for k in (1, 2):
+        assert (found & (labels == k)).sum() > 0.93 * (labels == k).sum(), name
+    assert (found & (labels == 0)).sum() < 0.25 * (labels > 0).sum()
+
+
+def test_nan_is_background():
+    labels, volume = bag()
+    broken = volume.astype(np.float32)
+    broken[labels == 2] = np.nan
+    found = foreground(broken, find_levels(broken))
+    assert not found[labels == 2].any()
+    assert found[labels == 1].mean() > 0.9
+
+
+def test_weak_matter_counts_only_where_it_is_connected_to_strong():
+    from napari_unpack.segmentation.foreground import Levels
+
+    volume = np.array([[[0, 5, 9, 5, 0, 5, 5, 0]]])
+    found = foreground(volume, Levels(0, 1, 5, 9))
+    np.testing.assert_array_equal(found[0, 0], [0, 1, 1, 1, 0, 0, 0, 0])
+
+
+def test_peeling_takes_the_blurred_fringe_of_metal_and_leaves_thin_cloth():
+    row = np.zeros((3, 3, 12))
+    row[:, :, 1:9] = [100, 400, 1000, 1000, 1000, 400, 100, 0]
+    row[:, :, 10] = 120
+    kept = peel(row > 50, row, 0.0)[1, 1]
+    np.testing.assert_array_equal(np.flatnonzero(kept), [3, 4, 5, 10])
+
+
+def test_a_table_under_the_bag_is_found_and_the_bag_is_not():
+    matter = np.zeros((100, 120, 160), bool)
+    across = np.arange(160)
+    table = (80 + (across - 80) ** 2 / 400).astype(int)
+    for x in range(5, 155):
+        matter[:, table[x] : table[x] + 4, x] = True
+    bag_mask = box(matter.shape, (20, 30, 40), (80, 81, 120)) & ~matter
+    found = find_supports(matter | bag_mask, (2.0, 2.0, 2.0))
+    assert found[matter].mean() > 0.95
+    assert found[bag_mask].mean() < 0.08
+
+
+def test_one_object_that_fills_the_volume_is_not_a_table():
+    assert not find_supports(np.ones((80, 100, 100), bool), (2.0, 2.0, 2.0)).any()
+
+
+@pytest.mark.parametrize(
+    ("volume", "words"),
+    [
+        (np.zeros((4, 4)), "3 axes"),
+        (np.zeros((0, 4, 4)), "empty"),
+        (np.full((4, 4, 4), 7), "constant"),
+        (np.full((4, 4, 4), np.nan), "no finite value"),
+        (np.zeros((1, 1, 1)), "constant"),
+    ],
+)
+def test_an_unusable_volume_is_refused_with_a_sentence(volume, words):
+    with pytest.raises(ValueError, match=words):
+        checked_volume(volume)
+
+
+def test_a_volume_of_words_is_a_type_error():
+    with pytest.raises(TypeError, match="real numbers"):
+        checked_volume(np.full((2, 2, 2), "a"))
+
+
+@pytest.mark.parametrize("spacing", [(0, 1, 1), (1, -1, 1), (1, 1), (np.nan, 1, 1), 1.0])
+def test_a_spacing_that_is_not_three_positive_numbers_is_refused(spacing):
+    with pytest.raises(ValueError, match="spacing must be three positive"):
+        checked_spacing(spacing)

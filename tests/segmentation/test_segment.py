@@ -1,0 +1,161 @@
+import numpy as np
+import pytest
+from phantoms import box, packed, scanned, two_balls
+
+from napari_unpack.segmentation import score, segment
+from napari_unpack.segmentation.splitting import SplitRule
+
+
+def test_two_overlapping_balls_of_one_material_become_two_objects():
+    truth = two_balls()
+    found = segment(scanned(truth, {1: 1000, 2: 1000}))
+    result = score(truth, found.labels)
+    assert result["found_objects"] == 2
+    # Dice 0.98 is IoU 0.961.
+    assert result["mean_iou"] >= 0.961
+
+
+def test_two_boxes_that_share_a_whole_face_come_apart_by_their_densities():
+    shape = (40, 40, 70)
+    truth = np.zeros(shape, np.int32)
+    truth[box(shape, (8, 8, 8), (32, 32, 34))] = 1
+    truth[box(shape, (8, 8, 34), (32, 32, 60))] = 2
+    found = segment(scanned(truth, {1: 900, 2: 1250}))
+    assert score(truth, found.labels)["f1_75"] == 1.0
+    assert found.objects.mean_density.round(-2).tolist() == [1200, 900] or set(
+        found.objects.mean_density.round(-2)
+    ) == {900, 1200}
+
+
+def test_a_bottle_with_its_liquid_and_air_is_one_object():
+    shape = (56, 40, 40)
+    grid = np.indices(shape)
+    radius = np.hypot(grid[1] - 20, grid[2] - 20)
+    solid = (radius <= 15) & (grid[0] >= 6) & (grid[0] < 50)
+    inside = (radius <= 12) & (grid[0] >= 9) & (grid[0] < 47)
+    labels = np.zeros(shape, np.int32)
+    labels[solid] = 1
+    labels[inside] = 2
+    labels[inside & (grid[0] < 20)] = 0
+    found = segment(scanned(labels, {1: 1900, 2: 1000}))
+    assert len(found.objects) == 1
+
+
+def test_a_long_rod_and_a_hollow_box_stay_whole():
+    shape = (60, 60, 120)
+    truth = np.zeros(shape, np.int32)
+    truth[box(shape, (5, 5, 5), (15, 15, 115))] = 1
+    truth[box(shape, (25, 10, 20), (55, 55, 100))] = 2
+    truth[box(shape, (29, 14, 24), (51, 51, 96))] = 0
+    found = segment(scanned(truth, {1: 1000, 2: 900}))
+    assert score(truth, found.labels)["f1_75"] == 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_packed_superquadrics_are_found_well(seed):
+    truth, densities = packed(seed)
+    result = score(truth, segment(scanned(truth, densities, seed=seed)).labels)
+    assert result["f1"] >= 0.85
+    assert result["voi"] <= 0.4
+
+
+def test_the_table_of_objects_tells_what_was_put_in():
+    shape = (40, 50, 60)
+    spacing = (2.0, 1.0, 0.5)
+    truth = box(shape, (10, 10, 10), (20, 30, 50)).astype(np.int32)
+    found = segment(scanned(truth, {1: 1000}, noise=5, blur=0.01), spacing)
+    (row,) = found.objects.itertuples()
+    assert row.Index == 1
+    assert row.voxels == 8000
+    assert row.volume_mm3 == pytest.approx(8000.0)
+    assert row.mean_density == pytest.approx(1000, abs=2)
+    assert (row.z, row.y, row.x) == pytest.approx((14.5 * 2, 19.5, 29.5 * 0.5))
+    # A box of 20 x 20 x 20 mm: 6 * 400 / 8000.
+    assert row.isoperimetric_ratio == pytest.approx(0.3)
+    assert 0 <= row.confidence <= 1
+    assert found.labels.dtype == np.int32
+
+
+def test_ids_run_from_the_largest_object_to_the_smallest_without_gaps():
+    truth, densities = packed(3, (64, 64, 64), 6, 12)
+    found = segment(scanned(truth, densities))
+    counts = np.bincount(found.labels.reshape(-1))[1:]
+    assert (counts > 0).all()
+    assert (np.diff(counts) <= 0).all()
+    assert found.objects.index.tolist() == list(range(1, len(counts) + 1))
+
+
+def test_the_same_volume_gives_the_same_labels():
+    truth, densities = packed(4, (64, 64, 64), 6, 12)
+    volume = scanned(truth, densities)
+    np.testing.assert_array_equal(segment(volume).labels, segment(volume).labels)
+
+
+def test_specks_are_dropped_and_ten_thousand_of_them_do_not_hang():
+    shape = (80, 80, 80)
+    volume = np.random.default_rng(0).normal(0, 10, shape)
+    volume[::4, ::4, ::4] = 1000
+    volume[30:60, 30:60, 30:60] = 1000
+    found = segment(volume)
+    assert len(found.objects) == 1
+    assert found.objects.voxels[1] == pytest.approx(27000, rel=0.02)
+
+
+def test_one_object_that_fills_all_but_a_corner_is_one_object():
+    volume = np.full((24, 24, 24), 1000.0)
+    volume[:2, :2, :2] = 0
+    assert len(segment(volume).objects) == 1
+
+
+def test_a_volume_with_only_specks_says_what_to_do():
+    volume = np.zeros((20, 20, 20))
+    volume[10, 10, 10] = 1000
+    with pytest.raises(ValueError, match="smallest="):
+        segment(volume)
+
+
+def test_progress_rises_to_one_and_raising_in_it_cancels():
+    truth = two_balls()
+    volume = scanned(truth, {1: 1000, 2: 1000})
+    heard = []
+    segment(volume, progress=lambda fraction, text: heard.append((fraction, text)))
+    fractions = [fraction for fraction, _ in heard]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert all(text for _, text in heard)
+
+    def cancel(fraction, text):
+        if text.startswith("Splitting"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        segment(volume, progress=cancel)
+
+
+def test_an_oracle_decides_about_cuts_and_gives_the_confidence():
+    volume = scanned(two_balls(), {1: 1000, 2: 1000})
+    asked = []
+
+    def likes_them_large(region):
+        asked.append(region.voxels)
+        return min(region.voxels / 40_000, 1.0)
+
+    whole = segment(volume, oracle=likes_them_large, rule=SplitRule(gain=0.01))
+    assert len(whole.objects) == 1
+    assert len(asked) > 2
+    assert whole.objects.confidence[1] == pytest.approx(min(max(asked) / 40_000, 1.0), rel=0.01)
+    apart = segment(volume, oracle=lambda region: 1.0 if region.voxels < 25_000 else 0.0)
+    assert len(apart.objects) == 2
+
+
+@pytest.mark.parametrize(
+    "volume", [np.zeros((3, 3)), np.zeros((3, 3, 3)), np.full((3, 3, 3), np.nan)]
+)
+def test_bad_volumes_are_refused(volume):
+    with pytest.raises(ValueError, match="volume"):
+        segment(volume)
+
+
+def test_bad_spacing_is_refused():
+    with pytest.raises(ValueError, match="spacing"):
+        segment(np.arange(27.0).reshape(3, 3, 3), (1, 0, 1))
