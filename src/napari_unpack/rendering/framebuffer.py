@@ -28,9 +28,14 @@ class Target:
         Height and width, pixels.
     channels : tuple of int
         1 (red) or 4 (RGBA) for each attachment, in the order of gl_FragData.
+    smooth : bool
+        Whether the RGBA ones are filtered linearly when they are shown enlarged. Never for IDs:
+        even at texel centres linear filtering is not exact.
     """
 
-    def __init__(self, size: tuple[int, int], channels: tuple[int, ...] = (4,)) -> None:
+    def __init__(
+        self, size: tuple[int, int], channels: tuple[int, ...] = (4,), smooth: bool = False
+    ) -> None:
         from OpenGL import GL
 
         self.size = (int(size[0]), int(size[1]))
@@ -40,7 +45,7 @@ class Target:
                 (*self.size, n),
                 format="rgba" if n == 4 else "red",
                 internalformat="rgba32f" if n == 4 else "r32f",
-                interpolation="linear" if n == 4 else "nearest",
+                interpolation="linear" if smooth and n == 4 else "nearest",
             )
             for n in channels
         )
@@ -108,8 +113,11 @@ class Targets:
         How many were ever made.
     """
 
-    def __init__(self, channels: tuple[int, ...] = (4,), keep: int = 3) -> None:
+    def __init__(
+        self, channels: tuple[int, ...] = (4,), keep: int = 3, smooth: bool = False
+    ) -> None:
         self.made = 0
+        self._smooth = smooth
         self._channels = channels
         self._keep = keep
         self._kept: dict[tuple[int, int], Target] = {}
@@ -118,7 +126,7 @@ class Targets:
         """Return the target of a size, made now or earlier; the oldest beyond `keep` goes."""
         target = self._kept.pop(size, None)
         if target is None:
-            target = Target(size, self._channels)
+            target = Target(size, self._channels, self._smooth)
             self.made += 1
         self._kept[size] = target
         while len(self._kept) > self._keep:

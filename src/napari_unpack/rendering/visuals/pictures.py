@@ -32,7 +32,8 @@ class Picture:
         self.uploads = 0
         self._color: PictureArray | Texture2D
         self._depth: NDArray[np.float32] | Texture2D | None
-        self._old: tuple[Texture2D | None, Texture2D | None] = (None, None)
+        # Textures made here may be written to again; those of a pass may not.
+        self._own: dict[str, Texture2D] = {}
         self._color, self._depth = _checked(color, depth)
 
     @property
@@ -49,38 +50,33 @@ class Picture:
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
         """Replace the contents, in place where size and type stay."""
-        old = tuple(
-            t if isinstance(t, Texture2D) else o
-            for t, o in zip((self._color, self._depth), self._old, strict=True)
-        )
         self._color, self._depth = _checked(color, depth)
-        self._old = (old[0], old[1])
 
     def textures(self) -> tuple[Texture2D, Texture2D | None]:
         """Return the colour and depth textures, uploading what is new."""
         if not isinstance(self._color, Texture2D):
-            self._color = self._uploaded(self._color, self._old[0], "linear")
+            self._color = self._uploaded("color", self._color)
         if self._depth is not None and not isinstance(self._depth, Texture2D):
             depth = np.where(self._depth < NO_DEPTH, self._depth, np.float32(NO_DEPTH))
-            self._depth = self._uploaded(depth, self._old[1], "nearest")
+            self._depth = self._uploaded("depth", depth)
         return self._color, self._depth
 
-    def _uploaded(
-        self, array: PictureArray, old: Texture2D | None, interpolation: str
-    ) -> Texture2D:
+    def _uploaded(self, role: str, array: PictureArray) -> Texture2D:
         self.uploads += 1
-        channels = 1 if array.ndim == 2 else array.shape[2]
-        suffix = "8" if array.dtype == np.uint8 else "32f"
-        internal = ("r" if channels == 1 else "rgba") + suffix
-        if old is not None and old.shape[:2] == array.shape[:2] and old.internalformat == internal:
-            old.set_data(array)
-            return old
-        return Texture2D(
-            array,
-            format="red" if channels == 1 else "rgba",
-            internalformat=internal,
-            interpolation=interpolation,
-        )
+        base = "rgba" if role == "color" else "r"
+        internal = base + ("8" if array.dtype == np.uint8 else "32f")
+        own = self._own.get(role)
+        if own is not None and own.shape[:2] == array.shape[:2] and own.internalformat == internal:
+            own.set_data(array)
+        else:
+            own = Texture2D(
+                array,
+                format="rgba" if role == "color" else "red",
+                internalformat=internal,
+                interpolation="linear" if role == "color" else "nearest",
+            )
+            self._own[role] = own
+        return own
 
 
 def _checked(

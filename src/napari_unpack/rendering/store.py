@@ -1,0 +1,70 @@
+"""One pair of volumes, and its textures in every GL context that asks."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from vispy.gloo.context import GLShared
+
+from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.textures import Density, VolumeTextures
+
+
+class VolumeStore:
+    """Labels and density on their way to the GPU; what the three layers share.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs. Not to be changed in place; see `set_labels`.
+    volume : (Z, Y, X) ndarray of uint16 or float32, optional
+        Density.
+    largest : int, optional
+        Longest side of a texture, for tests; by default the driver's.
+
+    Attributes
+    ----------
+    version : int
+        Grows when the volumes change, so that casters know.
+    """
+
+    def __init__(
+        self,
+        labels: NDArray[np.uint16],
+        volume: Density | None = None,
+        largest: int | None = None,
+    ) -> None:
+        self.version = 0
+        self._labels, self._volume, self._largest = labels, volume, largest
+        self._made: WeakKeyDictionary[GLShared, VolumeTextures] = WeakKeyDictionary()
+
+    @property
+    def uploads(self) -> int:
+        """Textures sent so far, in all contexts."""
+        return sum(textures.uploads for textures in self._made.values())
+
+    @property
+    def notice(self) -> str | None:
+        """What to tell the user, if the volume is drawn coarser than it is somewhere."""
+        return next((t.notice for t in self._made.values() if t.notice), None)
+
+    def here(self) -> VolumeTextures:
+        """Return the textures of the current context, uploading them the first time."""
+        shared = current_context().shared
+        if shared not in self._made:
+            self._made[shared] = VolumeTextures(self._labels, self._volume, self._largest)
+        return self._made[shared]
+
+    def set_labels(self, labels: NDArray[np.uint16]) -> None:
+        """Take over other labels of the same shape; the density stays where it is.
+
+        Call it where a context is current if there is only one; others are sent on their turn.
+        """
+        if labels.shape != self._labels.shape:
+            raise ValueError(f"labels must be {self._labels.shape} as before, got {labels.shape}")
+        self._labels = labels
+        self.version += 1
+        for textures in self._made.values():
+            textures.set_labels(labels)

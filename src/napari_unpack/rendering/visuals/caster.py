@@ -1,0 +1,134 @@
+"""Ray casting inside a live canvas: the cached picture behind a card."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.rays import Rays
+from napari_unpack.rendering.framebuffer import Targets
+from napari_unpack.rendering.store import VolumeStore
+from napari_unpack.rendering.tinted_pass import Look, TintedPass
+from napari_unpack.rendering.visuals.pictures import Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """All that a tinted picture depends on besides the volumes."""
+
+    rays: Rays
+    look: Look
+    occupied: NDArray[np.bool_] | None
+    jitter: bool
+    clipping: ArrayLike | None
+    version: int
+
+    def same_as(self, other: Inputs | None) -> bool:
+        """Whether the other would give the same picture."""
+        if other is None:
+            return False
+        return all(_equal(a, b) for a, b in zip(self._parts(), other._parts(), strict=True))
+
+    def _parts(self) -> list[Any]:
+        rays, look = self.rays, self.look
+        return [
+            *(rays.table, rays.size, rays.step, rays.near),
+            *(look.spacing, look.table, look.domain, look.tints, look.shading),
+            # Occupancy follows from the look and only saves time.
+            *(
+                self.version,
+                self.jitter,
+                np.zeros((0, 2, 3)) if self.clipping is None else self.clipping,
+            ),
+        ]
+
+
+class TintedCaster:
+    """Cast the tinted picture in the current canvas's context, and only when something changed.
+
+    Parameters
+    ----------
+    store : VolumeStore
+        The volumes, shared with other casters.
+
+    Attributes
+    ----------
+    picture : Picture or None
+        The last picture, for a `Card`; the same object for life, its textures change.
+    passes : int
+        How often rays were cast.
+
+    Notes
+    -----
+    To be used where the canvas's context is current, as in `CardsVisual.before_draw`. Frame
+    buffer and viewport are as before afterwards; blending and depth test are off, which
+    `CardsVisual` and vispy's visuals set for themselves. One caster serves one context.
+    """
+
+    def __init__(self, store: VolumeStore) -> None:
+        self.store = store
+        self.picture: Picture | None = None
+        self._targets = Targets(TintedPass.channels, smooth=True)
+        self._pass: TintedPass | None = None
+        self._last: Inputs | None = None
+
+    @property
+    def passes(self) -> int:
+        """How often rays were cast."""
+        return 0 if self._pass is None else self._pass.passes
+
+    @property
+    def targets_made(self) -> int:
+        """How many frame buffers were made, one a size."""
+        return self._targets.made
+
+    def mark_dirty(self) -> None:
+        """Cast at the next chance whatever the inputs."""
+        self._last = None
+
+    def cast(
+        self,
+        rays: Rays,
+        look: Look,
+        occupied: NDArray[np.bool_] | None = None,
+        jitter: bool = False,
+        clipping: ArrayLike | None = None,
+    ) -> Picture:
+        """Return the picture of these inputs, casting rays unless it is the last one still.
+
+        Parameters
+        ----------
+        rays, look, occupied, jitter, clipping
+            As in `TintedPass.draw`.
+
+        Returns
+        -------
+        Picture
+            Colour and depth textures of the rays' size.
+        """
+        inputs = Inputs(rays, look, occupied, jitter, clipping, self.store.version)
+        if self.picture is not None and inputs.same_as(self._last):
+            return self.picture
+        if self._pass is None:
+            self._pass = TintedPass()
+        target = self._targets.get(rays.size)
+        self._pass.draw(target, self.store.here(), rays, look, occupied, jitter, clipping)
+        self._last = inputs
+        if self.picture is None:
+            self.picture = Picture(*target.textures)
+        else:
+            self.picture.update(*target.textures)
+        return self.picture
+
+    def close(self) -> None:
+        """Free the frame buffers; the volumes stay with the store."""
+        self._targets.clear()
+        self.picture = None
+        self._last = None
+
+
+def _equal(a: Any, b: Any) -> bool:
+    return a is b or bool(np.array_equal(np.asarray(a), np.asarray(b)))
