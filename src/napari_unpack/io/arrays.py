@@ -1,0 +1,75 @@
+"""numpy's own files: .npz with `volume`, `labels` and `spacing`, and bare .npy arrays."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.scan import (
+    Scan,
+    Spacing,
+    checked_label_array,
+    checked_spacing,
+    checked_volume_array,
+)
+
+
+def read_npz(path: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing]:
+    """Read what an .npz archive holds.
+
+    Returns
+    -------
+    volume, labels : (Z, Y, X) ndarray or None
+        None where there is no such key; not both.
+    spacing : (float, float, float)
+        mm, z y x; 1 where the archive does not say.
+
+    Raises
+    ------
+    ValueError
+        If the file is broken or holds neither key.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {
+                key: archive[key] for key in ("volume", "labels", "spacing") if key in archive
+            }
+            keys = list(archive)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+        raise ValueError(f"{path} is not a readable .npz archive: {error}") from error
+    if not {"volume", "labels"} & arrays.keys():
+        raise ValueError(f"{path} must hold an array 'volume' or 'labels', got {keys}")
+    volume, labels = arrays.get("volume"), arrays.get("labels")
+    if volume is not None:
+        volume = checked_volume_array(volume, f"'volume' of {path}")
+    if labels is not None:
+        labels = checked_label_array(labels, f"'labels' of {path}")
+    if volume is not None and labels is not None and volume.shape != labels.shape:
+        raise ValueError(
+            f"'volume' and 'labels' of {path} must have one shape, "
+            f"got {volume.shape} and {labels.shape}"
+        )
+    return volume, labels, checked_spacing(arrays.get("spacing", np.ones(3)), path)
+
+
+def write_npz(path: Path, scan: Scan) -> None:
+    """Write a scan as a compressed .npz archive."""
+    arrays = {"volume": scan.volume, "spacing": np.asarray(scan.spacing)}
+    if scan.labels is not None:
+        arrays["labels"] = scan.labels
+    with written_whole(path) as temporary:
+        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
+
+
+def read_npy(path: Path) -> NDArray[Any]:
+    """Read a bare array; raise `ValueError` if the file is broken."""
+    try:
+        array: NDArray[Any] = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise ValueError(f"{path} is not a readable .npy array: {error}") from error
+    return array

@@ -1,0 +1,64 @@
+"""Pictures as PNG files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.io.atomic import written_whole
+
+
+def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
+    """Convert a premultiplied picture to the straight bytes that files hold.
+
+    Parameters
+    ----------
+    image : (H, W, 4) or (H, W, 3) ndarray of float
+        Premultiplied, from 0 to 1.
+
+    Returns
+    -------
+    (H, W, 4) or (H, W, 3) ndarray of uint8
+
+    Raises
+    ------
+    ValueError
+        If it is not a colour picture.
+    """
+    picture = np.asarray(image, dtype=np.float32)
+    if picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        raise ValueError(f"image must be (H, W, 3) or (H, W, 4), got shape {picture.shape}")
+    if picture.shape[2] == 4:
+        alpha = picture[..., 3:]
+        color = np.divide(
+            picture[..., :3], alpha, where=alpha > 0, out=np.zeros_like(picture[..., :3])
+        )
+        picture = np.concatenate([color, alpha], axis=2)
+    return np.rint(np.clip(picture, 0.0, 1.0) * 255).astype(np.uint8)
+
+
+def save_png(image: NDArray[Any], path: str | Path) -> Path:
+    """Write a picture as PNG.
+
+    Parameters
+    ----------
+    image : (H, W, 4) or (H, W, 3) ndarray
+        Premultiplied floats from 0 to 1, or straight uint8.
+    path : str or Path
+        The file; its folder must exist.
+
+    Returns
+    -------
+    Path
+        What was written.
+    """
+    import imageio.v3 as iio
+
+    target = Path(path)
+    pixels = image if image.dtype == np.uint8 else straight_bytes(image)
+    with written_whole(target) as temporary:
+        iio.imwrite(temporary, pixels, extension=".png")
+    return target

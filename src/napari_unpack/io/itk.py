@@ -1,0 +1,70 @@
+"""NIfTI, MetaImage and NRRD through SimpleITK."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.optional import needed
+from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
+
+ORIENTATION = "LPI"
+"""x to the left, y to the back, z to the feet: with z towards the viewer, y down and x right,
+as napari draws, nothing is mirrored, and the table is below."""
+
+
+def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
+    """Read a volume and its voxel size.
+
+    Parameters
+    ----------
+    path : Path
+        .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr.
+
+    Returns
+    -------
+    volume : (Z, Y, X) ndarray
+        As stored, where the file gives no axis directions (the identity); else with its axes
+        turned to `ORIENTATION` by flips and swaps, never by interpolation.
+    spacing : (float, float, float)
+        mm, z y x.
+
+    Raises
+    ------
+    ValueError
+        If the file is broken or not a 3D volume of real numbers.
+    ImportError
+        If SimpleITK is missing.
+    """
+    sitk = needed("SimpleITK", "SimpleITK", f"reading {path.suffix} files")
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    try:
+        image = sitk.ReadImage(str(path))
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ValueError(f"{path} is not a readable volume: {reason}") from error
+    if image.GetNumberOfComponentsPerPixel() != 1:
+        raise ValueError(
+            f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
+        )
+    while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
+        image = image[..., 0]
+    if image.GetDimension() != 3:
+        checked_volume_array(sitk.GetArrayFromImage(image), path)
+    if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
+        image = sitk.DICOMOrient(image, ORIENTATION)
+    array = checked_volume_array(sitk.GetArrayFromImage(image), path)
+    return array, checked_spacing(image.GetSpacing()[::-1], path)
+
+
+def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
+    """Write a volume; raise `ImportError` if SimpleITK is missing."""
+    sitk = needed("SimpleITK", "SimpleITK", f"writing {path.suffix} files")
+    image = sitk.GetImageFromArray(array)
+    image.SetSpacing(spacing[::-1])
+    with written_whole(path) as temporary:
+        sitk.WriteImage(image, str(temporary), useCompression=True)

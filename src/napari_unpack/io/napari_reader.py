@@ -1,0 +1,99 @@
+"""napari's reader: File > Open and drag and drop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+LayerData = tuple[Any, dict[str, Any], str]
+
+
+def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
+    """Return a reader for what napari was asked to open, None where it is not ours.
+
+    Parameters
+    ----------
+    path : str or sequence of str
+        File or folder. Of several, the slices of a DICOM series, the first is looked at.
+
+    Notes
+    -----
+    Looks at names alone, so that napari stays quick: broken files are reported when read. An
+    .npz is ours if it holds an array `volume` or `labels`.
+    """
+    from napari_unpack.io.volumes import READABLE, suffix_of
+
+    first = Path(path if isinstance(path, str) else path[0])
+    if first.is_dir():
+        return read_layers if _is_dicom_or_zarr(first) else None
+    suffix = suffix_of(first)
+    if suffix not in READABLE or (suffix == ".npz" and not _is_ours(first)):
+        return None
+    return read_layers
+
+
+def read_layers(path: str | Sequence[str]) -> list[LayerData]:
+    """Read a file into napari layers: an Image, and Labels where there are any.
+
+    Parameters
+    ----------
+    path : str or sequence of str
+        As for `get_reader`.
+
+    Returns
+    -------
+    list of (data, attributes, layer type)
+        With `scale` in mm.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ImportError
+        As for `load_volume`.
+    """
+    from napari_unpack.io.volumes import load_labels, load_volume, stem_of, suffix_of
+
+    first = Path(path if isinstance(path, str) else path[0])
+    if suffix_of(first) == ".npz" and "volume" not in _keys(first):
+        labels, spacing = load_labels(first)
+        return [(labels, _attributes(spacing, stem_of(first)), "labels")]
+    scan = load_volume(first)
+    image = _attributes(scan.spacing, scan.name)
+    layers: list[LayerData] = [(scan.volume, image | {"colormap": "gray"}, "image")]
+    if scan.labels is not None:
+        layers.append((scan.labels, _attributes(scan.spacing, f"{scan.name} labels"), "labels"))
+    return layers
+
+
+def _attributes(spacing: tuple[float, float, float], name: str) -> dict[str, Any]:
+    return {"scale": spacing, "name": name}
+
+
+def _keys(path: Path) -> set[str]:
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except (OSError, zipfile.BadZipFile):
+        return set()
+
+
+def _is_ours(path: Path) -> bool:
+    keys = _keys(path)
+    # A broken archive is ours too: the reader says what is wrong with it.
+    return not keys or bool(keys & {"volume", "labels"})
+
+
+def _is_dicom_or_zarr(folder: Path) -> bool:
+    marks = ("zarr.json", ".zgroup", ".zarray")
+    if folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks):
+        return True
+    files = (p for p in sorted(folder.rglob("*")) if p.is_file())
+    for _, file in zip(range(20), files, strict=False):
+        if file.suffix.lower() in (".dcm", ".dicom", ".ima", ".dcs", ".dicos"):
+            return True
+        with file.open("rb") as stream:
+            if stream.read(132)[128:] == b"DICM":
+                return True
+    return False

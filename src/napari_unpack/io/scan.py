@@ -1,0 +1,99 @@
+"""A scan as a file holds it: density, voxel size, and labels where there are any."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Spacing = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A volume from a file.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density, any real dtype. CT numbers from DICOM and DICOS are shifted to HU + 1000; the
+        other formats do not say what their numbers mean and are left as they are.
+    spacing : (float, float, float)
+        Voxel size in mm, z y x.
+    labels : (Z, Y, X) ndarray of int, optional
+        Object IDs, 0 background.
+    name : str
+        For titles.
+    """
+
+    volume: NDArray[Any]
+    spacing: Spacing
+    labels: NDArray[Any] | None = None
+    name: str = "scan"
+
+    def with_labels(self, labels: NDArray[Any]) -> Scan:
+        """Return the scan with labels; raise `ValueError` if their shape is another."""
+        checked_label_array(labels, "labels")
+        if labels.shape != self.volume.shape:
+            raise ValueError(
+                f"labels must have the volume's shape {self.volume.shape}, got {labels.shape}"
+            )
+        return replace(self, labels=labels)
+
+
+def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
+    """Return an array that is a volume, without axes of length 1 in front or behind.
+
+    Raises
+    ------
+    ValueError
+        If it is not 3D, is empty, or does not hold real numbers; `source` names it.
+    """
+    array = np.asarray(array)
+    while array.ndim > 3 and 1 in array.shape:
+        array = array.squeeze(axis=array.shape.index(1))
+    if array.ndim != 3:
+        raise ValueError(
+            f"{source} must hold a 3D volume (z, y, x), got an array of shape {array.shape}; "
+            "save one time point and one channel of it"
+        )
+    if array.size == 0:
+        raise ValueError(f"{source} must not be empty, got shape {array.shape}")
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{source} must hold real numbers, got {array.dtype}")
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
+    """Return an array that is a label volume, whole numbers in float accepted.
+
+    Raises
+    ------
+    ValueError
+        If it is not a volume, or does not hold whole numbers from 0 on.
+    """
+    array = checked_volume_array(array, source)
+    if array.dtype.kind == "f":
+        with np.errstate(invalid="ignore"):
+            whole = array.astype(np.int64)
+        if not np.array_equal(whole, array):
+            raise ValueError(f"{source} must hold object IDs (whole numbers), got {array.dtype}")
+        array = whole
+    if array.dtype.kind == "b":
+        array = array.astype(np.uint8)
+    if array.min() < 0:
+        raise ValueError(f"{source} must not hold negative IDs, got {array.min()}")
+    return array
+
+
+def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
+    """Return a voxel size as three floats; raise `ValueError` unless positive and finite."""
+    mm = np.asarray(spacing, dtype=np.float64)
+    if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
+        raise ValueError(
+            f"the voxel size in {source} must be three positive numbers of mm (z, y, x), "
+            f"got {spacing!r}"
+        )
+    return float(mm[0]), float(mm[1]), float(mm[2])

@@ -1,0 +1,189 @@
+"""Open and save volumes in whatever format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from napari_unpack.io.arrays import read_npy, read_npz, write_npz
+from napari_unpack.io.scan import (
+    Scan,
+    Spacing,
+    checked_label_array,
+    checked_volume_array,
+)
+
+ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
+TIFF_SUFFIXES = (".tif", ".tiff")
+DICOM_SUFFIXES = (".dcm", ".dicom", ".dcs", ".dicos", ".ima")
+READABLE = (".npz", ".npy", *ITK_SUFFIXES, *TIFF_SUFFIXES, *DICOM_SUFFIXES, ".zarr")
+WRITABLE = (".npz", ".nii", ".nii.gz", ".mha", ".nrrd", *TIFF_SUFFIXES)
+
+
+def suffix_of(path: Path) -> str:
+    """Return the format's suffix in lower case, `.nii.gz` being one."""
+    name = path.name.lower()
+    return ".nii.gz" if name.endswith(".nii.gz") else Path(name).suffix
+
+
+def stem_of(path: Path) -> str:
+    """Return the file's name without the format's suffix."""
+    return path.name[: len(path.name) - len(suffix_of(path))]
+
+
+def load_volume(path: str | Path) -> Scan:
+    """Open a volume.
+
+    Parameters
+    ----------
+    path : str or Path
+        .npz (`volume`, and optionally `labels` and `spacing`), .npy, NIfTI, MetaImage, NRRD,
+        TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
+
+    Returns
+    -------
+    Scan
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the format is unknown, the file is broken, or what it holds is not a volume.
+    ImportError
+        If the format needs a package that is not installed; the message says which.
+    """
+    file = _existing(path)
+    volume, labels, spacing = _read(file)
+    if volume is None:
+        raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
+    return Scan(volume, spacing, labels, stem_of(file))
+
+
+def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
+    """Open a label volume.
+
+    Parameters
+    ----------
+    path : str or Path
+        As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken.
+
+    Returns
+    -------
+    labels : (Z, Y, X) ndarray of int
+        Object IDs, 0 background.
+    spacing : (float, float, float)
+        mm, z y x.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ImportError
+        As for `load_volume`, and if it holds no whole numbers.
+    """
+    file = _existing(path)
+    volume, labels, spacing = _read(file)
+    found = volume if labels is None else labels
+    assert found is not None, "every reader gives one of them"
+    return checked_label_array(found, path), spacing
+
+
+def save_scan(scan: Scan, path: str | Path) -> list[Path]:
+    """Save a scan.
+
+    Parameters
+    ----------
+    scan : Scan
+        What to save.
+    path : str or Path
+        .npz holds all of it; .nii, .nii.gz, .mha, .nrrd and .tif hold the volume, and the
+        labels go into a file of their own beside it, `NAME.labels.SUFFIX`.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder does not exist.
+    ValueError
+        If the format cannot be written.
+    ImportError
+        If the format needs a package that is not installed.
+    """
+    file = Path(path)
+    suffix = suffix_of(file)
+    if suffix == ".npz":
+        write_npz(file, scan)
+        return [file]
+    if suffix not in WRITABLE:
+        raise ValueError(f"{path}: can write {', '.join(WRITABLE)}, not {suffix or 'no suffix'!r}")
+    _write(file, scan.volume, scan.spacing)
+    if scan.labels is None:
+        return [file]
+    beside = file.with_name(f"{stem_of(file)}.labels{suffix}")
+    _write(beside, scan.labels, scan.spacing)
+    return [file, beside]
+
+
+def _existing(path: str | Path) -> Path:
+    file = Path(path).expanduser()
+    if not file.exists():
+        raise FileNotFoundError(f"no such file: {path}")
+    return file
+
+
+def _read(file: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing]:
+    suffix = suffix_of(file)
+    if file.is_dir():
+        from napari_unpack.io.dicom import read_dicom
+        from napari_unpack.io.ome_zarr import read_zarr
+
+        marks = ("zarr.json", ".zgroup", ".zarray")
+        if suffix == ".zarr" or any((file / mark).exists() for mark in marks):
+            return read_zarr(file)
+        volume, spacing = read_dicom(file)
+        return volume, None, spacing
+    if file.stat().st_size == 0:
+        raise ValueError(f"{file} is empty")
+    if suffix == ".npz":
+        return read_npz(file)
+    if suffix == ".npy":
+        return checked_volume_array(read_npy(file), file), None, (1.0, 1.0, 1.0)
+    volume, spacing = _reader(suffix, file)(file)
+    return volume, None, spacing
+
+
+def _reader(suffix: str, file: Path) -> Any:
+    if suffix in ITK_SUFFIXES:
+        from napari_unpack.io.itk import read_itk
+
+        return read_itk
+    if suffix in TIFF_SUFFIXES:
+        from napari_unpack.io.tiff import read_tiff
+
+        return read_tiff
+    if suffix in DICOM_SUFFIXES or _has_dicom_preamble(file):
+        from napari_unpack.io.dicom import read_dicom
+
+        return read_dicom
+    raise ValueError(f"{file} is of no known format; can read {', '.join(READABLE)}")
+
+
+def _has_dicom_preamble(file: Path) -> bool:
+    with file.open("rb") as stream:
+        return stream.read(132)[128:] == b"DICM"
+
+
+def _write(file: Path, array: NDArray[Any], spacing: Spacing) -> None:
+    if suffix_of(file) in TIFF_SUFFIXES:
+        from napari_unpack.io.tiff import write_tiff
+
+        write_tiff(file, array, spacing)
+    else:
+        from napari_unpack.io.itk import write_itk
+
+        write_itk(file, array, spacing)

@@ -1,0 +1,55 @@
+"""What napari's File > Open gets."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from napari_unpack.io import Scan, save_scan
+from napari_unpack.io.napari_reader import get_reader
+
+VOLUME = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
+
+
+def test_a_scan_becomes_an_image_and_labels_in_mm(tmp_path: Path) -> None:
+    labels = (VOLUME > 30).astype(np.uint8)
+    save_scan(Scan(VOLUME, (3.0, 2.0, 1.0), labels), tmp_path / "bag.npz")
+    reader = get_reader(str(tmp_path / "bag.npz"))
+    assert reader is not None
+    image, marks = reader(str(tmp_path / "bag.npz"))
+    np.testing.assert_array_equal(image[0], VOLUME)
+    assert (image[1]["name"], image[1]["scale"], image[2]) == ("bag", (3.0, 2.0, 1.0), "image")
+    np.testing.assert_array_equal(marks[0], labels)
+    assert (marks[1]["scale"], marks[2]) == ((3.0, 2.0, 1.0), "labels")
+
+
+def test_labels_alone_become_labels(tmp_path: Path) -> None:
+    path = tmp_path / "atlas.npz"
+    np.savez(path, labels=VOLUME)
+    reader = get_reader([str(path)])
+    assert reader is not None
+    ((data, about, kind),) = reader([str(path)])
+    assert (data.shape, about["name"], kind) == ((3, 4, 5), "atlas", "labels")
+
+
+def test_foreign_files_are_left_to_others(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", picture=VOLUME)
+    (tmp_path / "photo.png").write_bytes(b"")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "notes.txt").write_text("hello")
+    for name in ("other.npz", "photo.png", "folder"):
+        assert get_reader(str(tmp_path / name)) is None
+
+
+def test_a_broken_archive_is_taken_and_explained(tmp_path: Path) -> None:
+    path = tmp_path / "broken.npz"
+    path.write_bytes(b"no archive")
+    reader = get_reader(str(path))
+    assert reader is not None
+    with pytest.raises(ValueError, match=r"broken.npz is not a readable .npz archive"):
+        reader(str(path))
+
+
+def test_a_folder_of_slices_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "IM0001").write_bytes(b"\0" * 128 + b"DICM")
+    assert get_reader(str(tmp_path)) is not None

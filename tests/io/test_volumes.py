@@ -1,0 +1,209 @@
+"""Every format comes back as it went out; what is broken or foreign is named."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from napari_unpack.io import Scan, load_labels, load_volume, save_scan
+
+SPACING = (2.5, 0.5, 0.75)
+VOLUME = np.arange(4 * 5 * 6, dtype=np.uint16).reshape(4, 5, 6) * 100
+LABELS = (VOLUME // 3000).astype(np.uint8)
+
+
+def scan(labels: np.ndarray | None = LABELS) -> Scan:
+    return Scan(VOLUME, SPACING, labels, "bag")
+
+
+def test_npz_holds_all_of_a_scan(tmp_path: Path) -> None:
+    path = tmp_path / "bag.npz"
+    assert save_scan(scan(), path) == [path]
+    back = load_volume(path)
+    np.testing.assert_array_equal(back.volume, VOLUME)
+    np.testing.assert_array_equal(back.labels, LABELS)
+    assert back.volume.dtype == np.uint16
+    assert back.spacing == SPACING
+    assert back.name == "bag"
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])
+def test_other_formats_hold_the_volume_and_labels_beside_it(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bag{suffix}"
+    written = save_scan(scan(), path)
+    assert [p.name for p in written] == [f"bag{suffix}", f"bag.labels{suffix}"]
+    assert sorted(tmp_path.iterdir()) == sorted(written), "nothing else is left behind"
+    back = load_volume(path)
+    np.testing.assert_array_equal(back.volume, VOLUME)
+    assert back.volume.dtype == np.uint16
+    assert back.spacing == pytest.approx(SPACING)
+    assert back.labels is None
+    assert back.name == "bag"
+    labels, spacing = load_labels(written[1])
+    np.testing.assert_array_equal(labels, LABELS)
+    assert spacing == pytest.approx(SPACING)
+
+
+def test_a_bare_array(tmp_path: Path) -> None:
+    np.save(tmp_path / "bag.npy", VOLUME.astype(np.float32)[None])
+    back = load_volume(tmp_path / "bag.npy")
+    np.testing.assert_array_equal(back.volume, VOLUME)
+    assert back.spacing == (1.0, 1.0, 1.0)
+
+
+def test_a_turned_nifti_is_put_upright(tmp_path: Path) -> None:
+    sitk = pytest.importorskip("SimpleITK")
+    # Stored with x to the right and y to the front, as NIfTI likes: both are turned round, and
+    # z, to the head, too.
+    image = sitk.GetImageFromArray(VOLUME)
+    image.SetSpacing(SPACING[::-1])
+    image.SetDirection((-1, 0, 0, 0, -1, 0, 0, 0, 1))
+    sitk.WriteImage(image, str(tmp_path / "bag.nii.gz"))
+    back = load_volume(tmp_path / "bag.nii.gz")
+    np.testing.assert_array_equal(back.volume, VOLUME[::-1, ::-1, ::-1])
+    assert back.spacing == pytest.approx(SPACING)
+
+
+def test_ome_tiff_knows_its_voxel_size(tmp_path: Path) -> None:
+    import tifffile
+
+    tifffile.imwrite(
+        tmp_path / "bag.ome.tif",
+        VOLUME,
+        metadata={
+            "axes": "ZYX",
+            "PhysicalSizeX": 750.0,
+            "PhysicalSizeY": 500.0,
+            "PhysicalSizeZ": 2.5,
+            "PhysicalSizeZUnit": "mm",
+        },
+    )
+    back = load_volume(tmp_path / "bag.ome.tif")
+    np.testing.assert_array_equal(back.volume, VOLUME)
+    assert back.spacing == pytest.approx(SPACING)
+
+
+@pytest.mark.parametrize("version", ["0.4", "0.5"])
+def test_ome_zarr_with_labels(tmp_path: Path, version: str) -> None:
+    zarr = pytest.importorskip("zarr")
+    root = zarr.open_group(
+        str(tmp_path / "bag.zarr"), mode="w", zarr_format=2 if version == "0.4" else 3
+    )
+    axes = [{"name": "c", "type": "channel"}] + [
+        {"name": n, "type": "space", "unit": "micrometer"} for n in "zyx"
+    ]
+
+    def describe(group: Any, array: np.ndarray, axes: list[dict[str, str]]) -> None:
+        group.create_array("0", data=array)
+        scale = [1.0] * (array.ndim - 3) + [2500.0, 500.0, 750.0]
+        entry = {
+            "axes": axes,
+            "datasets": [
+                {"path": "0", "coordinateTransformations": [{"type": "scale", "scale": scale}]}
+            ],
+        }
+        about = {"multiscales": [entry], "version": version}
+        group.attrs.update({"ome": about} if version == "0.5" else about)
+
+    describe(root, VOLUME[None], axes)
+    labels = root.create_group("labels")
+    labels.attrs.update(
+        {"ome": {"labels": ["objects"]}} if version == "0.5" else {"labels": ["objects"]}
+    )
+    describe(labels.create_group("objects"), LABELS, axes[1:])
+    back = load_volume(tmp_path / "bag.zarr")
+    np.testing.assert_array_equal(back.volume, VOLUME)
+    np.testing.assert_array_equal(back.labels, LABELS)
+    assert back.spacing == pytest.approx(SPACING)
+
+
+def test_labels_alone(tmp_path: Path) -> None:
+    np.savez(tmp_path / "l.npz", labels=LABELS, spacing=SPACING)
+    labels, spacing = load_labels(tmp_path / "l.npz")
+    np.testing.assert_array_equal(labels, LABELS)
+    assert spacing == SPACING
+    with pytest.raises(ValueError, match="labels without a volume"):
+        load_volume(tmp_path / "l.npz")
+
+
+def test_labels_must_be_whole_numbers_and_fit(tmp_path: Path) -> None:
+    np.save(tmp_path / "l.npy", LABELS.astype(np.float32))
+    assert load_labels(tmp_path / "l.npy")[0].dtype.kind == "i"
+    np.save(tmp_path / "l.npy", LABELS + 0.5)
+    with pytest.raises(ValueError, match="must hold object IDs"):
+        load_labels(tmp_path / "l.npy")
+    np.save(tmp_path / "l.npy", LABELS.astype(np.int16) - 1)
+    with pytest.raises(ValueError, match="negative"):
+        load_labels(tmp_path / "l.npy")
+    with pytest.raises(ValueError, match="volume's shape"):
+        scan(None).with_labels(LABELS[1:])
+
+
+@pytest.mark.parametrize(
+    "name", ["a.npz", "a.npy", "a.nii", "a.nii.gz", "a.mha", "a.nrrd", "a.tif", "a.dcm"]
+)
+def test_a_broken_file_is_named(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"this is no volume at all, whatever its name may say")
+    with pytest.raises(ValueError, match=re.escape(name)):
+        load_volume(path)
+    path.write_bytes(b"")
+    with pytest.raises(ValueError, match="is empty"):
+        load_volume(path)
+
+
+def test_a_cut_off_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "bag.npz"
+    save_scan(scan(), path)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(ValueError, match=r"bag.npz is not a readable"):
+        load_volume(path)
+
+
+def test_missing_unknown_and_flat_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no such file: .*nowhere.npz"):
+        load_volume(tmp_path / "nowhere.npz")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(ValueError, match=r"no known format; can read .npz"):
+        load_volume(tmp_path / "notes.txt")
+    np.save(tmp_path / "flat.npy", VOLUME[0])
+    with pytest.raises(ValueError, match=r"3D volume .* shape \(5, 6\)"):
+        load_volume(tmp_path / "flat.npy")
+    np.save(tmp_path / "words.npy", np.full((2, 2, 2), "a"))
+    with pytest.raises(ValueError, match="real numbers"):
+        load_volume(tmp_path / "words.npy")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(ValueError, match="holds no DICOM images"):
+        load_volume(tmp_path / "folder")
+    (tmp_path / "bag.zarr").mkdir()
+    with pytest.raises(ValueError, match="not a readable Zarr"):
+        load_volume(tmp_path / "bag.zarr")
+    np.savez(tmp_path / "odd.npz", image=VOLUME)
+    with pytest.raises(ValueError, match=r"'volume' or 'labels', got \['image'\]"):
+        load_volume(tmp_path / "odd.npz")
+    np.savez(tmp_path / "odd.npz", volume=VOLUME, spacing=[1, 0, 1])
+    with pytest.raises(ValueError, match="three positive numbers of mm"):
+        load_volume(tmp_path / "odd.npz")
+    np.savez(tmp_path / "odd.npz", volume=VOLUME, labels=LABELS[1:])
+    with pytest.raises(ValueError, match="must have one shape"):
+        load_volume(tmp_path / "odd.npz")
+
+
+def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "SimpleITK", None)
+    (tmp_path / "bag.mha").write_bytes(b"anything")
+    with pytest.raises(ImportError, match=r"needs SimpleITK, .* pip install SimpleITK"):
+        load_volume(tmp_path / "bag.mha")
+
+
+def test_what_cannot_be_written_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"can write \.npz"):
+        save_scan(scan(), tmp_path / "bag.txt")
+    with pytest.raises(ValueError, match="uint8, uint16 or float32"):
+        save_scan(Scan(VOLUME.astype(np.int64), SPACING), tmp_path / "bag.tif")
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        save_scan(scan(), tmp_path / "nowhere" / "bag.npz")
+    assert list(tmp_path.iterdir()) == []

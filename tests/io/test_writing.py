@@ -1,0 +1,54 @@
+"""Tables, pictures, and files that are written wholly or not at all."""
+
+import csv
+import stat
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pandas as pd
+import pytest
+
+from napari_unpack.io import save_objects_csv, save_png
+from napari_unpack.io.atomic import written_whole
+
+
+def test_the_table_of_objects_has_the_id_first(tmp_path: Path) -> None:
+    objects = pd.DataFrame({"name": ["soap", "shoe, left"], "voxels": [12, 34]}, index=[3, 7])
+    path = save_objects_csv(objects, tmp_path / "objects.csv")
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows == [["id", "name", "voxels"], ["3", "soap", "12"], ["7", "shoe, left", "34"]]
+
+
+def test_a_png_holds_straight_colours(tmp_path: Path) -> None:
+    image = np.zeros((2, 3, 4), np.float32)
+    image[0, 0] = (0.25, 0.5, 0.0, 0.5)
+    image[1, 2] = (1.5, 0.0, 1.0, 1.0)
+    save_png(image, tmp_path / "a.png")
+    back = iio.imread(tmp_path / "a.png")
+    assert back.shape == (2, 3, 4)
+    np.testing.assert_array_equal(back[0, 0], (128, 255, 0, 128))
+    np.testing.assert_array_equal(back[1, 2], (255, 0, 255, 255))
+    np.testing.assert_array_equal(back[1, 1], (0, 0, 0, 0))
+    with pytest.raises(ValueError, match=r"\(H, W, 3\) or \(H, W, 4\)"):
+        save_png(image[..., 0], tmp_path / "b.png")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+
+    def fail() -> None:
+        with written_whole(target) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError("the disk is full")
+
+    with pytest.raises(RuntimeError, match="the disk is full"):
+        fail()
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "old")]
+    with written_whole(target) as temporary:
+        temporary.write_text("new")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "new")]
+    assert target.stat().st_mode & stat.S_IRUSR
