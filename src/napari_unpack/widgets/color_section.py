@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from qtpy.QtCore import QTimer
-from qtpy.QtWidgets import QCheckBox, QComboBox
+from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
 
 from napari_unpack.widgets.notices import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
-from napari_unpack.widgets.presets import AUTOMATIC, PRESETS, preset
+from napari_unpack.widgets.presets import AUTOMATIC, CUSTOM, PRESETS, transfer_function
 from napari_unpack.widgets.section import Disclosure, Section, button, form
+from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workbench import Workbench
 
-CUSTOM = "My own curve"
 _LIVE_MS = 40
 
 
@@ -33,7 +31,7 @@ class ColorSection(Section):
             "Give objects that meet in this view hues that are far apart (C).",
             primary=True,
         )
-        self.at_rest = QCheckBox("Whenever the view comes to rest")
+        self.at_rest = QCheckBox("at rest")
         self.at_rest.setToolTip("Recolour by itself when you stop turning the bag.")
         self.preset = QComboBox()
         self.preset.addItems([AUTOMATIC, *PRESETS, CUSTOM])
@@ -42,11 +40,12 @@ class ColorSection(Section):
         more = Disclosure("Opacity curve", "Which densities are shown, drawn by hand.")
         more.contents.addWidget(self.editor)
         self.curve = more
-        fields = form()
-        fields.addRow("Show", self.preset)
-        self.contents.addWidget(self.recolor)
-        self.contents.addWidget(self.at_rest)
-        self.contents.addLayout(fields)
+        line = QHBoxLayout()
+        line.setSpacing(GAP)
+        line.addWidget(self.recolor, stretch=1)
+        line.addWidget(self.at_rest)
+        self.contents.addLayout(line)
+        self.contents.addLayout(form(Show=self.preset))
         self.contents.addWidget(more)
 
         self._edited: list[Point] | None = None
@@ -84,12 +83,12 @@ class ColorSection(Section):
         session = self._bench.session
         if session is None or not self.curve.toggle.isChecked():
             return
-        transfer_function: Any = session.transfer_function
-        low, high = transfer_function.domain
+        shown = session.transfer_function
+        low, high = shown.domain
         if self._domain is None or low < self._domain[0] or high > self._domain[1]:
             self._domain = (float(low), float(high))
             self.editor.show_histogram(histogram(session.volume, self._domain))
-        self.editor.show_curve(transfer_function.points, self._domain)
+        self.editor.show_curve(shown.points, self._domain)
 
     def _set_at_rest(self, on: bool) -> None:
         if self._bench.stage is not None:
@@ -104,7 +103,7 @@ class ColorSection(Section):
             self.curve.toggle.setChecked(True)
             return
         with spoken():
-            session.transfer_function = preset(name, session.volume)
+            session.transfer_function = transfer_function(name, session.volume)
 
     def _edit(self, points: list[Point]) -> None:
         self._edited = points
@@ -119,4 +118,4 @@ class ColorSection(Section):
         if session is None or points is None:
             return
         with spoken():
-            session.transfer_function = TransferFunction(points)
+            session.transfer_function = TransferFunction(points, session.transfer_function.colors)

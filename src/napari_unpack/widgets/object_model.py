@@ -173,6 +173,8 @@ class ObjectModel(QAbstractTableModel):
 
     def flags(self, index: Index) -> Any:
         """Tell what a cell can do: all are selectable, names are editable."""
+        if not index.isValid():
+            return Qt.ItemFlag.NoItemFlags
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
         if index.column() == Column.NAME:
             flags |= Qt.ItemFlag.ItemIsEditable

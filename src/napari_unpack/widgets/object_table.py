@@ -30,9 +30,9 @@ ROW = 24
 WIDTHS = {
     Column.EYE: 26,
     Column.SWATCH: 24,
-    Column.NAME: 96,
-    Column.STATE: 66,
-    Column.VOLUME: 54,
+    Column.NAME: 84,
+    Column.STATE: 78,
+    Column.VOLUME: 46,
     Column.SIZE: 92,
     Column.DENSITY: 60,
     Column.CONFIDENCE: 52,
@@ -193,7 +193,7 @@ class ObjectTable(QTableView):
             self.setColumnWidth(column, width)
         self.setSortingEnabled(True)
         self.sortByColumn(Column.NAME, Qt.SortOrder.AscendingOrder)
-        self.setMinimumHeight(ROW * 7)
+        self.setMinimumHeight(ROW * 6)
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""

@@ -13,6 +13,7 @@ from qtpy.QtWidgets import QWidget
 Point = tuple[float, float]
 _MARGIN = 8.0
 _GRAB = 9.0
+_GAP = 1e-3
 _BINS = 128
 _SAMPLES = 1 << 20
 
@@ -125,9 +126,12 @@ class OpacityEditor(QWidget):
         return best if far[best] <= _GRAB else -1
 
     def _move(self, index: int, point: Point) -> None:
-        below = self._points[index - 1][0] if index > 0 else self._domain[0]
-        above = self._points[index + 1][0] if index + 1 < len(self._points) else self._domain[1]
-        density = min(max(point[0], below), max(above, below))
+        low, high = self._domain
+        gap = _GAP * (high - low)
+        below = self._points[index - 1][0] + gap if index > 0 else low
+        last = index + 1 == len(self._points)
+        above = max(high, self._points[-1][0]) if last else self._points[index + 1][0] - gap
+        density = max(min(point[0], above), below)
         self._points[index] = (density, min(max(point[1], 0.0), 1.0))
         self._tell()
 
@@ -175,6 +179,8 @@ class OpacityEditor(QWidget):
             return
         point = self._point_at(event.position())
         index = sum(density < point[0] for density, _ in self._points)
+        if any(density == point[0] for density, _ in self._points):
+            return
         self._points.insert(index, point)
         self._chosen = index
         self._tell()

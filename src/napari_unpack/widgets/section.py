@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import (
     QFormLayout,
-    QFrame,
     QHBoxLayout,
     QLabel,
     QPushButton,
@@ -15,11 +16,13 @@ from qtpy.QtWidgets import (
     QWidget,
 )
 
-from napari_unpack.widgets.theme import GAP
+from napari_unpack.widgets.theme import GAP, LABELS
 
 
 class Section(QWidget):
     """One step. Fill `contents`; lock it with a reason until it can work.
+
+    A click on the title folds the step away or opens it again.
 
     Parameters
     ----------
@@ -35,21 +38,34 @@ class Section(QWidget):
         self._badge = label(number, "badge")
         self._badge.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._status = label("", "status")
-        self._status.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._reason = label("", "hint", wrap=True)
         self._reason.hide()
         self.body = QWidget(self)
         self.contents = column(self.body)
+        self.fold = QToolButton()
+        self.fold.setProperty("role", "link")
+        self.fold.setArrowType(Qt.ArrowType.DownArrow)
+        self.fold.setCheckable(True)
+        self.fold.setToolTip("Fold this step away, or open it again.")
+        self.fold.toggled.connect(self._fold)
 
-        head = QHBoxLayout()
-        head.setSpacing(GAP + 2)
-        head.addWidget(self._badge)
-        head.addWidget(label(title, "title"))
-        head.addWidget(self._status, stretch=1)
+        self.head = _Head(self.fold)
+        line = QHBoxLayout(self.head)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.setSpacing(GAP + 2)
+        line.addWidget(self._badge)
+        line.addWidget(label(title, "title"))
+        line.addStretch(1)
+        line.addWidget(self._status)
+        line.addWidget(self.fold)
         outer = column(self)
-        outer.addLayout(head)
+        outer.addWidget(self.head)
         outer.addWidget(self._reason)
         outer.addWidget(self.body, stretch=1)
+
+    def _fold(self, away: bool) -> None:
+        self.fold.setArrowType(Qt.ArrowType.LeftArrow if away else Qt.ArrowType.DownArrow)
+        self.body.setVisible(not away)
 
     def lock(self, reason: str | None) -> None:
         """Disable the step and say why, or enable it again.
@@ -79,6 +95,18 @@ class Section(QWidget):
     def status(self) -> str:
         """The words at the right of the title."""
         return str(self._status.text())
+
+
+class _Head(QWidget):
+    """The title's line, all of it a handle to fold the step."""
+
+    def __init__(self, fold: QToolButton) -> None:
+        super().__init__()
+        self._fold = fold
+        self.setCursor(Qt.CursorShape.PointingHandCursor)
+
+    def mousePressEvent(self, event: Any) -> None:
+        self._fold.toggle()
 
 
 class Disclosure(QWidget):
@@ -132,13 +160,17 @@ def row(*widgets: QWidget) -> QHBoxLayout:
     return layout
 
 
-def form() -> QFormLayout:
-    """Make a two-column layout for labelled fields."""
+def form(**fields: QWidget) -> QFormLayout:
+    """Make a two-column layout of labelled fields, aligned with those of the other steps."""
     layout = QFormLayout()
     layout.setContentsMargins(0, 0, 0, 0)
     layout.setHorizontalSpacing(GAP + 2)
     layout.setVerticalSpacing(GAP)
     layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+    for name, field in fields.items():
+        title = label(name.replace("_", " "), "field")
+        title.setFixedWidth(LABELS)
+        layout.addRow(title, field)
     return layout
 
 
@@ -163,8 +195,10 @@ def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
     return made
 
 
-def rule() -> QFrame:
+def rule() -> QWidget:
     """Make the thin line between two sections."""
-    line = QFrame()
+    line = QWidget()
     line.setProperty("role", "rule")
+    line.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+    line.setFixedHeight(1)
     return line

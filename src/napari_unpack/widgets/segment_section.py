@@ -85,10 +85,7 @@ class SegmentSection(Section):
         return waiting
 
     def _arrange(self) -> None:
-        fields = form()
-        fields.addRow("Volume", self.volume_box)
-        fields.addRow("Objects", self.labels_box)
-        self.contents.addLayout(fields)
+        self.contents.addLayout(form(Volume=self.volume_box, Objects=self.labels_box))
         self.contents.addWidget(self.start)
         self.contents.addWidget(self.sample)
         self.contents.addWidget(self.waiting)
@@ -109,7 +106,7 @@ class SegmentSection(Section):
     def _follow_selection(self, _event: Any = None) -> None:
         """Take up the layer the user selects in the list, if it is one of ours to choose from."""
         layer = plain(self._bench.viewer.layers.selection.active)
-        if layer is None or self.job.running or not is_users(layer) or not layer.visible:
+        if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
         if isinstance(layer, Labels):
             if self._fits(layer):
@@ -172,8 +169,14 @@ class SegmentSection(Section):
 
     def _finish(self, outcome: Outcome) -> None:
         self.waiting.hide()
-        order, self._order = self._order, None
-        self._refresh()
+        try:
+            self._conclude(outcome)
+        finally:
+            self._order = None
+            self._refresh()
+
+    def _conclude(self, outcome: Outcome) -> None:
+        order = self._order
         if isinstance(outcome.error, Cancelled) or order is None:
             return
         if isinstance(outcome.error, notices.EXPECTED):
@@ -183,6 +186,7 @@ class SegmentSection(Section):
             raise outcome.error
         with notices.spoken():
             self._put_on_stage(order, outcome.result)
+            self.fold.setChecked(True)
             if self._then is not None:
                 self._then()
 

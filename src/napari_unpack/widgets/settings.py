@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
+BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,6 @@ def preferences() -> Preferences:
     return Preferences(
         seconds=float(stored.unpacking.seconds),
         take_least_blocked=stored.unpacking.when_nobody_is_free == "Take the least blocked",
-        backend=_BACKENDS.get(stored.drawing.backend, "auto"),
+        backend=BACKENDS.get(stored.drawing.backend, "auto"),
         recolor_at_rest=bool(stored.drawing.recolor_at_rest),
     )

@@ -14,6 +14,9 @@ from qtpy.QtGui import QColor
 GAP = 6
 """Pixels between neighbouring controls; sections are two of them apart."""
 
+LABELS = 62
+"""Width of the column of field labels, pixels; the same in every step."""
+
 
 @dataclass(frozen=True)
 class Palette:
@@ -107,7 +110,7 @@ def style_sheet(palette: Palette) -> str:
     QLabel[role="title"] {{ font-weight: 600; font-size: 13px; }}
     QLabel[role="hint"], QLabel[role="status"] {{ color: {p.faint}; }}
     QLabel[role="warning"] {{ color: {p.warning}; }}
-    QFrame[role="rule"] {{ background: {p.line}; border: none; max-height: 1px; min-height: 1px; }}
+    QWidget[role="rule"] {{ background: {p.line}; }}
     QPushButton {{ padding: 4px 8px; border-radius: 4px; min-height: 16px; }}
     QPushButton[role="primary"] {{
         background: {p.accent}; color: {p.on_accent}; font-weight: 600; padding: 6px 8px; }}

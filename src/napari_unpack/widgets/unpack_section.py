@@ -8,9 +8,9 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 from napari_unpack.widgets.directions import DIRECTIONS, name_of
 from napari_unpack.widgets.notices import spoken
 from napari_unpack.widgets.section import Disclosure, Section, button, form, label, row
+from napari_unpack.widgets.settings import BACKENDS
 from napari_unpack.widgets.workbench import Workbench
 
-BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
 _FLYING = ("FLYING_OUT", "FLYING_BACK")
 
 
@@ -44,14 +44,11 @@ class UnpackSection(Section):
         self._reload()
 
     def _arrange(self) -> None:
-        fields = form()
-        fields.addRow("Leave", self.direction)
-        self.contents.addLayout(fields)
-        self.contents.addWidget(self.next)
-        line = row(self.several, self.back)
-        line.insertWidget(0, self.count)
+        self.contents.addLayout(form(Leave=self.direction))
+        line = row(self.back, self.inspect)
+        line.insertWidget(0, self.next, stretch=2)
         self.contents.addLayout(line)
-        self.contents.addLayout(row(self.inspect, self.all_back))
+        self.contents.addLayout(row(self.count, self.several, self.all_back))
         self.contents.addWidget(self.news)
 
         more = Disclosure("Speed and drawing", "How fast objects fly, and what draws them.")
@@ -67,10 +64,7 @@ class UnpackSection(Section):
             "When nothing is free along the direction, Unpack next takes the object that is "
             "blocked least; otherwise it tells you."
         )
-        fields = form()
-        fields.addRow("Speed", self.speed)
-        fields.addRow("Draw with", self.backend)
-        more.contents.addLayout(fields)
+        more.contents.addLayout(form(Speed=self.speed, Draw_with=self.backend))
         more.contents.addWidget(self.least)
         self.contents.addWidget(more)
 

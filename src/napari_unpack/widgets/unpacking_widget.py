@@ -46,6 +46,9 @@ class UnpackingWidget(QWidget):
         self._watch.known.connect(lambda ids: self.objects.mark_free(ids or frozenset()))
         self._ended = False
         self._was_docked = False
+        self._after_close = QTimer(self)
+        self._after_close.setSingleShot(True)
+        self._after_close.timeout.connect(self._end_with_window)
         self._arrange()
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
@@ -103,8 +106,12 @@ class UnpackingWidget(QWidget):
     def eventFilter(self, watched: Any, event: Any) -> bool:
         """End after the window closed; a close that the user calls off changes nothing."""
         if event.type() == QEvent.Type.Close and watched is self.window():
-            QTimer.singleShot(0, self, lambda: None if watched.isVisible() else self.end())
+            self._after_close.start(0)
         return False
+
+    def _end_with_window(self) -> None:
+        if not self.window().isVisible():
+            self.end()
 
     def event(self, event: Any) -> bool:
         """End when napari takes the panel out of its dock: it is neither hidden nor closed then."""

@@ -1,0 +1,98 @@
+"""The opacity curve under the mouse and the keyboard."""
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPointF, Qt
+
+from napari_unpack.widgets.opacity_editor import OpacityEditor, histogram
+
+CURVE = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.125), (2000.0, 1.0)]
+
+
+@pytest.fixture
+def editor(qtbot: QtBot) -> OpacityEditor:
+    made = OpacityEditor()
+    qtbot.addWidget(made)
+    made.resize(216, 116)
+    made.show_curve(CURVE, (0.0, 2000.0))
+    made.show()
+    return made
+
+
+def _spot(editor: OpacityEditor, k: int, across: float = 0.0, down: float = 0.0) -> object:
+    return (editor.position(editor.points[k]) + QPointF(across, down)).toPoint()
+
+
+def test_a_dragged_point_moves_and_says_so(qtbot: QtBot, editor: OpacityEditor) -> None:
+    with qtbot.waitSignal(editor.edited) as heard:
+        qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
+        qtbot.mouseMove(editor, _spot(editor, 2, 20, -25))
+    # The plot is 200 px for 2000 densities and 100 px for the cubic root of opacity.
+    density, opacity = heard.args[0][2]
+    assert density == pytest.approx(1200, abs=10)
+    assert opacity == pytest.approx(0.75**3, abs=0.03)
+    qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
+    qtbot.mouseMove(editor, _spot(editor, 2, -40, 0))
+    assert editor.points[2][0] == pytest.approx(1200, abs=10)
+
+
+def test_a_point_cannot_pass_its_neighbours(qtbot: QtBot, editor: OpacityEditor) -> None:
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
+    qtbot.mouseMove(editor, _spot(editor, 2, -90, 0))
+    assert editor.points[2][0] == 502.0
+
+
+def test_a_double_click_adds_a_point_and_a_right_click_removes_it(
+    qtbot: QtBot, editor: OpacityEditor
+) -> None:
+    empty = _spot(editor, 0, 25, -50)
+    qtbot.mouseDClick(editor, Qt.MouseButton.LeftButton, pos=empty)
+    assert len(editor.points) == 5
+    assert editor.points[1] == pytest.approx((250.0, 0.125), abs=10)
+    qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
+    qtbot.mousePress(editor, Qt.MouseButton.RightButton, pos=empty)
+    assert editor.points == CURVE
+
+
+def test_dragging_beside_the_points_moves_the_whole_curve(
+    qtbot: QtBot, editor: OpacityEditor
+) -> None:
+    start = _spot(editor, 0, 30, -60)
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=start)
+    qtbot.mouseMove(editor, _spot(editor, 0, 50, -60))
+    moved = [density for density, _ in editor.points]
+    assert moved == pytest.approx([200, 700, 1200, 2200], abs=1)
+    assert [opacity for _, opacity in editor.points] == [opacity for _, opacity in CURVE]
+
+
+def test_delete_and_arrows_act_on_the_chosen_point(qtbot: QtBot, editor: OpacityEditor) -> None:
+    qtbot.mouseClick(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 1))
+    qtbot.keyClick(editor, Qt.Key.Key_Right)
+    assert editor.points[1][0] == pytest.approx(510)
+    qtbot.keyClick(editor, Qt.Key.Key_Delete)
+    assert len(editor.points) == 3
+
+
+def test_two_points_always_stay(qtbot: QtBot, editor: OpacityEditor) -> None:
+    editor.show_curve([(0.0, 0.0), (2000.0, 1.0)], (0.0, 2000.0))
+    qtbot.mousePress(editor, Qt.MouseButton.RightButton, pos=_spot(editor, 0))
+    assert len(editor.points) == 2
+
+
+def test_a_curve_from_elsewhere_does_not_tear_the_point_from_the_hand(
+    qtbot: QtBot, editor: OpacityEditor
+) -> None:
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
+    editor.show_curve([(0.0, 0.0), (1.0, 1.0)], (0.0, 1.0))
+    assert editor.points == CURVE
+
+
+def test_the_histogram_is_logarithmic_and_ignores_nan() -> None:
+    volume = np.full((4, 4, 4), np.nan)
+    volume[:, :, 0] = 10.0
+    volume[0, 0, 1] = 90.0
+    heights = histogram(volume, (0.0, 128.0))
+    assert heights[10] == 1.0
+    assert heights[90] == pytest.approx(np.log(2) / np.log(17))
+    assert np.count_nonzero(heights) == 2

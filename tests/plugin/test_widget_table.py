@@ -1,0 +1,188 @@
+"""The table of objects: what it shows, how it sorts, filters, selects and answers clicks."""
+
+from enum import Enum
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from pytestqt.modeltest import ModelTester
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
+
+from napari_unpack.widgets.object_model import ID, Column, ObjectModel
+from napari_unpack.widgets.object_table import ObjectTable
+
+State = Enum("State", "PACKED FLYING_OUT UNPACKED FLYING_BACK INSPECTED HIDDEN")
+DISPLAY = Qt.ItemDataRole.DisplayRole
+
+
+def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
+    """Object k of n is a box of 2 x 3 x (4 + k) voxels of 1 x 2 x 5 mm."""
+    count = len(ids)
+    lower = np.zeros((count, 3), np.int64)
+    upper = np.stack([np.full(count, 2), np.full(count, 3), 4 + np.arange(count)], axis=1)
+    objects = pd.DataFrame(
+        {
+            "name": names,
+            "volume_mm3": np.prod(upper, axis=1) * 10.0,
+            "mean_density": 1000.0 + np.arange(count),
+            "confidence": [0.5, np.nan, *[0.9] * count][:count],
+        },
+        index=list(ids),
+    )
+    session = SimpleNamespace(
+        spacing=(1.0, 2.0, 5.0),
+        boxes=SimpleNamespace(ids=np.array(ids), lower=lower, upper=upper),
+        objects=objects,
+        states=dict.fromkeys(ids, State.PACKED),
+        hues={ids[0]: 0.0},
+        selected=frozenset(),
+    )
+    session.rename = lambda i, name: objects.__setitem__(
+        "name", objects["name"].where(objects.index != i, name)
+    )
+    return session
+
+
+@pytest.fixture
+def session() -> SimpleNamespace:
+    return _session(("Object 10", "Shoe", "Object 2"), (3, 5, 8))
+
+
+@pytest.fixture
+def table(qtbot: QtBot, session: SimpleNamespace) -> ObjectTable:
+    model = ObjectModel()
+    model.load(session)
+    made = ObjectTable(model)
+    qtbot.addWidget(made)
+    made.resize(300, 240)
+    made.show()
+    return made
+
+
+def _shown(table: ObjectTable, column: Column) -> list[str]:
+    rows = table.rows
+    return [rows.index(k, column).data(DISPLAY) for k in range(rows.rowCount())]
+
+
+def test_the_model_keeps_qts_rules(qtmodeltester: ModelTester, session: SimpleNamespace) -> None:
+    model = ObjectModel()
+    model.load(session)
+    qtmodeltester.check(model)
+
+
+def test_every_fact_is_shown_in_the_units_of_its_title(table: ObjectTable) -> None:
+    # Object 5 is 2 x 3 x 5 voxels: 2, 6 and 25 mm, 300 mm^3.
+    row = _shown(table, Column.NAME).index("Shoe")
+    cells = {column: table.rows.index(row, column).data(DISPLAY) for column in Column}
+    assert cells[Column.VOLUME] == "0.3"
+    assert cells[Column.SIZE] == "25 × 6 × 2"
+    assert cells[Column.DENSITY] == "1001"
+    assert cells[Column.CONFIDENCE] == "–"
+    assert cells[Column.STATE] == "packed"
+
+
+def test_names_sort_as_people_count_and_volumes_as_numbers(table: ObjectTable) -> None:
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10", "Shoe"]
+    table.sortByColumn(Column.VOLUME, Qt.SortOrder.DescendingOrder)
+    assert _shown(table, Column.NAME) == ["Object 2", "Shoe", "Object 10"]
+
+
+def test_search_finds_names_and_ids(table: ObjectTable) -> None:
+    table.rows.keep_text("obj")
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10"]
+    table.rows.keep_text("5")
+    assert _shown(table, Column.NAME) == ["Shoe"]
+    table.rows.keep_text("")
+    assert len(_shown(table, Column.NAME)) == 3
+
+
+def test_states_filter_and_follow_the_session(table: ObjectTable, session: SimpleNamespace) -> None:
+    table.rows.keep_states(frozenset({"HIDDEN"}))
+    assert _shown(table, Column.NAME) == []
+    session.states[5] = State.HIDDEN
+    table.objects.refresh()
+    assert _shown(table, Column.STATE) == ["hidden"]
+
+
+def test_only_rows_that_changed_are_told(table: ObjectTable, session: SimpleNamespace) -> None:
+    told = []
+    table.objects.dataChanged.connect(lambda a, b: told.append((a.row(), a.column(), b.column())))
+    session.hues[8] = 0.5
+    table.objects.refresh()
+    assert told == [(2, Column.SWATCH, Column.SWATCH)]
+    session.states[3] = State.UNPACKED
+    table.objects.refresh()
+    assert told[1:] == [(0, Column.EYE, Column.STATE)]
+
+
+def test_what_is_free_says_so_until_it_leaves(table: ObjectTable, session: SimpleNamespace) -> None:
+    table.objects.refresh(free={3})
+    words = dict(zip(_shown(table, Column.NAME), _shown(table, Column.STATE), strict=True))
+    assert words == {"Object 10": "free", "Shoe": "packed", "Object 2": "packed"}
+    session.states[3] = State.FLYING_OUT
+    table.objects.refresh()
+    assert "flying" in _shown(table, Column.STATE)
+
+
+def test_a_rename_reaches_the_session_and_an_empty_one_does_not(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    cell = table.rows.index(_shown(table, Column.NAME).index("Shoe"), Column.NAME)
+    assert table.rows.setData(cell, " Boot ")
+    assert session.objects.at[5, "name"] == "Boot"
+    assert not table.rows.setData(table.rows.index(0, Column.NAME), "  ")
+    assert sorted(_shown(table, Column.NAME)) == ["Boot", "Object 10", "Object 2"]
+
+
+def _centre(table: ObjectTable, row: int, column: Column) -> QPoint:
+    return table.visualRect(table.rows.index(row, column)).center()
+
+
+@pytest.mark.parametrize(
+    ("column", "signal"), [(Column.EYE, "eye_clicked"), (Column.SWATCH, "swatch_clicked")]
+)
+def test_a_click_on_a_picture_acts_and_selects_nothing(
+    qtbot: QtBot, table: ObjectTable, column: Column, signal: str
+) -> None:
+    with qtbot.waitSignal(getattr(table, signal), timeout=1000) as heard:
+        qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=_centre(table, 1, column))
+    assert heard.args == [table.rows.index(1, column).data(ID)]
+    assert table.selected_ids() == []
+
+
+def test_selection_by_hand_is_told_and_selection_from_elsewhere_is_not(
+    qtbot: QtBot, table: ObjectTable
+) -> None:
+    told = []
+    table.ids_selected.connect(told.append)
+    qtbot.mouseClick(
+        table.viewport(), Qt.MouseButton.LeftButton, pos=_centre(table, 0, Column.NAME)
+    )
+    assert told == [frozenset({8})]
+    table.show_selection(frozenset({3, 5}))
+    assert table.selected_ids() == [3, 5]
+    assert len(told) == 1
+
+
+def test_letters_are_left_to_the_viewer(qtbot: QtBot, table: ObjectTable) -> None:
+    table.selectRow(0)
+    before = table.currentIndex()
+    qtbot.keyClick(table, Qt.Key.Key_S)
+    assert table.currentIndex() == before
+
+
+def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
+    from time import perf_counter
+
+    ids = tuple(range(1, 1001))
+    session = _session(tuple(f"Object {i}" for i in ids), ids)
+    model = ObjectModel()
+    table = ObjectTable(model)
+    qtbot.addWidget(table)
+    model.load(session)
+    session.states[500] = State.UNPACKED
+    start = perf_counter()
+    model.refresh()
+    assert perf_counter() - start < 0.1

@@ -1,0 +1,55 @@
+"""The manifest: valid, linked from the root, and every command it names exists."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+from npe2 import PluginManifest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def manifest() -> PluginManifest:
+    return PluginManifest.from_file(ROOT / "src" / "napari_unpack" / "napari.yaml")
+
+
+def test_the_root_manifest_is_a_relative_link_to_the_packaged_one() -> None:
+    link = ROOT / "napari.yaml"
+    assert link.is_symlink()
+    assert link.readlink() == Path("src/napari_unpack/napari.yaml")
+
+
+def test_every_command_can_be_imported(manifest: PluginManifest) -> None:
+    names = [command.python_name for command in manifest.contributions.commands]
+    assert len(names) == 3
+    for name in names:
+        module, attribute = name.split(":")
+        assert callable(getattr(importlib.import_module(module), attribute))
+
+
+def test_the_panel_is_a_widget_and_stands_in_two_menus(manifest: PluginManifest) -> None:
+    (widget,) = manifest.contributions.widgets
+    assert widget.display_name == "Virtual Unpacking"
+    assert set(manifest.contributions.menus) == {"napari/layers/segment", "napari/layers/visualize"}
+
+
+@pytest.mark.parametrize("name", ["bag.npz", "bag.nii.gz", "bag.mha", "bag.nrrd", "bag.dcm"])
+def test_the_reader_is_offered_for_the_formats_of_ct(manifest: PluginManifest, name: str) -> None:
+    from fnmatch import fnmatch
+
+    (reader,) = manifest.contributions.readers
+    assert any(fnmatch(name, pattern) for pattern in reader.filename_patterns)
+    assert reader.accepts_directories
+
+
+def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: PluginManifest) -> None:
+    from napari_unpack.widgets.settings import BACKENDS, Preferences
+
+    pages = manifest.contributions.configurations
+    flight, drawing = pages["unpacking"].properties, pages["drawing"].properties
+    assert flight["seconds"].default == Preferences().seconds
+    assert flight["when_nobody_is_free"].enum == ["Tell me", "Take the least blocked"]
+    assert BACKENDS[drawing["backend"].default] == Preferences().backend
+    assert drawing["backend"].enum == list(BACKENDS)
+    assert drawing["recolor_at_rest"].default is Preferences().recolor_at_rest
