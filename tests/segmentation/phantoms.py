@@ -56,8 +56,11 @@ def superquadric(rng, largest=24.0):
     return mask[keep]
 
 
-def packed(seed, shape=(96, 112, 128), count=14, largest=24.0):
-    """Drop superquadrics along +y until they touch; return labels and the density of each."""
+def packed(seed, shape=(96, 112, 128), count=14, largest=24.0, press=0):
+    """Drop superquadrics along +y until they touch; return labels and the density of each.
+
+    They are pressed that many voxels further and flattened where they meet.
+    """
     rng = np.random.default_rng(seed)
     labels = np.zeros(shape, np.int32)
     densities = {}
@@ -70,8 +73,9 @@ def packed(seed, shape=(96, 112, 128), count=14, largest=24.0):
             z, x = int(rng.integers(0, room[0])), int(rng.integers(0, room[2]))
             y = _rest(labels, mask, z, x, room[1])
             if y is not None:
+                y = min(y + press, room[1] - 1)
                 window = labels[z : z + mask.shape[0], y : y + mask.shape[1], x : x + mask.shape[2]]
-                window[mask] = name
+                window[mask & (window == 0)] = name
                 densities[name] = float(rng.choice(MATERIALS))
                 break
     return labels, densities
