@@ -87,6 +87,14 @@ def native_canvas(viewer: Any) -> Any | None:
     return getattr(canvas, "_scene_canvas", None)
 
 
+def when_window_closes(viewer: Any, callback: Callable[[], None]) -> None:
+    """Call back when the viewer's window is taken down."""
+    window = getattr(unwrap(viewer), "window", None)
+    qt_window = getattr(window, "_qt_window", None)
+    if qt_window is not None:
+        qt_window.destroyed.connect(lambda *_: callback())
+
+
 class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
     """Slicing state of a layer that is a picture and has no slices."""
 
@@ -117,6 +125,7 @@ class PictureLayer(Layer):
     """
 
     frame_changed = Signal(object)
+    words = ""
 
     def __init__(
         self,
@@ -179,6 +188,17 @@ class PictureLayer(Layer):
     @property
     def _extent_data_augmented(self) -> NDArray[np.float64]:
         return self._box + np.array([[-0.5], [0.5]])
+
+    def get_status(self, *args: Any, **kwargs: Any) -> dict[str, str]:
+        """Say what the mouse is on, for napari's status bar."""
+        status = dict(self._get_source_info())
+        status |= {
+            "layer_base": self.words or self.name,
+            "coordinates": "",
+            "coords": "",
+            "value": "",
+        }
+        return status
 
     def _get_ndim(self) -> int:
         return 3

@@ -74,6 +74,12 @@ class PackedPainter:
         """Whether the picture is full and right for what the canvas shows."""
         return self._frame is None or self._is_fine()
 
+    def crop(self) -> Crop:
+        """Return the whole volume as the kernels want it."""
+        if self._crop is None or self._crop.labels is not self._session.display_labels:
+            self._crop = PictureCache(self._session).whole()
+        return self._crop
+
     def look(self, frame: Frame) -> None:
         """Take note of what the canvas shows now."""
         if not frame.same_as(self._frame):
@@ -121,9 +127,7 @@ class PackedPainter:
         self.passes += 1
         if shot is None:
             return None, touched
-        if self._crop is None or self._crop.labels is not self._session.display_labels:
-            self._crop = PictureCache(self._session).whole()
-        return recast_objects(self._session, self._crop, shot, touched, self._backend()), touched
+        return recast_objects(self._session, self.crop(), shot, touched, self._backend()), touched
 
     def _patched(self, result: tuple[Shot | None, frozenset[int]]) -> None:
         shot, touched = result

@@ -47,7 +47,8 @@ class SpriteLayer(PictureLayer):
 
     def show(self, sprites: Mapping[int, Sprite]) -> None:
         """Show these and nothing else; a sprite that stays the same keeps its card."""
-        kept = {i: self._cards[i] for i, s in sprites.items() if self._sprites.get(i) is s}
+        same = [i for i, s in sprites.items() if i in self._cards and self._sprites.get(i) is s]
+        kept = {i: self._cards[i] for i in same}
         self._sprites, self._cards = dict(sprites), kept
         if sprites:
             self.set_picture(next(reversed(self._sprites.values())).patch.rgba)

@@ -1,0 +1,168 @@
+"""The mouse on the stage: names under it, clicks that select, sprites to turn and to inspect."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.transforms import rotation_about
+
+CLICK_PIXELS = 4.0
+RADIANS_PER_PIXEL = 0.011
+DOWN, RIGHT = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+class Scene(Protocol):
+    """What the pointer asks of the stage; pixels are the canvas's own, row and column."""
+
+    @property
+    def inspected(self) -> int:
+        """The object being inspected, 0 for none."""
+
+    def sprite_at(self, pixel: NDArray[np.float64]) -> int:
+        """Return the object whose sprite is there, 0 for none."""
+
+    def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
+        """Return the packed objects there, the most visible first."""
+
+    def point_at(self, object_id: int) -> None:
+        """Show which object the mouse is on, 0 for none."""
+
+    def select(self, object_id: int) -> None:
+        """Select an object, 0 for none."""
+
+    def inspect(self, object_id: int) -> None:
+        """Enter inspection."""
+
+    def leave(self) -> None:
+        """Leave inspection."""
+
+    def turn(self, object_id: int, rotation: Matrix) -> None:
+        """Turn an object by a rotation of pivot space, under the hand."""
+
+    def turned(self, object_id: int) -> None:
+        """Let go of an object that was turned."""
+
+
+class Pointer:
+    """Hears the viewer's mouse while the stage is on.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    scene : Scene
+        The stage.
+
+    Notes
+    -----
+    napari's own double click zooms; while the stage is on it is asked only where ours has
+    nothing to do.
+    """
+
+    def __init__(self, viewer: Any, scene: Scene) -> None:
+        self._viewer, self._scene = viewer, scene
+        self._theirs = list(viewer.mouse_double_click_callbacks)
+        viewer.mouse_double_click_callbacks[:] = [self._double_click]
+        viewer.mouse_move_callbacks.append(self._move)
+        viewer.mouse_drag_callbacks.append(self._drag)
+
+    def close(self) -> None:
+        """Give the mouse back."""
+        self._viewer.mouse_double_click_callbacks[:] = self._theirs
+        for callbacks, ours in (
+            (self._viewer.mouse_move_callbacks, self._move),
+            (self._viewer.mouse_drag_callbacks, self._drag),
+        ):
+            if ours in callbacks:
+                callbacks.remove(ours)
+
+    def _in_3d(self) -> bool:
+        return bool(self._viewer.dims.ndisplay == 3)
+
+    def _move(self, _viewer: Any, event: Any) -> None:
+        if self._in_3d():
+            self._scene.point_at(self._under(_pixel(event)))
+
+    def _under(self, pixel: NDArray[np.float64]) -> int:
+        if self._scene.inspected:
+            return self._scene.inspected
+        sprite = self._scene.sprite_at(pixel)
+        return sprite or next(iter(self._scene.packed_at(pixel)), 0)
+
+    def _double_click(self, viewer: Any, event: Any) -> None:
+        if self._in_3d():
+            if self._scene.inspected:
+                self._scene.leave()
+                event.handled = True
+                return
+            sprite = self._scene.sprite_at(_pixel(event))
+            if sprite:
+                self._scene.inspect(sprite)
+                event.handled = True
+                return
+        for callback in self._theirs:
+            callback(viewer, event)
+
+    def _drag(self, _viewer: Any, event: Any) -> Generator[None, None, None]:
+        if not self._in_3d() or event.button != 1:
+            return
+        start = last = _pixel(event)
+        held = self._scene.inspected or self._scene.sprite_at(start)
+        modifiers = {str(m) for m in getattr(event, "modifiers", ())}
+        hold = bool(held) and not modifiers
+        camera = self._viewer.scene.camera
+        before = bool(camera.mouse_pan)
+        if hold:
+            camera.mouse_pan = False
+        moved = False
+        try:
+            yield
+            while event.type == "mouse_move":
+                pixel = _pixel(event)
+                moved = moved or float(np.abs(pixel - start).max()) > CLICK_PIXELS
+                if hold and moved:
+                    self._scene.turn(held, drag_rotation(pixel - last))
+                    last = pixel
+                yield
+        finally:
+            if hold:
+                camera.mouse_pan = before
+        if hold and moved:
+            self._scene.turned(held)
+        elif not moved and not self._scene.inspected:
+            self._click(start, "Alt" in modifiers)
+
+    def _click(self, pixel: NDArray[np.float64], deeper: bool) -> None:
+        sprite = self._scene.sprite_at(pixel)
+        if sprite:
+            self._scene.select(sprite)
+            return
+        there = self._scene.packed_at(pixel)
+        which = 1 if deeper and len(there) > 1 else 0
+        self._scene.select(there[which] if there else 0)
+
+
+def drag_rotation(pixels: NDArray[np.float64]) -> Matrix:
+    """Return the turn of pivot space under which what faces the viewer follows the mouse.
+
+    Parameters
+    ----------
+    pixels : (2,) ndarray of float64
+        Way of the mouse, rows down and columns to the right.
+
+    Returns
+    -------
+    (3, 3) ndarray of float64
+    """
+    down, right = pixels * RADIANS_PER_PIXEL
+    turned: Matrix = rotation_about(DOWN, -right) @ rotation_about(RIGHT, down)
+    return turned
+
+
+def _pixel(event: Any) -> NDArray[np.float64]:
+    x, y = event.pos[:2]
+    return np.array([float(y), float(x)])

@@ -1,0 +1,45 @@
+"""The three layers as tables of objects: what **Duplicate** and **Save** make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from colorsys import hsv_to_rgb
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from napari_unpack.layers.compat import PictureLayer
+
+
+def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
+    """Make a layer the table of some objects.
+
+    Parameters
+    ----------
+    layer : PictureLayer
+        Becomes a Points layer of their centres when it is duplicated or saved: in their hues,
+        with `session.objects` as features.
+    session : Session
+        Whose objects.
+    ids : iterable of int
+        Which, those unknown to the session's boxes left out.
+    """
+    known = sorted(set(ids) & set(session.boxes.ids.tolist()))
+    rows = [session.boxes.index(i) for i in known]
+    low, high = session.boxes.lower[rows], session.boxes.upper[rows]
+    edges = (high - low).max(axis=1) if rows else np.zeros(0)
+    colors = [hsv_to_rgb(session.hues.get(i, 0.0), float(i in session.hues), 1.0) for i in known]
+    layer.set_table(
+        (low + high - 1) / 2,
+        features=_features(session.objects, known),
+        face_color=np.array(colors).reshape(-1, 3),
+        border_color="transparent",
+        size=np.maximum(edges / 6, 1.0),
+    )
+
+
+def _features(objects: pd.DataFrame | None, ids: list[int]) -> pd.DataFrame:
+    if objects is None:
+        return pd.DataFrame({"id": ids})
+    return objects.reindex(ids).rename_axis("id").reset_index()

@@ -1,0 +1,34 @@
+"""A small bag of balls and boxes, and a session of it, for the plugin's tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+SHAPE = (40, 48, 60)
+
+
+def phantom() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of seven things in a row of two layers, none overlapping."""
+    volume = np.zeros(SHAPE, np.uint16)
+    labels = np.zeros(SHAPE, np.uint16)
+    z, y, x = np.indices(SHAPE)
+
+    def put(object_id: int, inside: np.ndarray, density: int) -> None:
+        inside = inside & (labels == 0)
+        volume[inside], labels[inside] = density, object_id
+
+    def ball(cz: float, cy: float, cx: float, r: float) -> np.ndarray:
+        return (z - cz) ** 2 + (y - cy) ** 2 + (x - cx) ** 2 < r**2
+
+    def box(z0: int, z1: int, y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
+        return (z >= z0) & (z < z1) & (y >= y0) & (y < y1) & (x >= x0) & (x < x1)
+
+    put(1, ball(10, 12, 12, 9), 1000)
+    put(2, box(4, 18, 6, 22, 24, 38), 1400)
+    put(3, ball(11, 13, 49, 8), 1100)
+    put(4, box(4, 18, 28, 44, 4, 24), 900)
+    put(5, ball(10, 36, 36, 9), 1600)
+    put(6, box(21, 36, 5, 24, 5, 30), 1200)
+    put(7, box(21, 36, 27, 44, 20, 56), 1050)
+    return volume, labels
