@@ -1,0 +1,65 @@
+"""One line of the table, and the clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+NOT_MEASURED = "not measured"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One thing measured.
+
+    Parameters
+    ----------
+    what : str
+        The thing.
+    work : str
+        On what.
+    ours : str
+        Our figure with its unit.
+    peer : str
+        Whose figure, and it; the paper's own, in quotes, was measured in 2012.
+    ratio : str
+        Ours over the peer's, both of this run.
+    goal : str
+        What DESIGN section 6 asks.
+    met : bool, optional
+        None where it was not measured.
+    """
+
+    what: str
+    work: str
+    ours: str
+    peer: str = ""
+    ratio: str = ""
+    goal: str = ""
+    met: bool | None = None
+
+    @classmethod
+    def not_measured(cls, what: str, work: str, why: str, goal: str) -> Row:
+        """Return a row for what this machine cannot do."""
+        return cls(what, work, f"{NOT_MEASURED} ({why})", goal=goal)
+
+
+def best_ms(work: Callable[[], Any], repeats: int = 3, warm: bool = True) -> float:
+    """Return the shortest of some runs in ms; a first one, which may compile, does not count."""
+    if warm:
+        work()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times) * 1e3
+
+
+def ms(value: float) -> str:
+    """Write milliseconds as people read them."""
+    if value < 10:
+        return f"{value:.2f} ms"
+    return f"{value:.0f} ms" if value < 1000 else f"{value / 1000:.2f} s"

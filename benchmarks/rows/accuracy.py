@@ -1,0 +1,1 @@
+"""Segmentation of held-out bags."""

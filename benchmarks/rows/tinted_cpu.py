@@ -1,0 +1,43 @@
+"""A tinted frame on the CPU, labels included, against VTK's without labels."""
+
+from __future__ import annotations
+
+from benchmarks.row import Row, best_ms, ms
+from benchmarks.scenes import MM, SHADING, Scenes
+from benchmarks.vtk_peer import vtk_frame
+from napari_unpack.imaging import cast_tinted
+
+WORK = "256x256x512, 27 objects, 1024x1024, shaded, opacity 0.1 a voxel"
+GOAL = "<= 0.5x VTK's CPU time"
+
+
+def measure(scenes: Scenes) -> list[Row]:
+    packing = scenes.packing
+
+    def frame() -> object:
+        return cast_tinted(
+            packing.volume,
+            packing.labels,
+            MM,
+            scenes.camera,
+            scenes.transfer_function,
+            scenes.tints,
+            scenes.canvas,
+            shading=SHADING,
+            bricks=scenes.bricks,
+            backend="cpu",
+        )
+
+    ours, peer = best_ms(frame, scenes.repeats), best_ms(vtk_frame(scenes), scenes.repeats)
+    ratio = ours / peer
+    return [
+        Row(
+            "tinted frame, CPU",
+            WORK,
+            ms(ours),
+            f"VTK CPU ray caster, no labels: {ms(peer)}",
+            f"{ratio:.2f}",
+            GOAL,
+            ratio <= 0.5,
+        )
+    ]

@@ -1,0 +1,41 @@
+"""A tinted frame with GLSL on a software rasteriser, against VTK's CPU ray caster."""
+
+from __future__ import annotations
+
+from benchmarks.row import Row, best_ms, ms
+from benchmarks.rows.tinted_cpu import WORK
+from benchmarks.scenes import MM, SHADING, Scenes
+from benchmarks.vtk_peer import vtk_frame
+from napari_unpack.imaging import cast_tinted
+
+WHAT = "tinted frame, software GL"
+GOAL = "<= 1.0x VTK's CPU time"
+
+
+def measure(scenes: Scenes) -> list[Row]:
+    from napari_unpack.rendering import offscreen
+
+    if not offscreen.available():
+        return [Row.not_measured(WHAT, WORK, "no GL context", GOAL)]
+    if offscreen.hardware():
+        return [Row.not_measured(WHAT, WORK, "GL is hardware here", GOAL)]
+    packing = scenes.packing
+
+    def frame() -> object:
+        return cast_tinted(
+            packing.volume,
+            packing.labels,
+            MM,
+            scenes.camera,
+            scenes.transfer_function,
+            scenes.tints,
+            scenes.canvas,
+            shading=SHADING,
+            bricks=scenes.bricks,
+            backend="gl",
+        )
+
+    ours, peer = best_ms(frame, scenes.repeats), best_ms(vtk_frame(scenes), scenes.repeats)
+    ratio = ours / peer
+    against = f"VTK CPU ray caster, no labels: {ms(peer)}"
+    return [Row(WHAT, WORK, ms(ours), against, f"{ratio:.2f}", GOAL, ratio <= 1.0)]
