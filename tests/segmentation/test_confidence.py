@@ -113,7 +113,7 @@ def test_solidity_of_a_box_and_of_an_angle():
 
 def test_true_objects_score_above_merged_pairs_and_halves(bags, oracle):
     _, (good, pairs, parts) = bags
-    scores = [oracle.percentile(rows) for rows in (good, pairs, parts)]
+    scores = [oracle.scores(rows) for rows in (good, pairs, parts)]
     assert len(pairs) > 15
     assert auroc(scores[0], scores[1]) >= 0.95
     assert auroc(scores[0], scores[2]) >= 0.9
@@ -121,7 +121,7 @@ def test_true_objects_score_above_merged_pairs_and_halves(bags, oracle):
 
 
 def test_the_percentile_is_calibrated_on_what_was_learned(bags, oracle):
-    scores = oracle.percentile(bags[0][0])
+    scores = oracle.scores(bags[0][0])
     assert np.median(scores) == pytest.approx(0.5, abs=0.02)
     assert (scores < 0.25).mean() == pytest.approx(0.25, abs=0.03)
 
@@ -129,10 +129,10 @@ def test_the_percentile_is_calibrated_on_what_was_learned(bags, oracle):
 def test_training_is_reproducible_and_survives_a_file(bags, oracle, tmp_path):
     (train, _, _), (good, _, _) = bags
     again = fit_features(train)
-    np.testing.assert_array_equal(again.percentile(good), oracle.percentile(good))
+    np.testing.assert_array_equal(again.scores(good), oracle.scores(good))
     oracle.save(tmp_path / "oracle.npz")
     loaded = Oracle.load(tmp_path / "oracle.npz")
-    np.testing.assert_array_equal(loaded.percentile(good), oracle.percentile(good))
+    np.testing.assert_array_equal(loaded.scores(good), oracle.scores(good))
 
 
 def test_a_damaged_foreign_or_old_file_is_refused(oracle, tmp_path):

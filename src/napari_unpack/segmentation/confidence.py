@@ -1,11 +1,13 @@
 """The confidence oracle: how much a region looks like exactly one object.
 
-One-class, after Grady et al. 2012 (AQUA): features of good objects are z-scored, rotated by
-principal components, and their density is modelled by a mixture of Gaussians.
+After Grady et al. 2012 (AQUA): features of good objects are z-scored, rotated by principal
+components, and their density is modelled by a mixture of Gaussians. Regions known to be wrong
+(pieces, unions) may be given too; they calibrate the score.
 """
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.features import FEATURES, features
+from napari_unpack.segmentation.mixture import Mixture, fit_mixture
 from napari_unpack.segmentation.region import Region
 
 FORMAT = "napari-unpack oracle 1"
-FIELDS = ("center", "scale", "axes", "weights", "means", "covariances", "quantiles")
+LIMIT = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,30 +33,36 @@ class Oracle:
         z-score of the features.
     axes : (C, F) ndarray of float64
         Principal components.
-    weights, means, covariances : (K,), (K, C), (K, C, C) ndarrays of float64
-        The mixture.
+    good : Mixture
+        Of true objects.
     quantiles : (101,) ndarray of float64
         Log-likelihoods of the training objects at every percentile.
+    bad : Mixture, optional
+        Of regions that are not one object.
+    logistic : (2,) ndarray of float64
+        Slope and offset that turn the log-likelihood ratio into a probability.
     """
 
     center: NDArray[np.float64]
     scale: NDArray[np.float64]
     axes: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    means: NDArray[np.float64]
-    covariances: NDArray[np.float64]
+    good: Mixture
     quantiles: NDArray[np.float64]
+    bad: Mixture | None
+    logistic: NDArray[np.float64]
 
     @staticmethod
-    def fit(objects: Iterable[Region], seed: int = 0) -> Oracle:
+    def fit(objects: Iterable[Region], wrong: Iterable[Region] = (), seed: int = 0) -> Oracle:
         """Learn what good objects look like.
 
         Parameters
         ----------
         objects : iterable of Region
             At least eight, each exactly one object.
+        wrong : iterable of Region
+            None, or at least eight regions that are pieces or unions.
         seed : int
-            Of the mixture's initialisation.
+            Of the mixtures' initialisation.
 
         Returns
         -------
@@ -62,34 +71,32 @@ class Oracle:
         Raises
         ------
         ValueError
-            If there are fewer than eight objects.
+            If there are fewer than eight objects, or one to seven wrong ones.
         """
-        return fit_features(np.array([features(region) for region in objects]), seed)
+        good = np.array([features(region) for region in objects])
+        bad = np.array([features(region) for region in wrong])
+        return fit_features(good, bad if len(bad) else None, seed)
 
-    def log_likelihood(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the log-likelihood of (N, F) feature rows under the mixture."""
-        from scipy.special import logsumexp
+    def project(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the principal components of (N, F) feature rows."""
+        return np.clip((table - self.center) / self.scale, -LIMIT, LIMIT) @ self.axes.T
 
-        scores = np.clip((table - self.center) / self.scale, -12, 12) @ self.axes.T
-        terms = []
-        for weight, mean, covariance in zip(
-            self.weights, self.means, self.covariances, strict=True
-        ):
-            root = np.linalg.cholesky(covariance)
-            whitened = np.linalg.solve(root, (scores - mean).T)
-            spread = 2 * np.log(np.diag(root)).sum() + len(mean) * np.log(2 * np.pi)
-            terms.append(np.log(weight) - (np.square(whitened).sum(axis=0) + spread) / 2)
-        return np.asarray(logsumexp(terms, axis=0))
-
-    def percentile(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the share of training objects that (N, F) feature rows surpass, in [0, 1].
+    def scores(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the confidence of (N, F) feature rows, in [0, 1].
 
         Notes
         -----
-        Below every training object the percentile falls on as exp of the shortfall, so that
-        bad regions can still be told from worse ones.
+        Without wrong regions this is the percentile of the log-likelihood among the training
+        objects, falling on as exp of the shortfall below the worst of them, so that bad regions
+        can still be told from worse ones. With them it is the calibrated probability of being
+        good.
         """
-        likelihood = self.log_likelihood(table)
+        points = self.project(table)
+        likelihood = self.good.log_density(points)
+        if self.bad is not None:
+            ratio = likelihood - self.bad.log_density(points)
+            exponent = np.clip(self.logistic[0] * ratio + self.logistic[1], -40, 40)
+            return np.asarray(1 / (1 + np.exp(-exponent)))
         inside = np.interp(likelihood, self.quantiles, np.linspace(0.01, 1, len(self.quantiles)))
         span = max(float(self.quantiles[50] - self.quantiles[0]), 1.0)
         short = np.minimum(likelihood - self.quantiles[0], 0) / span
@@ -97,13 +104,16 @@ class Oracle:
 
     def score(self, region: Region) -> float:
         """Return the confidence in [0, 1] that a region is exactly one object."""
-        return float(self.percentile(features(region)[None])[0])
+        return float(self.scores(features(region)[None])[0])
 
     __call__ = score
 
     def save(self, path: str | Path) -> None:
         """Write the oracle as an npz of plain arrays."""
-        arrays = {name: getattr(self, name) for name in FIELDS}
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        for side, mixture in (("good", self.good), ("bad", self.bad)):
+            if mixture is not None:
+                arrays |= {f"{side}_{name}": getattr(mixture, name) for name in _MIXTURE}
         with Path(path).open("wb") as file:
             np.savez_compressed(file, format=FORMAT, features=np.array(FEATURES), **arrays)
 
@@ -115,36 +125,50 @@ class Oracle:
         ------
         ValueError
             If the file is not an oracle, is damaged, or is of another version.
+        FileNotFoundError
+            If there is none.
         """
-        import zipfile
-
         try:
             with np.load(path) as file:
                 found = {name: file[name] for name in file.files}
-        except (ValueError, EOFError, OSError, zipfile.BadZipFile, KeyError) as error:
-            if isinstance(error, FileNotFoundError):
-                raise
+        except FileNotFoundError:
+            raise
+        except (ValueError, EOFError, OSError, AttributeError, zipfile.BadZipFile) as error:
             raise ValueError(f"{path} is not an oracle, or is damaged: {error}") from error
         if str(found.get("format")) != FORMAT or tuple(found.get("features", ())) != FEATURES:
             raise ValueError(
                 f"{path} is not an oracle of this version ({FORMAT}, {len(FEATURES)} features); "
                 "train it again"
             )
-        missing = [name for name in FIELDS if name not in found]
+        missing = [
+            name for name in (*_ARRAYS, *(f"good_{m}" for m in _MIXTURE)) if name not in found
+        ]
         if missing:
             raise ValueError(f"{path} is a damaged oracle: it lacks {', '.join(missing)}")
-        return Oracle(**{name: np.asarray(found[name], np.float64) for name in FIELDS})
+        good = Mixture(*(found[f"good_{name}"] for name in _MIXTURE))
+        bad = None
+        if "bad_weights" in found:
+            bad = Mixture(*(found[f"bad_{name}"] for name in _MIXTURE))
+        return Oracle(good=good, bad=bad, **{name: found[name] for name in _ARRAYS})
 
 
-def fit_features(table: NDArray[np.float64], seed: int = 0) -> Oracle:
-    """Fit an oracle to the features of good objects.
+_ARRAYS = ("center", "scale", "axes", "quantiles", "logistic")
+_MIXTURE = ("weights", "means", "covariances")
+
+
+def fit_features(
+    good: NDArray[np.float64], bad: NDArray[np.float64] | None = None, seed: int = 0
+) -> Oracle:
+    """Fit an oracle to feature rows.
 
     Parameters
     ----------
-    table : (N, F) ndarray of float64
-        A row for every object, columns as `features.FEATURES`; N at least 8.
+    good : (N, F) ndarray of float64
+        Of true objects, columns as `features.FEATURES`; N at least 8.
+    bad : (M, F) ndarray of float64, optional
+        Of wrong regions; M at least 8.
     seed : int
-        Of the mixture's initialisation.
+        Of the mixtures' initialisation.
 
     Returns
     -------
@@ -157,35 +181,53 @@ def fit_features(table: NDArray[np.float64], seed: int = 0) -> Oracle:
 
     Notes
     -----
-    z-score by mean and standard deviation; principal components keep 95 % of the variance; the
-    mixture has 1 to 10 full Gaussians, as many as BIC prefers, regularised by 1e-2 in units of
-    a standard deviation.
+    z-score by the mean and standard deviation of the good; principal components of all keep
+    95 % of the variance, 99 % where there are bad ones, since what tells them apart need not be
+    what varies most among the good.
     """
-    from sklearn.mixture import GaussianMixture
-
-    if len(table) < 8:
-        raise ValueError(f"an oracle needs at least 8 objects to learn from, got {len(table)}")
-    center = table.mean(axis=0)
-    scale = np.maximum(table.std(axis=0), 1e-3)
-    scores = (table - center) / scale
-    variances, vectors = np.linalg.eigh(np.cov(scores.T))
-    order = np.argsort(variances)[::-1]
-    share = np.cumsum(variances[order]) / variances.sum()
-    axes = vectors[:, order[: int(np.searchsorted(share, 0.95)) + 1]].T
-    # The sign of an eigenvector is arbitrary; fix it, so that training is reproducible.
-    axes = axes * np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])[:, None]
-    projected = scores @ axes.T
-    most = max(1, min(10, len(table) // (2 * len(axes))))
-    models = [
-        GaussianMixture(
-            k, reg_covar=1e-2, random_state=seed, n_init=2, init_params="k-means++"
-        ).fit(projected)
-        for k in range(1, most + 1)
-    ]
-    best = min(models, key=lambda model: model.bic(projected))
-    blank = Oracle(
-        center, scale, axes, best.weights_, best.means_, best.covariances_, np.zeros(101)
+    for rows, name in ((good, "objects"), (good if bad is None else bad, "wrong regions")):
+        if len(rows) < 8:
+            raise ValueError(f"an oracle needs at least 8 {name} to learn from, got {len(rows)}")
+    center = good.mean(axis=0)
+    scale = np.maximum(good.std(axis=0), 1e-3)
+    everything = good if bad is None else np.concatenate([good, bad])
+    axes = _principal(
+        np.clip((everything - center) / scale, -LIMIT, LIMIT), 0.95 if bad is None else 0.99
     )
-    likelihood = blank.log_likelihood(table)
-    quantiles = np.quantile(likelihood, np.linspace(0, 1, 101))
-    return Oracle(center, scale, axes, best.weights_, best.means_, best.covariances_, quantiles)
+    blank = Oracle(
+        center, scale, axes, Mixture(*(np.zeros(1),) * 3), np.zeros(101), None, np.zeros(2)
+    )
+    model = fit_mixture(blank.project(good), seed)
+    quantiles = np.quantile(model.log_density(blank.project(good)), np.linspace(0, 1, 101))
+    if bad is None:
+        return Oracle(center, scale, axes, model, quantiles, None, np.array([1.0, 0.0]))
+    other = fit_mixture(blank.project(bad), seed)
+    ratios = [
+        model.log_density(blank.project(rows)) - other.log_density(blank.project(rows))
+        for rows in (good, bad)
+    ]
+    return Oracle(center, scale, axes, model, quantiles, other, _calibrate(*ratios))
+
+
+def _principal(rows: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    variances, vectors = np.linalg.eigh(np.cov(rows.T))
+    order = np.argsort(variances)[::-1]
+    explained = np.cumsum(variances[order]) / variances.sum()
+    axes = vectors[:, order[: int(np.searchsorted(explained, share)) + 1]].T
+    # The sign of an eigenvector is arbitrary; fixing it keeps training reproducible.
+    signs = np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])
+    return np.asarray(axes * signs[:, None])
+
+
+def _calibrate(good: NDArray[np.float64], bad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logistic regression of good (1) and bad (0), equally weighted, on the ratio."""
+    from scipy.optimize import minimize
+
+    low, high = np.quantile(np.concatenate([good, bad]), [0.02, 0.98])
+    one, two = np.clip(good, low, high), np.clip(bad, low, high)
+
+    def loss(p: NDArray[np.float64]) -> float:
+        right = np.logaddexp(0, -(p[0] * one + p[1])).mean()
+        return float(right + np.logaddexp(0, p[0] * two + p[1]).mean())
+
+    return np.asarray(minimize(loss, np.array([0.5, 0.0]), method="Nelder-Mead").x)

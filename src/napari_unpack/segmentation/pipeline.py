@@ -13,7 +13,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
 from napari_unpack.segmentation.materials import MaterialScale, material_parts
-from napari_unpack.segmentation.merging import absorb_small, join_containers
+from napari_unpack.segmentation.merging import absorb_small, fill_cavities, join_containers
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
@@ -101,7 +101,7 @@ def segment(
     found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.55 * f, text))
     tell(0.85, "Joining containers and their contents")
     labels = join_containers(_label(found, density.shape), size)
-    labels = rank_labels(absorb_small(labels, size, smallest))
+    labels = rank_labels(fill_cavities(absorb_small(labels, size, smallest), size))
     tell(0.95, "Measuring objects")
     table = object_table(labels, density, size, oracle)
     tell(1.0, f"{len(table)} objects")
