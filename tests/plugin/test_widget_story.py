@@ -1,0 +1,267 @@
+"""The way through, by the panel's own buttons, in a real viewer that draws."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pytestqt.qtbot import QtBot
+from widget_phantoms import add_bag, open_panel, press, stage_with, states
+
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+Viewers = Callable[..., Any]
+Box = tuple[int, int, int, int]
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy: Viewers) -> Any:
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(1000, 700)
+    return made
+
+
+@pytest.fixture
+def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
+
+
+def _settle(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    stage = panel.workbench.stage
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert stage.settle(20.0)
+    qtbot.wait(50)
+
+
+def _pictures(viewer: Any, panel: UnpackingWidget) -> dict[str, NDArray[np.int16]]:
+    """Take a picture of each of the three layers alone, (H, W, 3)."""
+    stage = panel.workbench.stage
+    layers = {"packed": stage.packed, "transition": stage.transition, "sprites": stage.sprites}
+    taken = {}
+    for name, layer in layers.items():
+        for other in layers.values():
+            other.visible = other is layer
+        shot = viewer.screenshot(canvas_only=True, flash=False)
+        taken[name] = shot[..., :3].astype(np.int16)
+    for layer in layers.values():
+        layer.visible = True
+    return taken
+
+
+def _changed(before: NDArray[np.int16], after: NDArray[np.int16]) -> NDArray[np.bool_]:
+    return np.abs(after - before).max(axis=-1) > 6
+
+
+def _outside(mask: NDArray[np.bool_], box: Box, margin: int = 3) -> int:
+    """Count the pixels of a mask that lie outside a box (top, bottom, left, right)."""
+    top, bottom, left, right = box
+    rest = mask.copy()
+    rest[max(top - margin, 0) : bottom + margin, max(left - margin, 0) : right + margin] = False
+    return int(rest.sum())
+
+
+def _box_on_screen(session: Any, object_id: int, size: tuple[int, int]) -> Box:
+    """Project the box of a packed object with the session's camera."""
+    spacing = np.asarray(session.spacing)
+    pixels = session.camera.project(session.boxes.corners(object_id, spacing), size)
+    (top, left), (bottom, right) = pixels.min(axis=0), pixels.max(axis=0)
+    return int(top), int(np.ceil(bottom)), int(left), int(np.ceil(right))
+
+
+def test_segment_unpack_three_restore_one(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot)
+    stage = panel.workbench.stage
+    stage.seconds = 0.2
+    panel.color.at_rest.setChecked(False)
+    assert stage.recolor_at_rest is False
+
+    # Six balls of six densities; every one is found, and the user's own layers step back.
+    assert sorted(states(session).values()) == ["PACKED"] * 6
+    assert [layer.visible for layer in (image, expert)] == [False, False]
+    assert viewer.layers["bag objects"].data.max() == 6
+    names = [layer.name for layer in viewer.layers]
+    assert [layer.name for layer in stage.layers] == names[-3:]
+    assert all(step.reason == "" for step in (panel.color, panel.unpack, panel.objects))
+    assert panel.segment.status == "6 objects"
+
+    _settle(panel, qtbot)
+    start = _pictures(viewer, panel)
+    size = start["packed"].shape[:2]
+    background = start["transition"][0, 0]
+    assert not _changed(np.broadcast_to(background, start["sprites"].shape), start["sprites"]).any()
+
+    for _ in range(3):
+        press(qtbot, panel.unpack.next)
+        _settle(panel, qtbot)
+    out = [i for i, state in states(session).items() if state == "UNPACKED"]
+    assert len(out) == 3
+    assert panel.unpack.status == "3 in, 3 out"
+
+    unpacked = _pictures(viewer, panel)
+    gone = _changed(start["packed"], unpacked["packed"])
+    boxes = [_box_on_screen(session, i, size) for i in out]
+    assert all(gone[t:b, left:r].sum() > 100 for t, b, left, r in boxes)
+    rest = gone.copy()
+    for top, bottom, left, right in boxes:
+        rest[max(top - 3, 0) : bottom + 3, max(left - 3, 0) : right + 3] = False
+    assert rest.sum() == 0
+    assert not _changed(start["transition"], unpacked["transition"]).any()
+    beside = _changed(start["sprites"], unpacked["sprites"])
+    packed_area = _changed(np.broadcast_to(background, start["packed"].shape), start["packed"])
+    assert beside.sum() > 3 * 300
+    assert not (beside & packed_area).any()
+
+    press(qtbot, panel.unpack.back)
+    _settle(panel, qtbot)
+    assert (
+        states(session)[out[-1]] == "PACKED"
+        or len([s for s in states(session).values() if s == "UNPACKED"]) == 2
+    )
+    (returned,) = [i for i in out if states(session)[i] == "PACKED"]
+    restored = _pictures(viewer, panel)
+    back = _changed(unpacked["packed"], restored["packed"])
+    assert back.sum() > 100
+    assert _outside(back, _box_on_screen(session, returned, size)) == 0
+    left_over = _changed(start["sprites"], restored["sprites"])
+    assert 0 < left_over.sum() < beside.sum()
+    assert panel.unpack.status == "4 in, 2 out"
+
+    press(qtbot, panel.unpack.all_back)
+    _settle(panel, qtbot)
+    again = _pictures(viewer, panel)
+    for name in ("packed", "transition", "sprites"):
+        assert not _changed(start[name], again[name]).any(), name
+
+    panel.workbench.close()
+    assert [layer.name for layer in viewer.layers] == ["expert", "bag", "bag objects"]
+    assert image.visible
+    assert not expert.visible
+
+
+def test_labels_that_are_there_already_are_used_as_they_are(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, expert = add_bag(viewer)
+    expert.visible = True
+    before = expert.data.copy()
+    session = stage_with(panel, qtbot, expert)
+    assert sorted(states(session)) == [1, 2, 3, 4, 5, 6]
+    assert not expert.visible
+    assert session.spacing == pytest.approx((2.0, 1.0, 1.0))
+    press(qtbot, panel.unpack.several)
+    panel.end()
+    np.testing.assert_array_equal(expert.data, before)
+    assert expert.visible
+    assert image.visible
+    assert [layer.name for layer in viewer.layers] == ["expert", "bag"]
+
+
+def test_the_table_and_the_session_select_hide_and_name_together(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    table = panel.objects.table
+    session.select([2, 5])
+    qtbot.waitUntil(lambda: table.selected_ids() == [2, 5], timeout=2000)
+    table.selectRow(2)
+    assert session.selected == frozenset({3})
+    qtbot.waitUntil(panel.objects.isolate.isEnabled, timeout=2000)
+
+    press(qtbot, panel.objects.isolate)
+    assert [i for i, s in states(session).items() if s == "HIDDEN"] == [1, 2, 4, 5, 6]
+    qtbot.waitUntil(lambda: panel.objects.status == "6, 5 hidden", timeout=2000)
+    table.eye_clicked.emit(1)
+    assert states(session)[1] == "PACKED"
+    qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=2000)
+    press(qtbot, panel.objects.show_all)
+    assert set(states(session).values()) == {"PACKED"}
+    table.swatch_clicked.emit(4)
+    assert [i for i, s in states(session).items() if s == "PACKED"] == [4]
+    panel.workbench.undo()
+    assert set(states(session).values()) == {"PACKED"}
+
+    menu = panel.objects.menu()
+    texts = {action.text(): action.isEnabled() for action in menu.actions()}
+    assert texts["Unpack"]
+    assert texts["Inspect"]
+    assert not texts["Restore"]
+    menu.close()
+
+
+def test_keys_act_while_there_is_a_stage_and_are_given_back(
+    make_napari_viewer: Viewers, qtbot: QtBot
+) -> None:
+    from napari.utils.key_bindings import coerce_keybinding
+
+    viewer = make_napari_viewer(show=True)
+    mine = []
+    viewer.bind_key("N", lambda _: mine.append("N"), overwrite=True)
+    panel = open_panel(viewer, qtbot)
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    stage = panel.workbench.stage
+    stage.seconds = 0.2
+
+    def hit(owner: Any, key: str) -> None:
+        owner.keymap[coerce_keybinding(key)](owner)
+
+    hit(viewer, "N")
+    hit(stage.packed, "N")
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert list(states(session).values()).count("UNPACKED") == 2
+    hit(stage.sprites, "B")
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert list(states(session).values()).count("UNPACKED") == 1
+    packed = [i for i, state in states(session).items() if state == "PACKED"]
+    session.select(packed[:1])
+    hit(viewer, "H")
+    assert states(session)[packed[0]] == "HIDDEN"
+    hit(viewer, "Control-Z")
+    assert states(session)[packed[0]] == "PACKED"
+    hit(viewer, "Control-Shift-Z")
+    assert states(session)[packed[0]] == "HIDDEN"
+    assert mine == []
+
+    panel.end()
+    hit(viewer, "N")
+    assert mine == ["N"]
+    assert coerce_keybinding("B") not in viewer.keymap
+
+
+def test_closing_the_dock_takes_the_stage_down(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, expert = add_bag(viewer)
+    stage_with(panel, qtbot, expert)
+    assert len(viewer.layers) == 5
+    viewer.window.remove_dock_widget(panel)
+    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=5000)
+    assert image.visible
+
+
+def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    stage = panel.workbench.stage
+    panel.unpack.speed.setValue(20)
+    assert stage.seconds == 2.0
+    panel.unpack.direction.setCurrentText("Up (−y)")
+    assert tuple(session.direction) == (0.0, -1.0, 0.0)
+    panel.unpack.direction.setCurrentText("Towards me")
+    assert session.direction is None
+    panel.color.preset.setCurrentText("Metal")
+    panel.color.preset.activated.emit(panel.color.preset.currentIndex())
+    assert session.transfer_function.points[-1][0] == 12000
+    panel.color.curve.toggle.setChecked(True)
+    points = panel.color.editor.points
+    assert points == list(session.transfer_function.points)
+    panel.color.editor.edited.emit([(0.0, 0.0), (1000.0, 0.5)])
+    qtbot.waitUntil(lambda: len(session.transfer_function.points) == 2, timeout=2000)
+    assert panel.color.preset.currentText() == "My own curve"
