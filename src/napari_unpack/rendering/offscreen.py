@@ -118,9 +118,6 @@ def _claimed_by_another() -> str | None:
         return "a display is present, so PyOpenGL is left to its windows"
     if wanted is None and "OpenGL.platform" in sys.modules:
         return "PyOpenGL was imported before, for another platform"
-    default = getattr(sys.modules.get("vispy.app._default_app"), "default_app", None)
-    if default is not None and default.backend_name not in ("", "egl"):
-        return f"vispy draws in {default.backend_name} in this process"
     return None
 
 

@@ -12,7 +12,7 @@ from importlib import resources
 
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 STRIDE = 100_000
-"""Line n of file i is numbered i * STRIDE + n: every driver and vispy keep numbers, not names."""
+"""Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class ShaderSource:
         """Return a driver's log with our file names and lines in place of its numbers."""
 
         def named(match: re.Match[str]) -> str:
-            index, line = divmod(int(match.group()), STRIDE)
-            return f"{self.files[index]}:{line}" if index < len(self.files) else match.group()
+            file, line = divmod(int(match.group()), STRIDE)
+            return f"{self.files[file - 1]}:{line}" if file <= len(self.files) else match.group()
 
-        return re.sub(r"(?<![\w.])\d+(?![\w.])", named, log)
+        return re.sub(rf"\b[1-9]\d{{{len(str(STRIDE)) - 1},}}\b", named, log)
 
 
 def read(path: str) -> str:
@@ -50,7 +50,7 @@ def load(
     files: list[str] = [path]
 
     def expand(name: str, above: tuple[str, ...]) -> list[str]:
-        base = files.index(name) * STRIDE
+        base = (files.index(name) + 1) * STRIDE
         # GLSL 1.20, section 3.3: the line after `#line n` is n + 1.
         lines = [f"#line {base}"]
         for number, line in enumerate(read(name).splitlines(), start=1):

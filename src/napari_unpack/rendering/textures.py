@@ -13,6 +13,9 @@ from napari_unpack.rendering.framebuffer import current_context
 Density = NDArray[np.uint16] | NDArray[np.float32]
 Factor = tuple[int, int, int]
 
+FORMATS = {"uint8": ("r8", 255.0), "uint16": ("r16", 65535.0), "float32": ("r32f", 1.0)}
+"""Texture format of each density type, and the density that a texel of 1.0 means."""
+
 
 class VolumeTextures:
     """Density and labels as 3D textures in the current context.
@@ -52,6 +55,8 @@ class VolumeTextures:
             raise ValueError(f"labels must be a filled 3D array, got shape {labels.shape}")
         if volume is not None and volume.shape != labels.shape:
             raise ValueError(f"volume must be {labels.shape} like labels, got {volume.shape}")
+        if volume is not None and volume.dtype.name not in FORMATS:
+            raise TypeError(f"volume must be one of {', '.join(FORMATS)}, got {volume.dtype}")
         self.uploads = 0
         self.shape: tuple[int, ...] = labels.shape
         self.density: gloo.Texture3D | None = None
@@ -82,8 +87,8 @@ class VolumeTextures:
         """Upload other labels of the same shape, after a split or a merge."""
         if labels.shape != self.shape:
             raise ValueError(f"labels must be {self.shape} as before, got {labels.shape}")
-        middle = tuple(slice(f // 2 if n > f // 2 else 0, None, f) for n, f in self._axes())
-        coarse = _padded(labels[middle], self.grid)
+        middles = [np.minimum(np.arange(0, n, f) + f // 2, n - 1) for n, f in self._axes()]
+        coarse = labels if self.factor == (1, 1, 1) else labels[np.ix_(*middles)]
         small = coarse.max(initial=0) <= 255
         array = coarse.astype(np.uint8) if small else np.ascontiguousarray(coarse, np.uint16)
         self.labels = self._uploaded(array, "r8" if small else "r16", "nearest")
@@ -99,10 +104,7 @@ class VolumeTextures:
 
     def _set_volume(self, volume: Density) -> None:
         coarse = np.ascontiguousarray(_block_mean(volume, self.factor))
-        formats = {"uint8": ("r8", 255.0), "uint16": ("r16", 65535.0), "float32": ("r32f", 1.0)}
-        if coarse.dtype.name not in formats:
-            raise TypeError(f"volume must be uint8, uint16 or float32, got {coarse.dtype}")
-        internal, self.density_scale = formats[coarse.dtype.name]
+        internal, self.density_scale = FORMATS[coarse.dtype.name]
         self.density = self._uploaded(coarse, internal, "linear")
 
     def _uploaded(
@@ -173,11 +175,6 @@ def _driver_holds(grid: Sequence[int], bytes_per_texel: int) -> bool:
     )
     held = GL.glGetTexLevelParameteriv(GL.GL_PROXY_TEXTURE_3D, 0, GL.GL_TEXTURE_WIDTH)
     return int(np.asarray(held).ravel()[0]) == width
-
-
-def _padded(array: NDArray[np.uint16], grid: Sequence[int]) -> NDArray[np.uint16]:
-    missing = [(0, n - have) for n, have in zip(grid, array.shape, strict=True)]
-    return np.pad(array, missing, mode="edge") if any(m for _, m in missing) else array
 
 
 def _block_mean(volume: Density, factor: Factor) -> Density:

@@ -57,7 +57,9 @@ def plane_uniforms(clipping: ArrayLike | None) -> Uniforms:
     rows = np.zeros((MAX_PLANES, 4))
     rows[: len(planes), :3] = flip(planes[:, 1])
     rows[: len(planes), 3] = -(planes[:, 0] * planes[:, 1]).sum(axis=1)
-    return {"u_planes": rows, "u_plane_count": float(len(planes))}
+    # One by one: vispy sends all of a uniform array the first time only.
+    uniforms: Uniforms = {f"u_planes[{i}]": row for i, row in enumerate(rows)}
+    return uniforms | {"u_plane_count": float(len(planes))}
 
 
 class Leaps:

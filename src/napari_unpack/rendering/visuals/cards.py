@@ -89,9 +89,10 @@ class CardsVisual(Visual):  # type: ignore[misc]
 
     Notes
     -----
-    It owns its GL state: premultiplied blending (one, one_minus_src_alpha), depth test "lequal",
-    depth written by the core draw only, culling off. Presets set from outside, as napari's
-    `VispyBaseLayer.reset` does, have no effect. Depth function and mask are left at GL's defaults.
+    It owns its GL state: premultiplied blending (one, one_minus_src_alpha), depth test on, depth
+    written by the core draw only, culling off. Presets set from outside, as napari's
+    `VispyBaseLayer.reset` does, have no effect. The depth mask is on afterwards; the depth
+    function is left as it is found (napari's canvas wants "lequal").
     vispy's opacity filter would scale alpha alone and is replaced by a uniform; picking by
     vispy's own render is not supported (nothing is drawn).
     """
@@ -158,7 +159,6 @@ class CardsVisual(Visual):  # type: ignore[misc]
             gloo.set_state(
                 depth_test=True,
                 depth_mask=core,
-                depth_func="lequal",
                 cull_face=False,
                 blend=True,
                 blend_equation="func_add",
@@ -167,7 +167,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
             for card in shown:
                 self._set(card, overall, core)
                 self._program.draw(self._draw_mode)
-        gloo.set_state(depth_mask=True, depth_func="less")
+        gloo.set_depth_mask(True)
 
     def _set(self, card: Card, overall: float, core: bool) -> None:
         color, depth = card.picture.textures()

@@ -1,0 +1,33 @@
+"""One headless GL context for all tests here; UNPACK_REQUIRE_GL=1 makes its absence a failure."""
+
+import os
+
+import pytest
+
+# Before anything imports PyOpenGL (napari's own pytest plugin does), as the Makefile does.
+if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+    os.environ.setdefault("EGL_PLATFORM", "surfaceless")
+
+
+@pytest.fixture(scope="session")
+def offscreen_context():
+    from napari_unpack.rendering import offscreen
+
+    reason = offscreen.unavailable_because()
+    if reason is not None:
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail(f"UNPACK_REQUIRE_GL=1, but there is no offscreen GL: {reason}")
+        pytest.skip(f"no offscreen GL: {reason}")
+    return offscreen.context()
+
+
+@pytest.fixture
+def gl(offscreen_context):
+    """The current context; no error may be left in its queue."""
+    from OpenGL import GL
+
+    with offscreen_context.use() as context:
+        yield context
+        context.flush_commands()
+        assert GL.glGetError() == GL.GL_NO_ERROR
