@@ -1,1 +1,32 @@
 """What may leave, in which order, along which path, and where it waits."""
+
+from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
+from napari_unpack.unpacking.groups import Blocking, groups, reveal
+from napari_unpack.unpacking.occlusion import free_ids, ratios
+from napari_unpack.unpacking.oriented_box import OrientedBox, oriented_box, outline
+from napari_unpack.unpacking.path import Flight, clearance
+from napari_unpack.unpacking.posture import broad_side, picture_size
+from napari_unpack.unpacking.queue import Queue
+from napari_unpack.unpacking.slots import Slots, arrange
+
+__all__ = [
+    "AXES",
+    "Blocking",
+    "Flight",
+    "OrientedBox",
+    "Queue",
+    "Slots",
+    "arrange",
+    "bag_up",
+    "broad_side",
+    "clearance",
+    "free_ids",
+    "groups",
+    "named",
+    "oriented_box",
+    "outline",
+    "picture_size",
+    "ratios",
+    "reveal",
+    "towards_viewer",
+]

@@ -1,0 +1,177 @@
+"""Which objects are so near in a view that their colours must differ: equation 1."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import networkx as nx
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+
+def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None) -> nx.Graph:
+    """Join the objects that come near one another in a view.
+
+    Parameters
+    ----------
+    ids : (L, H, W) or (H, W) array_like of int
+        Object-ID layers, the first in front; 0 is nothing.
+    distance : float
+        DT, pixels: objects interfere where pixels of them are at most this far apart, centre to
+        centre.
+    layers : int, optional
+        LT: how many of the layers count, by default all.
+
+    Returns
+    -------
+    networkx.Graph
+        Nodes are the IDs in these layers, ascending. Edges carry `weight`, the contact length
+        in pixels: how many pixels on the borders of the two come within DT of the other object,
+        at least 1.
+
+    Raises
+    ------
+    ValueError
+        If the array is not 2D or 3D, an ID or `distance` is negative, or `layers` is below 1.
+    TypeError
+        If the IDs are not integers.
+
+    Notes
+    -----
+    Li et al. 2012, section 4.2, eq. 1, exact. Two objects on one pixel in different layers are
+    at distance 0 (notes/readings.md 5). Where the nearest pixels of two objects do not coincide,
+    both lie on a border of their object in their layer: a step from one towards the other would
+    be nearer still. So only border pixels look around. O(pixels + border pixels x L x DT^2).
+    """
+    stack = _checked(ids, distance, layers)
+    present = np.flatnonzero(np.bincount(stack.ravel()))
+    present = present[present > 0]
+    graph = nx.Graph()
+    graph.add_nodes_from(int(i) for i in present)
+    if len(present) < 2:
+        return graph
+    halves = _half_widths(distance)
+    top, height = int(present[-1]) + 1, stack.shape[1]
+
+    def work(band: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return _scan(stack, halves, top, *band)  # type: ignore[no-any-return]
+
+    edges = np.linspace(0, height, 1 + 4 * (os.cpu_count() or 1)).astype(int)
+    bands = [(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for keys, counts in pool.map(work, bands):
+            for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
+                a, b = divmod(key, top)
+                before = graph.edges[a, b]["weight"] if graph.has_edge(a, b) else 0
+                graph.add_edge(a, b, weight=before + count)
+    for _, _, data in graph.edges(data=True):
+        data["weight"] = max(data["weight"], 1)
+    return graph
+
+
+def _checked(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.int32]:
+    stack = np.asarray(ids)
+    if stack.ndim == 2:
+        stack = stack[None]
+    if stack.ndim != 3:
+        raise ValueError(f"ids must be (L, H, W) or (H, W), got shape {stack.shape}")
+    if not np.issubdtype(stack.dtype, np.integer):
+        raise TypeError(f"ids must be integers, got {stack.dtype}")
+    if stack.size and stack.min() < 0:
+        raise ValueError(f"ids must not be negative, got {int(stack.min())}")
+    if not (np.isfinite(distance) and distance >= 0):
+        raise ValueError(f"distance must be a number of pixels >= 0, got {distance!r}")
+    if layers is not None and layers < 1:
+        raise ValueError(f"layers must be at least 1, got {layers!r}")
+    return np.ascontiguousarray(stack[:layers], dtype=np.int32)
+
+
+def _half_widths(distance: float) -> NDArray[np.int64]:
+    """Return the (2 R + 1,) half widths of the rows of a disk, in whole pixels."""
+    rows = np.arange(-int(distance), int(distance) + 1)
+    # The small surplus keeps a square root of 3.9999999 from losing its pixel.
+    return np.floor(np.sqrt(distance**2 - rows**2) + 1e-9).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _scan(ids, halves, top, first, last):  # type: ignore[no-untyped-def]
+    """Return the keys a * top + b, a < b, of pairs met in a band of rows, and their pixels."""
+    layers, height, width = ids.shape
+    reach = halves.size // 2
+    keys = np.full(1024, -1, np.int64)
+    counts = np.zeros(1024, np.int64)
+    used = 0
+    stamps = np.full(top, -1, np.int64)
+    stamp = 0
+    above = below = 0
+    for layer in range(layers):
+        for row in range(first, last):
+            for col in range(width):
+                label = ids[layer, row, col]
+                if label == 0:
+                    continue
+                border = (
+                    (col > 0 and ids[layer, row, col - 1] != label)
+                    or (col + 1 < width and ids[layer, row, col + 1] != label)
+                    or (row > 0 and ids[layer, row - 1, col] != label)
+                    or (row + 1 < height and ids[layer, row + 1, col] != label)
+                )
+                if not border:
+                    for other_layer in range(layer + 1, layers):
+                        other = ids[other_layer, row, col]
+                        # Of overlapping interiors the edge counts, not the area.
+                        if other != 0 and other != label and (label != above or other != below):
+                            above, below = label, other
+                            pair = min(label, other) * top + max(label, other)
+                            keys, counts, used = _add(keys, counts, used, pair, 0)
+                    continue
+                stamp += 1
+                stamps[label] = stamp
+                for r in range(max(row - reach, 0), min(row + reach + 1, height)):
+                    half = halves[r - row + reach]
+                    left, right = max(col - half, 0), min(col + half + 1, width)
+                    for other_layer in range(layers):
+                        before = label
+                        for c in range(left, right):
+                            other = ids[other_layer, r, c]
+                            if other == before:
+                                continue
+                            before = other
+                            if other != 0 and stamps[other] != stamp:
+                                stamps[other] = stamp
+                                pair = min(label, other) * top + max(label, other)
+                                keys, counts, used = _add(keys, counts, used, pair, 1)
+    met = keys >= 0
+    return keys[met], counts[met]
+
+
+@njit(cache=True, nogil=True)
+def _add(keys, counts, used, pair, count):  # type: ignore[no-untyped-def]
+    """Add to a pair's count in an open-addressing table, which grows when half full."""
+    place = _find(keys, pair)
+    if keys[place] < 0:
+        if 2 * (used + 1) > keys.size:
+            larger = np.full(2 * keys.size, -1, np.int64)
+            moved = np.zeros(2 * keys.size, np.int64)
+            for k in range(keys.size):
+                if keys[k] >= 0:
+                    new = _find(larger, keys[k])
+                    larger[new] = keys[k]
+                    moved[new] = counts[k]
+            keys, counts = larger, moved
+            place = _find(keys, pair)
+        keys[place] = pair
+        used += 1
+    counts[place] += count
+    return keys, counts, used
+
+
+@njit(cache=True, nogil=True)
+def _find(keys, pair):  # type: ignore[no-untyped-def]
+    mask = keys.size - 1
+    place = (pair ^ (pair >> 15)) & mask
+    while keys[place] >= 0 and keys[place] != pair:
+        place = (place + 1) & mask
+    return place

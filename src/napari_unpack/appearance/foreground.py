@@ -1,0 +1,96 @@
+"""Where a scan's matter begins: the densities a first transfer function hangs on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MOST_SAMPLES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """Densities at which opacity turns.
+
+    Parameters
+    ----------
+    lowest : float
+        Least density of the scan.
+    foot : float
+        Where matter begins to show.
+    surface : float
+        Where a surface stands, between background and matter.
+    body : float
+        The typical density of matter.
+    highest : float
+        Close to the densest there is.
+    """
+
+    lowest: float
+    foot: float
+    surface: float
+    body: float
+    highest: float
+
+
+def foreground_ramp(volume: ArrayLike) -> Ramp:
+    """Find where matter begins in a scan of any range.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+        Density; NaN and infinities are ignored. A million voxels of it are looked at.
+
+    Returns
+    -------
+    Ramp
+
+    Raises
+    ------
+    ValueError
+        If the volume is empty, constant or has no finite value.
+
+    Notes
+    -----
+    Otsu's threshold (1979) on densities clipped to their 99.5th percentile, since few metal
+    voxels would pull it up; then once more below it and above the background's own noise, to
+    keep thin and light things such as cloth.
+    """
+    samples = _samples(np.asarray(volume))
+    if samples.size == 0:
+        raise ValueError("volume must hold finite densities, got none")
+    lowest, highest = float(samples.min()), float(samples.max())
+    if not highest > lowest:
+        raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
+    top = float(np.percentile(samples, 99.5))
+    if top <= lowest:
+        top = highest
+    threshold = _otsu(np.minimum(samples, top))
+    matter = samples[samples > threshold]
+    body = float(np.median(np.minimum(matter, top))) if matter.size else top
+    background = samples[samples <= threshold]
+    air = float(np.median(background))
+    noise = 1.4826 * float(np.median(np.abs(background - air)))
+    foot = min(max(air + 4.0 * noise, air + 0.25 * (threshold - air)), 0.8 * threshold + 0.2 * air)
+    surface = max(threshold, foot + 0.25 * (body - foot))
+    return Ramp(lowest, foot, surface, max(body, surface), max(top, highest * 0.5 + top * 0.5))
+
+
+def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
+    step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / max(volume.ndim, 1)))))
+    thinned = volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
+    values = thinned.astype(np.float64).ravel()
+    return values[np.isfinite(values)]
+
+
+def _otsu(values: NDArray[np.float64]) -> float:
+    counts, edges = np.histogram(values, bins=256)
+    middles = (edges[:-1] + edges[1:]) / 2
+    below = np.cumsum(counts).astype(np.float64)
+    above = below[-1] - below
+    moment = np.cumsum(counts * middles)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = below * above * (moment / below - (moment[-1] - moment) / above) ** 2
+    return float(edges[1:][np.nanargmax(spread[:-1])])

@@ -1,0 +1,191 @@
+"""The master transfer function: density to colour and opacity, continuous by construction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.appearance.foreground import foreground_ramp
+
+Point = tuple[float, float]
+Color = tuple[float, tuple[float, float, float]]
+
+PRESETS: dict[str, tuple[Point, ...]] = {
+    "all": ((0, 0.0), (150, 0.0), (550, 0.12), (1100, 0.35), (4000, 0.6)),
+    "soft": ((0, 0.0), (150, 0.0), (450, 0.2), (1000, 0.45), (1300, 0.1), (4000, 0.05)),
+    "dense": ((0, 0.0), (950, 0.0), (1400, 0.3), (4000, 0.7)),
+    "metal": ((0, 0.0), (3000, 0.0), (4500, 0.6), (12000, 0.9)),
+}
+"""Opacity points for CT, density being CT number + 1000: everything, cloth to water, solids,
+metal."""
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """Piecewise linear opacity and colour over density.
+
+    Parameters
+    ----------
+    points : sequence of (float, float)
+        (density, opacity per voxel) with densities strictly increasing and opacities in
+        [0, 1], at least two. Per voxel means per `min(spacing)` mm of ray.
+    colors : sequence of (float, (float, float, float)), optional
+        (density, (r, g, b)) with components in [0, 1], densities strictly increasing. Without
+        them everything is white and the tints alone give colour.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two points, densities do not increase, or a value is outside
+        its range.
+
+    Notes
+    -----
+    Li et al. 2012, section 4.1. Linear between points and constant beyond the ends, so opacity
+    is C0, which is what hides the blockiness of the masks. Two points of one density, a jump,
+    are refused for the same reason.
+    """
+
+    points: tuple[Point, ...]
+    colors: tuple[Color, ...] | None = None
+
+    def __init__(
+        self,
+        points: Iterable[Sequence[float]],
+        colors: Iterable[tuple[float, Sequence[float]]] | None = None,
+    ) -> None:
+        object.__setattr__(self, "points", _checked_points(points))
+        object.__setattr__(self, "colors", None if colors is None else _checked_colors(colors))
+
+    @classmethod
+    def preset(cls, name: str) -> TransferFunction:
+        """Return a preset for CT: "all", "soft", "dense" or "metal".
+
+        Raises
+        ------
+        ValueError
+            If there is no such preset.
+        """
+        if name not in PRESETS:
+            raise ValueError(f"name must be one of {', '.join(PRESETS)}, got {name!r}")
+        points = PRESETS[name]
+        return cls(points, _greys(points[1][0], points[-1][0]))
+
+    @classmethod
+    def default_for(cls, volume: ArrayLike) -> TransferFunction:
+        """Return a transfer function that shows a scan well before anyone has touched it.
+
+        Parameters
+        ----------
+        volume : (Z, Y, X) array_like
+            Density of any real dtype and range; NaN is ignored.
+
+        Returns
+        -------
+        TransferFunction
+            Transparent up to the foreground, a soft ramp to surfaces that read as solid yet
+            let what is behind them shine through, denser still towards the densest.
+
+        Raises
+        ------
+        ValueError
+            If the volume is empty, constant or has no finite value.
+        """
+        ramp = foreground_ramp(volume)
+        points = [
+            (ramp.lowest, 0.0),
+            (ramp.foot, 0.0),
+            (ramp.surface, 0.14),
+            (ramp.body, 0.32),
+            (ramp.highest, 0.6),
+        ]
+        kept = [points[0]]
+        for density, opacity in points[1:]:
+            if density > kept[-1][0]:
+                kept.append((density, opacity))
+        return cls(kept, _greys(ramp.foot, ramp.highest))
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Densities of the first and last point; constant beyond."""
+        return self.points[0][0], self.points[-1][0]
+
+    def table(self, n: int = 1024) -> NDArray[np.float32]:
+        """Sample it evenly over its domain.
+
+        Parameters
+        ----------
+        n : int
+            Rows, at least 2; the first and last are the ends of the domain.
+
+        Returns
+        -------
+        (n, 4) ndarray of float32
+            Straight RGB and opacity per voxel.
+        """
+        if n < 2:
+            raise ValueError(f"n must be at least 2 rows, got {n!r}")
+        density = np.linspace(*self.domain, n)
+        result = np.ones((n, 4), dtype=np.float32)
+        result[:, 3] = self.opacity_at(density)
+        if self.colors is not None:
+            places = [place for place, _ in self.colors]
+            for channel in range(3):
+                values = [rgb[channel] for _, rgb in self.colors]
+                result[:, channel] = np.interp(density, places, values)
+        return result
+
+    def opacity_at(self, density: ArrayLike) -> NDArray[np.float64]:
+        """Return the opacity per voxel at densities of any shape."""
+        places, opacities = zip(*self.points, strict=True)
+        return np.asarray(np.interp(np.asarray(density, dtype=np.float64), places, opacities))
+
+
+def _greys(low: float, high: float) -> list[Color] | None:
+    if not high > low:
+        return None
+    return [(low, (0.82, 0.82, 0.82)), (high, (1.0, 1.0, 1.0))]
+
+
+def _checked_points(points: Iterable[Sequence[float]]) -> tuple[Point, ...]:
+    checked = []
+    for point in points:
+        if len(point) != 2:
+            raise ValueError(f"points must be (density, opacity) pairs, got {point!r}")
+        checked.append((float(point[0]), float(point[1])))
+    if len(checked) < 2:
+        raise ValueError(f"points must be at least two (density, opacity), got {len(checked)}")
+    _check_increasing("points", [density for density, _ in checked])
+    for density, opacity in checked:
+        if not 0.0 <= opacity <= 1.0:
+            raise ValueError(
+                f"points must have opacities per voxel in [0, 1], got {opacity!r} at {density!r}"
+            )
+    return tuple(checked)
+
+
+def _checked_colors(
+    colors: Iterable[tuple[float, Sequence[float]]],
+) -> tuple[Color, ...]:
+    checked: list[Color] = []
+    for density, color in colors:
+        rgb = tuple(float(c) for c in color)
+        if len(rgb) != 3 or not all(0.0 <= c <= 1.0 for c in rgb):
+            raise ValueError(
+                f"colors must be (density, (r, g, b)) with components in [0, 1], got {color!r}"
+            )
+        checked.append((float(density), (rgb[0], rgb[1], rgb[2])))
+    if not checked:
+        raise ValueError("colors must hold at least one (density, (r, g, b)), or be None")
+    _check_increasing("colors", [density for density, _ in checked])
+    return tuple(checked)
+
+
+def _check_increasing(name: str, densities: Sequence[float]) -> None:
+    if not all(np.isfinite(densities)):
+        raise ValueError(f"{name} must have finite densities, got {densities!r}")
+    if any(b <= a for a, b in zip(densities, densities[1:], strict=False)):
+        raise ValueError(f"{name} must have strictly increasing densities, got {densities!r}")

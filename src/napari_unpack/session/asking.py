@@ -1,0 +1,212 @@
+"""Questions to the ray casters: who is free along D, and who interferes in this view.
+
+A question holds all it needs and changes nothing, so it may be answered on another thread while
+the session goes on; the session decides afterwards whether the answer still fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.view import Camera
+from napari_unpack.unpacking import Blocking, free_ids, ratios
+from napari_unpack.unpacking.occlusion import Rule
+
+MOST_RAYS = 2048
+"""Most rays along one side of the picture that decides who is free."""
+
+Mask = NDArray[np.bool_]
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Casters:
+    """The two passes a session needs; by default those of `imaging`.
+
+    Parameters
+    ----------
+    occlusion : callable
+        (camera, visible, size) -> OcclusionCounts.
+    ids : callable
+        (camera, visible, size, layers) -> (layers, H, W) int32.
+    """
+
+    occlusion: Callable[[Camera, Mask, Size], OcclusionCounts]
+    ids: Callable[[Camera, Mask, Size, int], NDArray[np.int32]]
+
+
+def imaging_casters(
+    labels: NDArray[np.uint16], spacing: NDArray[np.float64], backend: Callable[[], str]
+) -> Casters:
+    """Return the casters of `imaging` for a label volume.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+    backend : callable
+        Returns "auto", "cpu" or "gl" when asked.
+
+    Returns
+    -------
+    Casters
+    """
+    kept: list[Any] = []
+
+    def bricks() -> Any:
+        from napari_unpack.raycasting import Bricks
+
+        if not kept:
+            kept.append(Bricks.of(labels))
+        return kept[0]
+
+    def occlusion(camera: Camera, visible: Mask, size: Size) -> OcclusionCounts:
+        from napari_unpack.imaging import cast_occlusion
+
+        counts: OcclusionCounts = cast_occlusion(
+            labels, spacing, camera, visible, size, bricks=bricks(), backend=backend()
+        )
+        return counts
+
+    def ids(camera: Camera, visible: Mask, size: Size, layers: int) -> NDArray[np.int32]:
+        from napari_unpack.imaging import cast_ids
+
+        return cast_ids(
+            labels, spacing, camera, visible, size, layers, bricks=bricks(), backend=backend()
+        )
+
+    return Casters(occlusion, ids)
+
+
+@dataclass(frozen=True, eq=False)
+class OcclusionAnswer:
+    """Who is free along D among the objects that were in the bag.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    packed : frozenset of int
+        Objects that were in the bag.
+    free : frozenset of int
+        Those that nothing blocked. What no ray meets counts as free: nothing is known to be in
+        front of it.
+    blocking : Blocking, optional
+        Who blocks whom; None where there is no table.
+    first_hit : mapping of int to float
+        The paper's ratio, by which objects are ranked when nobody is free.
+    seconds : float
+        What the question took.
+    """
+
+    direction: Vector
+    packed: frozenset[int]
+    free: frozenset[int]
+    blocking: Blocking | None
+    first_hit: Mapping[int, float]
+    seconds: float
+
+    def serves(self, direction: Vector, packed: frozenset[int]) -> bool:
+        """Tell whether it holds for this D and these objects, or more than these."""
+        return bool(np.allclose(self.direction, direction, rtol=0, atol=1e-6)) and (
+            packed <= self.packed
+        )
+
+    def groups(self, packed: frozenset[int], most: int) -> list[tuple[int, ...]]:
+        """Return what can leave: single objects, and groups of at most `most` that hold together.
+
+        A larger knot is as good as nobody: half a bag flying out at once shows nothing.
+        """
+        if self.blocking is None:
+            return [(i,) for i in sorted(self.free & packed)]
+        free = self.blocking.among(packed).free_groups()
+        return [group for group in free if len(group) <= most]
+
+    def least_occluded(self, packed: frozenset[int]) -> int:
+        """Return the packed object with the least ratio, ties by ID."""
+        return min(packed, key=lambda i: (self.first_hit.get(i, 0.0), i))
+
+
+@dataclass(frozen=True, eq=False)
+class OcclusionQuestion:
+    """Who is free along D?
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    packed : frozenset of int
+        Objects in the bag.
+    rule, tolerance
+        See `unpacking.free_ids`.
+    cast : callable
+        Returns the counts.
+    """
+
+    direction: Vector
+    packed: frozenset[int]
+    rule: Rule
+    tolerance: float
+    cast: Callable[[], OcclusionCounts]
+
+    def answer(self) -> OcclusionAnswer:
+        """Cast the rays and work out the answer; may run on any thread."""
+        start = perf_counter()
+        counts = self.cast()
+        met = {int(i) for i in counts.ids}
+        free = frozenset(free_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
+        blocking = Blocking.of(counts, self.rule, self.tolerance)
+        if blocking is not None:
+            blocking.graph.add_nodes_from(self.packed - met)
+        return OcclusionAnswer(
+            self.direction, self.packed, free, blocking, ratios(counts), perf_counter() - start
+        )
+
+
+def view_along(
+    direction: Vector,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    pitch: float,
+    camera: Camera,
+) -> tuple[Camera, tuple[int, int]]:
+    """Return the orthographic camera and size of the picture that decides who is free along D.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D; the camera looks along -D.
+    lower, upper : (3,) ndarray of float64
+        The bag's box, world mm.
+    pitch : float
+        Distance of rays, mm: the voxel pitch, so that nothing thin slips between them.
+    camera : Camera
+        The user's, whose up is kept where D is towards the viewer.
+
+    Returns
+    -------
+    camera : Camera
+        Just holding the box.
+    size : (int, int)
+        Rays, height and width.
+    """
+    from napari_unpack.geometry.boxes import box_corners
+
+    same = float(direction @ -camera.direction) > 1 - 1e-12
+    center = (lower + upper) / 2
+    looking = Camera.looking(-direction, camera.up if same else None, center, 1.0)
+    flat = (box_corners(lower, upper) - center) @ looking.rotation[1:].T
+    extent = np.ptp(flat, axis=0)
+    pitch = max(pitch, float(extent.max()) / MOST_RAYS)
+    rows, columns = (int(n) for n in np.maximum(np.ceil(extent / pitch), 1))
+    return Camera(looking.rotation, center, rows * pitch), (rows, columns)

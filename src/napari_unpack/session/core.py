@@ -1,0 +1,316 @@
+"""The ground of a session: the bag, the camera, the situation, flights, undo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.appearance import TransferFunction, golden_hue, tints_of
+from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.session.asking import Casters, imaging_casters
+from napari_unpack.session.checks import checked_labels, checked_spacing, checked_volume
+from napari_unpack.session.departures import Bag, launch
+from napari_unpack.session.events import SessionEvents
+from napari_unpack.session.history import History, Step
+from napari_unpack.session.objects import object_table
+from napari_unpack.session.state import Berth, ObjectState, Situation
+from napari_unpack.unpacking import Flight, Slots, arrange
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class SessionCore:
+    """What a session knows, and how it passes from one situation to the next.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+        Density of any real dtype.
+    labels : (Z, Y, X) array_like of int
+        Object IDs, 0 background, at most 65535.
+    spacing : (3,) array_like
+        Voxel size in mm, z y x.
+    objects : DataFrame, optional
+        Facts by ID; completed with what is missing.
+    casters : Casters, optional
+        The ray casting passes, by default those of `imaging`.
+    clock : callable, optional
+        Returns the time in seconds by which flights go.
+
+    Attributes
+    ----------
+    animated : bool
+        False: verbs finish at once. True: objects fly until `land`.
+    seconds : float
+        What one flight takes.
+    backend : {"auto", "cpu", "gl"}
+        Who casts rays for this session's questions.
+    tint_mode : {"perceptual", "hsv"}
+        How hues become tints; "hsv" is the paper's.
+
+    Raises
+    ------
+    TypeError
+        If volume or labels hold no numbers of the right kind.
+    ValueError
+        If the volume is not 3D, empty, constant or without finite values, the labels have
+        another shape or no object, or the spacing is not positive.
+    """
+
+    def __init__(
+        self,
+        volume: ArrayLike,
+        labels: ArrayLike,
+        spacing: ArrayLike = (1.0, 1.0, 1.0),
+        objects: pd.DataFrame | None = None,
+        casters: Casters | None = None,
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
+        self.volume = checked_volume(volume)
+        self.labels = checked_labels(labels, self.volume.shape)
+        self.spacing = checked_spacing(spacing)
+        self.boxes = label_boxes(self.labels)
+        self.bag = Bag(self.labels, self.boxes, self.spacing)
+        self.clock = clock
+        self.animated = False
+        self.seconds = 1.2
+        self.backend = "auto"
+        self.tint_mode = "perceptual"
+        self.events = SessionEvents()
+        self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
+        self._ids = tuple(int(i) for i in self.boxes.ids)
+        self._known = frozenset(self._ids)
+        self._facts = object_table(self.volume, self.labels, self.boxes, self.spacing, objects)
+        self._situation = Situation(
+            TransferFunction.default_for(self.volume), {i: golden_hue(i) for i in self._ids}
+        )
+        self._history = History()
+        self._flights: dict[int, Flight] = {}
+        self._selected: frozenset[int] = frozenset()
+        self._canvas_size = (768, 1024)
+        self._view = View()
+        self._camera = self._view.camera(self.labels.shape, self.spacing)
+        self._states: dict[int, ObjectState] | None = None
+        self._tints: NDArray[np.float32] | None = None
+        self._slots: tuple[object, Slots] | None = None
+
+    @cached_property
+    def display_labels(self) -> NDArray[np.uint16]:
+        """Labels grown into the fringe around objects, for pictures; (Z, Y, X) uint16."""
+        return grow_labels(self.labels)
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Every object, ascending."""
+        return self._ids
+
+    @property
+    def objects(self) -> pd.DataFrame:
+        """Facts by ID, with the names people gave; a copy."""
+        table = self._facts.copy()
+        names = self._situation.names
+        if names:
+            table.loc[list(names), "name"] = list(names.values())
+        return table
+
+    @property
+    def states(self) -> dict[int, ObjectState]:
+        """Where every object is, by ID; treat as read-only."""
+        if self._states is None:
+            self._states = {i: self._state(i) for i in self._ids}
+        return self._states
+
+    @property
+    def flights(self) -> Mapping[int, Flight]:
+        """Flights in the air, by ID."""
+        return self._flights
+
+    @property
+    def poses(self) -> dict[int, Pose]:
+        """Poses in pivot space of unpacked objects that are in sight and not in the air."""
+        slots = self.slots
+        return {
+            i: berth.pose(slots)
+            for i, berth in self._situation.out.items()
+            if i not in self._flights and i not in self._situation.hidden
+        }
+
+    @property
+    def hues(self) -> dict[int, float]:
+        """Hue in [0, 1) by ID; a copy."""
+        return dict(self._situation.hues)
+
+    @property
+    def view(self) -> View:
+        """The view as it was asked for."""
+        return self._view
+
+    @view.setter
+    def view(self, view: View) -> None:
+        self._view = view
+        self._camera = view.camera(self.labels.shape, self.spacing)
+        self.events.view.emit(self._camera)
+
+    @property
+    def camera(self) -> Camera:
+        """The view with nothing left open."""
+        return self._camera
+
+    def look(self, camera: Camera) -> None:
+        """Take over a camera from whoever draws."""
+        self._camera = camera
+        z, y, x = (float(v) for v in camera.center)
+        self._view = View(
+            _triple(camera.direction), _triple(camera.up), (z, y, x), camera.height, camera.fov
+        )
+        self.events.view.emit(camera)
+
+    def overview(self) -> Camera:
+        """Return the camera turned as now that holds the bag and all slots beside it.
+
+        The slots stand clear of the bag at every turn about this camera's centre.
+        """
+        camera = self._camera
+        return replace(camera, center=self.bag.center, height=self.slots.height_mm)
+
+    @property
+    def canvas_size(self) -> tuple[int, int]:
+        """Height and width of the window in pixels; slots are planned for it."""
+        return self._canvas_size
+
+    @canvas_size.setter
+    def canvas_size(self, size: Sequence[int]) -> None:
+        height, width = (int(v) for v in size)
+        if min(height, width) < 1:
+            raise ValueError(f"canvas_size must be at least (1, 1) pixels, got {size!r}")
+        if (height, width) == self._canvas_size:
+            return
+        self._canvas_size = height, width
+        slots = self.slots
+        for i, berth in self._situation.out.items():
+            if i in self._flights:
+                self._flights[i] = self._flights[i].toward(berth.pose(slots))
+        self._tell_states(self._situation.out)
+
+    @property
+    def slots(self) -> Slots:
+        """Where unpacked objects wait, planned for all of them at once."""
+        key = (self._canvas_size, self._camera.fov)
+        if self._slots is None or self._slots[0] != key:
+            count, radius = len(self._ids), self.bag.radius
+            self._slots = key, arrange(count, radius, self._canvas_size, self._camera.fov)
+        return self._slots[1]
+
+    def packed_tints(self) -> NDArray[np.float32]:
+        """Return the (M, 4) float32 tints of what is packed; zero for all else. Read-only."""
+        if self._tints is None:
+            hues = self._situation.hues
+            shown = {i: hues[i] for i, state in self.states.items() if state.value == "packed"}
+            self._tints = tints_of(shown, self._ids[-1], mode=self.tint_mode)
+            self._tints.flags.writeable = False
+        return self._tints
+
+    def solo_tints(self, object_id: int) -> NDArray[np.float32]:
+        """Return the (M, 4) float32 tints that show one object alone."""
+        hue = self._situation.hues[object_id]
+        return tints_of({object_id: hue}, self._ids[-1], mode=self.tint_mode)
+
+    @property
+    def history(self) -> History:
+        """Steps done and undone."""
+        return self._history
+
+    def undo(self) -> str | None:
+        """Take back the last step; return what it was, None where there was none."""
+        return self._travel(self._history.undo(self._situation), "undo")
+
+    def redo(self) -> str | None:
+        """Do the step last taken back again; return what it was, None where there was none."""
+        return self._travel(self._history.redo(self._situation), "redo")
+
+    def land(self, object_id: int) -> None:
+        """End a flight: the object is where it was going. Does nothing where there is none."""
+        if self._flights.pop(object_id, None) is not None:
+            self._tell_states([object_id])
+
+    def _travel(self, found: tuple[Step, Situation] | None, way: str) -> str | None:
+        if found is None:
+            self.events.message.emit(f"There is nothing to {way}.")
+            return None
+        step, situation = found
+        self._enter(situation)
+        return step.verb
+
+    def _do(self, verb: str, situation: Situation, merge: bool = False) -> None:
+        """Enter a situation by a command that can be undone."""
+        self._history.push(Step(verb, self._situation, situation), merge)
+        self._enter(situation)
+
+    def _enter(self, situation: Situation) -> None:
+        """Pass to another situation: start flights, and tell what has changed."""
+        before, states = self._situation, self.states
+        self._situation = situation
+        self._refly(before, situation)
+        self._states = self._tints = None
+        changed = {i for i, state in self.states.items() if state is not states[i]}
+        changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
+        changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
+        if situation.hues is not before.hues:
+            self.events.hues.emit(dict(situation.hues))
+        if situation.transfer_function is not before.transfer_function:
+            self.events.transfer_function.emit(situation.transfer_function)
+        self._tell_states(changed)
+        if situation.queue is not before.queue or situation.direction != before.direction:
+            self.events.queue.emit(situation.queue.ids)
+
+    def _refly(self, before: Situation, after: Situation) -> None:
+        for i in list(self._flights):
+            if i in after.hidden or i == after.inspected:
+                del self._flights[i]
+        moved = [i for i in {**after.out, **before.out} if (i in before.out) != (i in after.out)]
+        if not self.animated:
+            for i in moved:
+                self._flights.pop(i, None)
+            return
+        now = self.clock()
+        starting: dict[bool, dict[int, Berth]] = {False: {}, True: {}}
+        for i in moved:
+            if i in before.hidden or i in after.hidden:
+                continue
+            back = i in before.out
+            berth = (before if back else after).out[i]
+            if i not in self._flights:
+                starting[back][i] = berth
+            elif self._flights[i].back != back:
+                self._flights[i] = self._flights[i].reversed(now).toward(berth.pose(self.slots))
+        for back, berths in starting.items():
+            order = reversed(list(berths.items())) if back else berths.items()
+            flights = launch(self.bag, dict(order), self.slots, now, self.seconds, back)
+            self._flights.update(flights)
+
+    def _state(self, object_id: int) -> ObjectState:
+        flight = self._flights.get(object_id)
+        if flight is None:
+            return self._situation.state(object_id)
+        return ObjectState.FLYING_BACK if flight.back else ObjectState.FLYING_OUT
+
+    def _tell_states(self, ids: Iterable[int]) -> None:
+        self._states = self._tints = None
+        changed = frozenset(ids)
+        if changed:
+            self.events.states.emit(changed)
+
+
+def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    z, y, x = (float(v) for v in vector)
+    return z, y, x

@@ -1,0 +1,152 @@
+"""Out of the bag and back: who keeps which place, and the flights there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.geometry.view import Camera
+from napari_unpack.session.state import Berth
+from napari_unpack.unpacking import (
+    Flight,
+    Slots,
+    broad_side,
+    clearance,
+    oriented_box,
+    outline,
+    picture_size,
+)
+
+STAGGER = 0.2
+"""Between the departures of two groups of one command, in flight times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bag:
+    """The packed bag's geometry, which no command changes.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs.
+    boxes : LabelBoxes
+        Of these labels.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+    """
+
+    labels: NDArray[np.uint16]
+    boxes: LabelBoxes
+    spacing: NDArray[np.float64]
+
+    @property
+    def lower(self) -> Vector:
+        """Lower corner of the box around all objects, world mm."""
+        return np.asarray((self.boxes.lower.min(axis=0) - 0.5) * self.spacing)
+
+    @property
+    def upper(self) -> Vector:
+        """Upper corner of the box around all objects, world mm."""
+        return np.asarray((self.boxes.upper.max(axis=0) - 0.5) * self.spacing)
+
+    @property
+    def center(self) -> Vector:
+        """Middle of the box around all objects, world mm."""
+        return (self.lower + self.upper) / 2
+
+    @property
+    def radius(self) -> float:
+        """Radius of the sphere about `center` that holds every object's box, mm."""
+        low = (self.boxes.lower - 0.5) * self.spacing - self.center
+        high = (self.boxes.upper - 0.5) * self.spacing - self.center
+        return float(np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=1)).max())
+
+    def depths(self, direction: Vector) -> dict[int, float]:
+        """Return by ID how far an object's box reaches along a direction, mm, foremost least."""
+        middle = (self.boxes.lower + self.boxes.upper - 1) / 2 * self.spacing
+        half = (self.boxes.upper - self.boxes.lower) / 2 * self.spacing
+        reach = middle @ direction + half @ np.abs(direction)
+        return {int(i): -float(r) for i, r in zip(self.boxes.ids, reach, strict=True)}
+
+    def points(self, object_id: int) -> NDArray[np.float64]:
+        """Return (n, 3) voxel centres around an object, world mm."""
+        part = self.boxes.slices(object_id)
+        origin = [axis.start for axis in part]
+        return outline(self.labels[part] == object_id, origin, self.spacing)
+
+    def outer_points(self) -> NDArray[np.float64]:
+        """Return (n, 3) voxel centres around everything, world mm."""
+        return outline(self.labels > 0, (0, 0, 0), self.spacing)
+
+    def clear_way(self, group: Iterable[int], direction: Vector) -> float:
+        """Return how far a group must go together until every member is clear of the bag, mm."""
+        ways = []
+        for object_id in group:
+            corners = self.boxes.corners(object_id, self.spacing)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            ways.append(clearance(low, high, self.lower, self.upper, direction))
+        return max(ways)
+
+    def berth(
+        self, object_id: int, slot: int, group: Sequence[int], direction: Vector, camera: Camera
+    ) -> Berth:
+        """Choose how an unpacked object is held."""
+        points = self.points(object_id)
+        box = oriented_box(points, self.spacing)
+        rotation = broad_side(box, camera.rotation)
+        picture = picture_size(points, rotation, self.spacing)
+        return Berth(slot, rotation, picture, direction, tuple(group))
+
+
+def launch(
+    bag: Bag,
+    berths: Mapping[int, Berth],
+    slots: Slots,
+    now: float,
+    seconds: float,
+    back: bool,
+) -> dict[int, Flight]:
+    """Make the flights of objects that leave or return with one command.
+
+    Parameters
+    ----------
+    bag : Bag
+    berths : mapping of int to Berth
+        Who flies, the first to leave first.
+    slots : Slots
+        Where they wait.
+    now : float
+        When the first departs, s.
+    seconds : float
+        What one flight takes.
+    back : bool
+        True towards the bag.
+
+    Returns
+    -------
+    dict of int to Flight
+        Members of a group depart at once and go the same first leg; groups follow each other.
+    """
+    flights: dict[int, Flight] = {}
+    departures: dict[tuple[int, ...], tuple[float, float]] = {}
+    for object_id, berth in berths.items():
+        if berth.group not in departures:
+            start = now + len(departures) * STAGGER * seconds
+            departures[berth.group] = start, bag.clear_way(berth.group, berth.direction)
+        start, clear = departures[berth.group]
+        flights[object_id] = Flight(
+            object_id,
+            bag.boxes.center(object_id, bag.spacing),
+            berth.direction,
+            clear,
+            berth.pose(slots),
+            start,
+            seconds,
+            back,
+        )
+    return flights

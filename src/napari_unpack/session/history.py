@@ -1,0 +1,75 @@
+"""Undo and redo by keeping situations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from napari_unpack.session.state import Situation
+
+MOST_STEPS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One command that can be undone.
+
+    Parameters
+    ----------
+    verb : str
+        What was done, for people.
+    before, after : Situation
+    """
+
+    verb: str
+    before: Situation
+    after: Situation
+
+
+class History:
+    """Steps done and undone."""
+
+    def __init__(self) -> None:
+        self._done: list[Step] = []
+        self._undone: list[Step] = []
+
+    @property
+    def done(self) -> tuple[Step, ...]:
+        """Steps that can be undone, the latest last."""
+        return tuple(self._done)
+
+    @property
+    def undone(self) -> tuple[Step, ...]:
+        """Steps that can be redone, the next one last."""
+        return tuple(self._undone)
+
+    def push(self, step: Step, merge: bool = False) -> None:
+        """Add a step, which ends the possibility to redo.
+
+        Parameters
+        ----------
+        step : Step
+            Done just now.
+        merge : bool
+            Make one step of it and the last if that was of the same verb, as when dragging.
+        """
+        self._undone.clear()
+        if merge and self._done and self._done[-1].verb == step.verb:
+            step = Step(step.verb, self._done.pop().before, step.after)
+        self._done.append(step)
+        del self._done[:-MOST_STEPS]
+
+    def undo(self, current: Situation) -> tuple[Step, Situation] | None:
+        """Return the step taken back and the situation then, None where there is none."""
+        if not self._done:
+            return None
+        step = self._done.pop()
+        self._undone.append(step)
+        return step, current.with_changes_of(step.after, step.before)
+
+    def redo(self, current: Situation) -> tuple[Step, Situation] | None:
+        """Return the step done again and the situation then, None where there is none."""
+        if not self._undone:
+            return None
+        step = self._undone.pop()
+        self._done.append(step)
+        return step, current.with_changes_of(step.before, step.after)

@@ -1,0 +1,402 @@
+"""The session: virtual unpacking of one bag, without a screen or with one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
+from napari_unpack.session.checks import checked_count, checked_ids
+from napari_unpack.session.errors import BlockedError, NobodyFreeError
+from napari_unpack.session.sight import SessionSight
+from napari_unpack.session.state import Berth, ObjectState, Situation
+from napari_unpack.unpacking import Queue, bag_up, named, oriented_box, towards_viewer
+from napari_unpack.unpacking.occlusion import Rule
+
+Group = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One departure, for the paper's figure 7.
+
+    Parameters
+    ----------
+    event : {"query run", "queue reuse"}
+        Whether rays were cast for it.
+    ids : tuple of int
+        Who left.
+    packed : int
+        Objects in the bag before.
+    ratio : float
+        Occlusion ratio (`first_hit`): 0 but where the least occluded object was taken.
+    seconds : float
+        What the query took; 0 for reuse.
+    """
+
+    event: str
+    ids: Group
+    packed: int
+    ratio: float
+    seconds: float
+
+
+class Session(SessionSight):
+    """A bag being unpacked: what is where, who leaves next, and the verbs that change it.
+
+    Pure state: no window, no GL. Arguments as for `SessionCore`.
+
+    Attributes
+    ----------
+    take_least_occluded : bool
+        What happens when nobody is free: True takes the least occluded object, False raises
+        `NobodyFreeError` with a sentence that asks for another direction.
+    rule, tolerance
+        Who counts as free; see `unpacking.free_ids`.
+    most_in_group : int
+        Interlocked groups of up to so many objects leave together; a larger knot counts as
+        nobody being free.
+    log : list of LogEntry
+        Every departure.
+
+    Notes
+    -----
+    Li et al. 2012, section 5. Verbs that cannot do what they are told raise `ValueError` with a
+    sentence and change nothing; what is merely already so is no error.
+    """
+
+    take_least_occluded: bool = True
+    rule: Rule = "exact"
+    tolerance: float = 0.0
+    most_in_group: int = 4
+    _answer: OcclusionAnswer | None = None
+
+    @property
+    def direction(self) -> str | tuple[float, float, float] | None:
+        """D as asked for: None (opposite of the view), "up" (the bag's), or world (z, y, x)."""
+        return self._situation.direction
+
+    @direction.setter
+    def direction(self, direction: str | Sequence[float] | None) -> None:
+        wanted: str | tuple[float, float, float] | None
+        if direction is None or (isinstance(direction, str) and direction == "view"):
+            wanted = None
+        elif isinstance(direction, str) and direction == "up":
+            wanted = "up"
+        else:
+            z, y, x = (float(v) for v in named(direction))
+            wanted = (z, y, x)
+        if wanted != self._situation.direction:
+            self._do("direction", replace(self._situation, direction=wanted))
+
+    @property
+    def unpack_direction(self) -> Vector:
+        """D now: unit vector in world, along which objects leave."""
+        wanted = self._situation.direction
+        if wanted is None:
+            return towards_viewer(self._camera)
+        return self.bag_up if isinstance(wanted, str) else np.array(wanted)
+
+    @cached_property
+    def bag_up(self) -> Vector:
+        """Up of the bag as it lies on its largest face, unit vector in world."""
+        return bag_up(oriented_box(self.bag.outer_points(), self.spacing))
+
+    @property
+    def log(self) -> list[LogEntry]:
+        """Every departure so far."""
+        return self.__dict__.setdefault("_log", [])
+
+    @property
+    def queue(self) -> Queue:
+        """The queue as it stands; `unpackable` brings it up to date."""
+        return self._situation.queue
+
+    def unpackable(self) -> Group:
+        """Return the objects that can leave now, the next one first; casts rays if it must.
+
+        Where nobody is free that is the least occluded object, or nobody, as
+        `take_least_occluded` says.
+        """
+        queue = self._filled_queue(self._situation)[0]
+        if queue is not self._situation.queue:
+            self._enter(replace(self._situation, queue=queue))
+        return queue.ids
+
+    def occlusion_question(self) -> OcclusionQuestion | None:
+        """Return the question `unpackable` would have to ask; None where the answer is known.
+
+        Its `answer()` may run on another thread; hand the result to `accept_answer`.
+        """
+        packed, d = self._packed(self._situation), self.unpack_direction
+        known = self._answer is not None and self._answer.serves(d, packed)
+        return None if known or not packed else self._question(packed, d)
+
+    def accept_answer(self, answer: OcclusionAnswer) -> bool:
+        """Take over an answer; return False, having done nothing, where it is out of date."""
+        if not answer.serves(self.unpack_direction, self._packed(self._situation)):
+            return False
+        self._answer = answer
+        self.unpackable()
+        return True
+
+    def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Group:
+        """Take objects out of the bag.
+
+        Parameters
+        ----------
+        n_or_ids : int or iterable of int
+            How many from the head of the queue, or which objects. Objects that hold together
+            leave together, so more may leave than were asked for.
+
+        Returns
+        -------
+        tuple of int
+            Who left, in order. Objects already outside or hidden are passed over.
+
+        Raises
+        ------
+        NobodyFreeError
+            If nobody is free and `take_least_occluded` is False (a ValueError).
+        BlockedError
+            If a chosen object is blocked by one that was not chosen (a ValueError).
+        ValueError
+            If an ID is unknown or the number is below 1.
+        """
+        if isinstance(n_or_ids, int | np.integer):
+            situation, left = self._take_next(checked_count(int(n_or_ids)))
+        else:
+            situation, left = self._take_chosen(checked_ids(n_or_ids, self._known, "n_or_ids"))
+        if not left:
+            self.events.message.emit("There is nothing left to unpack.")
+            return ()
+        self._do("unpack", situation)
+        return left
+
+    def reveal(self, object_id: int) -> Group:
+        """Take out the smallest set of objects that frees a buried one, and it as well."""
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        packed = self._packed(self._situation)
+        if object_id not in packed:
+            raise ValueError(f"object_id must be a packed object, got {object_id}")
+        answer = self._known_answer(packed)
+        if answer.blocking is None:
+            raise ValueError(
+                "reveal needs the table of blockers, which 4,097 objects are too many for"
+            )
+        return self.unpack(answer.blocking.among(packed).needed(object_id))
+
+    def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
+        """Put objects back into the bag, at the head of the queue.
+
+        Parameters
+        ----------
+        n_or_ids : int or iterable of int
+            How many of the latest, or which objects. Objects that left as a group return as
+            one. Objects in the bag are passed over.
+
+        Returns
+        -------
+        tuple of int
+            Who returned, in order.
+
+        Raises
+        ------
+        ValueError
+            If an ID is unknown or the number is below 1.
+        """
+        situation = self._situation
+        seen = [i for i in reversed(situation.out) if i not in situation.hidden]
+        if isinstance(n_or_ids, int | np.integer):
+            wanted = seen[: checked_count(int(n_or_ids))]
+        else:
+            chosen = set(checked_ids(n_or_ids, self._known, "n_or_ids"))
+            wanted = [i for i in seen if i in chosen]
+        mates = {mate for i in wanted for mate in situation.out[i].group}
+        back = [i for i in seen if i in mates]
+        if not back:
+            self.events.message.emit("There is nothing to restore.")
+            return ()
+        if situation.inspected in mates:
+            situation = replace(situation, inspected=None)
+        # The one restored last was the first to leave, so it stands at the head.
+        self._do("restore", situation.with_back(reversed(back)))
+        return tuple(back)
+
+    def inspect(self, object_id: int) -> None:
+        """Look at one object alone; a flight of its own ends, another inspection too.
+
+        Raises
+        ------
+        ValueError
+            If there is no such object, or it is hidden.
+        """
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        if object_id in self._situation.hidden:
+            raise ValueError(f"object_id must be in sight, {object_id} is hidden: show it first")
+        if object_id != self._situation.inspected:
+            self._do("inspect", replace(self._situation, inspected=object_id))
+
+    def leave(self) -> None:
+        """End the inspection: the object is again where it was."""
+        if self._situation.inspected is not None:
+            self._do("leave", replace(self._situation, inspected=None))
+
+    def place(self, object_id: int, pose: Pose) -> None:
+        """Put an unpacked object somewhere else in pivot space; successive moves are one step.
+
+        Raises
+        ------
+        ValueError
+            If it is not outside the bag.
+        """
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        if object_id not in self._situation.out:
+            raise ValueError(f"object_id must be an unpacked object, got {object_id}")
+        berth = replace(self._situation.out[object_id], placed=pose)
+        out = {**self._situation.out, object_id: berth}
+        self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
+
+    def _packed(self, situation: Situation) -> frozenset[int]:
+        """Return who stands in the way: what is on its way back counts as being there."""
+        return self._known.difference(situation.out, situation.hidden, [situation.inspected])
+
+    def _question(self, packed: frozenset[int], direction: Vector) -> OcclusionQuestion:
+        pitch = float(self.spacing.min())
+        lower, upper = self.bag.lower, self.bag.upper
+        camera, size = view_along(direction, lower, upper, pitch, self._camera)
+        visible, cast = self._table(packed), self.casters.occlusion
+        return OcclusionQuestion(
+            direction, packed, self.rule, self.tolerance, lambda: cast(camera, visible, size)
+        )
+
+    def _known_answer(self, packed: frozenset[int], afresh: bool = False) -> OcclusionAnswer:
+        direction, known = self.unpack_direction, self._answer
+        if (
+            known is None
+            or not known.serves(direction, packed)
+            or (afresh and known.packed != packed)
+        ):
+            known = self._answer = self._question(packed, direction).answer()
+        return known
+
+    def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
+        """Return the queue, filled where it was dry or for another D, and the answer used."""
+        packed, direction = self._packed(situation), self.unpack_direction
+        if situation.queue.serves(direction) and packed.issuperset(situation.queue.ids):
+            return situation.queue, self._answer
+        if not packed:
+            return situation.queue.refilled((), direction), self._answer
+        answer = self._known_answer(packed)
+        groups = answer.groups(packed, self.most_in_group)
+        if not groups:
+            answer = self._known_answer(packed, afresh=True)
+            groups = answer.groups(packed, self.most_in_group)
+        least = not groups and self.take_least_occluded
+        if least:
+            groups = [(answer.least_occluded(packed),)]
+        depths = self.bag.depths(direction)
+        return situation.queue.refilled(groups, direction, depths, least), answer
+
+    def _take_next(self, count: int) -> tuple[Situation, Group]:
+        situation = replace(self._situation, inspected=None)
+        left: list[int] = []
+        while len(left) < count:
+            packed, before = self._packed(situation), self._answer
+            if not packed:
+                break
+            queue, answer = self._filled_queue(situation)
+            if not queue.groups:
+                if left:
+                    break
+                raise self._nobody_free(answer, packed)
+            if queue.least_occluded:
+                self._tell_least(queue.groups[0][0], answer)
+            situation = replace(situation, queue=queue)
+            situation = self._leave(situation, queue.groups[0], answer is not before)
+            left.extend(queue.groups[0])
+        return situation, tuple(left)
+
+    def _take_chosen(self, ids: list[int]) -> tuple[Situation, Group]:
+        situation = replace(self._situation, inspected=None)
+        packed = self._packed(situation)
+        wanted = packed.intersection(ids)
+        if not wanted:
+            return situation, ()
+        before = self._answer
+        answer = self._known_answer(packed)
+        if answer.blocking is None:
+            blocked = wanted - answer.free
+            if blocked:
+                raise BlockedError(f"{self._names(blocked)} cannot leave: others are in front.")
+            groups = [(i,) for i in ids if i in wanted]
+        else:
+            graph = answer.blocking.among(packed)
+            whole = [set(g) for g in graph.departures(packed) if wanted.intersection(g)]
+            wanted = wanted.union(*(g for g in whole if len(g) <= self.most_in_group))
+            blockers = graph.blockers(wanted)
+            if blockers and wanted != {*self._least_if_stuck(packed, answer)}:
+                raise BlockedError(
+                    f"{self._names(wanted)} cannot leave along this direction before "
+                    f"{self._names(blockers)}: unpack those first, reveal it, or choose another "
+                    "direction."
+                )
+            groups = graph.departures(wanted)
+        for k, group in enumerate(groups):
+            situation = self._leave(situation, group, k == 0 and answer is not before)
+        return situation, tuple(i for group in groups for i in group)
+
+    def _least_if_stuck(self, packed: frozenset[int], answer: OcclusionAnswer) -> Group:
+        if not self.take_least_occluded or answer.groups(packed, self.most_in_group):
+            return ()
+        return (self._known_answer(packed, afresh=True).least_occluded(packed),)
+
+    def _leave(self, situation: Situation, group: Group, asked: bool) -> Situation:
+        taken = {berth.slot for berth in situation.out.values()}
+        places = iter(k for k in range(len(self._ids)) if k not in taken)
+        direction, camera = self.unpack_direction, self._camera
+        berths: dict[int, Berth] = {
+            i: self.bag.berth(i, next(places), group, direction, camera) for i in group
+        }
+        answer, ratio = self._answer, 0.0
+        if answer is not None and situation.queue.least_occluded:
+            ratio = answer.first_hit.get(group[0], 0.0)
+        self.log.append(
+            LogEntry(
+                "query run" if asked else "queue reuse",
+                group,
+                len(self._packed(situation)),
+                ratio,
+                answer.seconds if asked and answer else 0.0,
+            )
+        )
+        return situation.with_out(berths)
+
+    def _nobody_free(
+        self, answer: OcclusionAnswer | None, packed: frozenset[int]
+    ) -> NobodyFreeError:
+        least = answer.least_occluded(packed) if answer else min(packed)
+        ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
+        return NobodyFreeError(
+            f"Nothing is free along this direction; {self._names([least])} is blocked least "
+            f"({ratio:.0%} of it). Choose another direction, or let the least blocked leave."
+        )
+
+    def _tell_least(self, object_id: int, answer: OcclusionAnswer | None) -> None:
+        ratio = answer.first_hit.get(object_id, 0.0) if answer else 0.0
+        self.events.message.emit(
+            f"Nothing is free along this direction: {self._names([object_id])}, the least "
+            f"blocked ({ratio:.0%} of it), leaves."
+        )
+
+    def _names(self, ids: Iterable[int]) -> str:
+        names = self.objects["name"]
+        found = [str(names[i]) for i in sorted(ids)]
+        if len(found) > 4:
+            found = [*found[:3], f"{len(found) - 3} others"]
+        return " and ".join([", ".join(found[:-1]), found[-1]]) if len(found) > 1 else found[0]

@@ -1,0 +1,173 @@
+"""What a session shows and in which colours: hide, show, isolate, recolour, select, rename."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from napari_unpack.appearance import TransferFunction, assign_hues, interference
+from napari_unpack.session.checks import checked_ids
+from napari_unpack.session.core import SessionCore
+from napari_unpack.session.state import ObjectState
+
+DISTANCE = 5.0
+"""DT of eq. 1, pixels of the canvas."""
+
+LAYERS = 2
+"""LT of eq. 1."""
+
+MOST_PIXELS = 640
+"""Longer side of the object-ID image hues are chosen from; larger canvases are scaled down."""
+
+
+@dataclass(frozen=True, eq=False)
+class HueQuestion:
+    """Which hues keep neighbours apart in a view?
+
+    Parameters
+    ----------
+    answer : callable
+        Returns {id: hue} of the objects in view; may run on any thread.
+    """
+
+    answer: Callable[[], dict[int, float]]
+
+
+class SessionSight(SessionCore):
+    """The verbs that change how things look and not where they are.
+
+    Attributes
+    ----------
+    locked_hues : frozenset of int
+        Objects whose hue recolouring leaves alone.
+    hue_margin : float
+        Fraction of every hue arc left empty; neighbours come out at least hue_margin / C apart.
+    """
+
+    locked_hues: frozenset[int] = frozenset()
+    hue_margin = 0.5
+    _colored = False
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """The master transfer function; setting it can be undone."""
+        return self._situation.transfer_function
+
+    @transfer_function.setter
+    def transfer_function(self, transfer_function: TransferFunction) -> None:
+        if not isinstance(transfer_function, TransferFunction):
+            raise TypeError(
+                f"transfer_function must be a TransferFunction, got {transfer_function!r}"
+            )
+        situation = replace(self._situation, transfer_function=transfer_function)
+        self._do("transfer function", situation, merge=True)
+
+    @property
+    def selected(self) -> frozenset[int]:
+        """IDs selected in the picture or in the table."""
+        return self._selected
+
+    def select(self, ids: int | Iterable[int] = ()) -> None:
+        """Select objects, and only these; not undoable."""
+        wanted = frozenset(checked_ids(ids, self._known))
+        if wanted != self._selected:
+            self._selected = wanted
+            self.events.selected.emit(wanted)
+
+    def rename(self, object_id: int, name: str) -> None:
+        """Give an object a name.
+
+        Raises
+        ------
+        ValueError
+            If there is no such object or the name is blank.
+        """
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        if not name.strip():
+            raise ValueError("name must not be blank")
+        names = {**self._situation.names, object_id: name.strip()}
+        self._do("rename", replace(self._situation, names=names))
+
+    def hide(self, ids: int | Iterable[int]) -> None:
+        """Put objects out of sight, in the bag or outside; a flight of theirs ends."""
+        wanted = checked_ids(ids, self._known)
+        fresh = [i for i in wanted if i not in self._situation.hidden]
+        if fresh:
+            self._do("hide", self._situation.with_hidden(fresh))
+
+    def show(self, ids: int | Iterable[int] | None = None) -> None:
+        """Bring objects into sight again where they were, by default all."""
+        wanted = self._ids if ids is None else checked_ids(ids, self._known)
+        if self._situation.hidden.intersection(wanted):
+            self._do("show", self._situation.with_shown(wanted))
+
+    def isolate(self, ids: int | Iterable[int]) -> None:
+        """Show these objects and hide all others.
+
+        Raises
+        ------
+        ValueError
+            If no object is given, or one that is not of this session.
+        """
+        wanted = checked_ids(ids, self._known)
+        if not wanted:
+            raise ValueError("ids must name at least one object to isolate, got none")
+        hidden = self._known.difference(wanted)
+        if hidden != self._situation.hidden:
+            shown = self._situation.with_shown(wanted)
+            self._do("isolate", shown.with_hidden(hidden))
+
+    def recolor(self, keep: bool = True, undoable: bool = True) -> dict[int, float]:
+        """Give what is packed hues that its neighbours in this view do not have.
+
+        Parameters
+        ----------
+        keep : bool
+            Keep hues that still separate; False starts afresh.
+        undoable : bool
+            False where the camera came to rest and nobody asked.
+
+        Returns
+        -------
+        dict of int to float
+            All hues.
+        """
+        self.accept_hues(self.hue_question(keep).answer(), undoable)
+        return self.hues
+
+    def hue_question(self, keep: bool = True) -> HueQuestion:
+        """Return the question `recolor` asks, to be answered on another thread."""
+        size = self._canvas_size
+        scale = min(1.0, MOST_PIXELS / max(size))
+        shape = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+        visible = self._table(i for i, s in self.states.items() if s is ObjectState.PACKED)
+        camera, cast = self._camera, self.casters.ids
+        previous = self._situation.hues if keep and self._colored else None
+        margin, locked = self.hue_margin, self.locked_hues
+
+        def answer() -> dict[int, float]:
+            ids = cast(camera, visible, shape, LAYERS)
+            graph = interference(ids, DISTANCE * scale, LAYERS)
+            return assign_hues(graph, previous, margin, locked=locked)
+
+        return HueQuestion(answer)
+
+    def accept_hues(self, hues: Mapping[int, float], undoable: bool = True) -> None:
+        """Take over new hues; objects not among them keep theirs."""
+        checked_ids(hues, self._known, "hues")
+        merged = {**self._situation.hues, **hues}
+        self._colored = True
+        if merged == self._situation.hues:
+            return
+        situation = replace(self._situation, hues=merged)
+        if undoable:
+            self._do("recolor", situation)
+        else:
+            self._enter(situation)
+
+    def _table(self, ids: Iterable[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        visible = np.zeros(self._ids[-1] + 1, dtype=np.bool_)
+        visible[list(ids)] = True
+        return visible

@@ -1,0 +1,140 @@
+"""What a session is at one moment, immutable: undo keeps the old ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
+
+from napari_unpack.appearance import TransferFunction
+from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.unpacking import Queue, Slots
+
+
+class ObjectState(Enum):
+    """Where an object is; it is in exactly one of these."""
+
+    PACKED = "packed"
+    FLYING_OUT = "flying out"
+    UNPACKED = "unpacked"
+    FLYING_BACK = "flying back"
+    INSPECTED = "inspected"
+    HIDDEN = "hidden"
+
+
+@dataclass(frozen=True, eq=False)
+class Berth:
+    """How an unpacked object is kept.
+
+    Parameters
+    ----------
+    slot : int
+        Number of its place beside the bag.
+    rotation : (3, 3) ndarray of float64
+        How it is held, from world axes to pivot axes.
+    picture_mm : (float, float)
+        Width and height of its picture at scale 1.
+    direction : (3,) ndarray of float64
+        The D along which it left, world.
+    group : tuple of int
+        The objects that left with it, itself included.
+    placed : Pose, optional
+        Where a person put it, in place of the slot.
+    """
+
+    slot: int
+    rotation: Matrix
+    picture_mm: tuple[float, float]
+    direction: Vector
+    group: tuple[int, ...]
+    placed: Pose | None = None
+
+    def pose(self, slots: Slots) -> Pose:
+        """Return its pose in pivot space."""
+        if self.placed is not None:
+            return self.placed
+        return Pose(slots.centers[self.slot], self.rotation, slots.scale(*self.picture_mm))
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """All that undo brings back.
+
+    Parameters
+    ----------
+    out : mapping of int to Berth
+        Objects outside the bag, in the order in which they left.
+    hidden : frozenset of int
+        Objects put out of sight, in the bag or outside.
+    inspected : int, optional
+        The object looked at alone.
+    queue : Queue
+        Who leaves next.
+    hues : mapping of int to float
+        By ID.
+    names : mapping of int to str
+        By ID, where a person gave one.
+    direction : str or (3,) tuple of float, optional
+        D as it was asked for; None is the opposite of the view.
+    transfer_function : TransferFunction
+    """
+
+    transfer_function: TransferFunction
+    hues: Mapping[int, float]
+    out: Mapping[int, Berth] = field(default_factory=dict)
+    hidden: frozenset[int] = frozenset()
+    inspected: int | None = None
+    queue: Queue = Queue()
+    names: Mapping[int, str] = field(default_factory=dict)
+    direction: str | tuple[float, float, float] | None = None
+
+    def state(self, object_id: int) -> ObjectState:
+        """Return where an object is once nobody flies any more."""
+        if object_id in self.hidden:
+            return ObjectState.HIDDEN
+        if object_id == self.inspected:
+            return ObjectState.INSPECTED
+        return ObjectState.UNPACKED if object_id in self.out else ObjectState.PACKED
+
+    def with_out(self, berths: Mapping[int, Berth]) -> Situation:
+        """Return the situation after objects have left the bag."""
+        queue = self.queue.without(berths)
+        return replace(self, out={**self.out, **berths}, queue=queue)
+
+    def with_back(self, ids: Iterable[int]) -> Situation:
+        """Return the situation after objects have gone back, the first given at the head."""
+        back = tuple(ids)
+        kept = {i: berth for i, berth in self.out.items() if i not in back}
+        return replace(self, out=kept, queue=self.queue.put_back(back))
+
+    def with_hidden(self, ids: Iterable[int]) -> Situation:
+        """Return the situation after objects have been put out of sight."""
+        gone = frozenset(ids)
+        inspected = None if self.inspected in gone else self.inspected
+        return replace(
+            self, hidden=self.hidden | gone, inspected=inspected, queue=self.queue.without(gone)
+        )
+
+    def with_shown(self, ids: Iterable[int]) -> Situation:
+        """Return the situation after objects have come into sight again.
+
+        The queue is emptied where one of them is in the bag: it may block others.
+        """
+        back = frozenset(ids) & self.hidden
+        blocking = any(i not in self.out for i in back)
+        queue = replace(self.queue, groups=()) if blocking else self.queue
+        return replace(self, hidden=self.hidden - back, queue=queue)
+
+    def with_changes_of(self, source: Situation, target: Situation) -> Situation:
+        """Return this situation with what differs from `source` to `target` set as in `target`.
+
+        Undoing a step takes back what that step changed and leaves alone what has changed
+        otherwise since, such as hues renewed for another view.
+        """
+        changes = {
+            f.name: getattr(target, f.name)
+            for f in fields(self)
+            if getattr(source, f.name) is not getattr(target, f.name)
+        }
+        return replace(self, **changes)

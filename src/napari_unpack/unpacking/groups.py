@@ -1,0 +1,160 @@
+"""Who blocks whom along one direction: groups that leave together, and what to remove first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.unpacking.occlusion import Rule, free_ids
+
+
+@dataclass(frozen=True, eq=False)
+class Blocking:
+    """The directional blocking graph of the objects that were in the bag when it was asked.
+
+    An edge from i to j says that i stands in front of j along D. Taking objects away takes their
+    edges away and changes no other, so one answer serves until the direction changes or an
+    object comes back that was away when it was asked.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        Nodes are object IDs.
+    """
+
+    graph: nx.DiGraph
+
+    @classmethod
+    def of(
+        cls, counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
+    ) -> Blocking | None:
+        """Make the graph from counts, or return None where there is no table of blockers.
+
+        Objects that are free within the tolerance lose their incoming edges. The table is the
+        `exact` rule's; other rules have none.
+        """
+        if counts.blocks is None or rule != "exact":
+            return None
+        free = free_ids(counts, rule, tolerance)
+        return cls(blocking_graph(counts.blocks, counts.ids, free))
+
+    def knows(self, ids: Iterable[int]) -> bool:
+        """Tell whether every one of these objects was in the bag when it was asked."""
+        return all(i in self.graph for i in ids)
+
+    def among(self, packed: Iterable[int]) -> Blocking:
+        """Return the graph of those still packed."""
+        return Blocking(self.graph.subgraph(packed))
+
+    def free_groups(self) -> list[tuple[int, ...]]:
+        """Return the groups that nobody outside them blocks, smallest first, then by ID."""
+        return free_groups(self.graph)
+
+    def blockers(self, ids: Iterable[int]) -> set[int]:
+        """Return the objects outside `ids` that block one of them directly."""
+        wanted = set(ids)
+        return {before for i in wanted for before in self.graph.predecessors(i)} - wanted
+
+    def needed(self, target: int) -> set[int]:
+        """Return the smallest set, the target included, that must leave to get at the target."""
+        return reveal(self.graph, target)
+
+    def departures(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
+        """Order objects into groups so that none leaves before what blocks it."""
+        part = self.graph.subgraph(ids)
+        condensed = nx.condensation(part)
+        order = nx.lexicographical_topological_sort(
+            condensed, key=lambda node: min(condensed.nodes[node]["members"])
+        )
+        return [tuple(sorted(condensed.nodes[node]["members"])) for node in order]
+
+
+def blocking_graph(
+    blocks: NDArray[np.bool_], ids: Iterable[int], free: Iterable[int] = ()
+) -> nx.DiGraph:
+    """Make the graph of a table of blockers.
+
+    Parameters
+    ----------
+    blocks : (n, n) ndarray of bool
+        Row blocks column.
+    ids : (n,) iterable of int
+        The IDs of rows and columns.
+    free : iterable of int
+        IDs to be taken as blocked by nobody.
+
+    Returns
+    -------
+    networkx.DiGraph
+        Edge i -> j where i blocks j.
+
+    Raises
+    ------
+    ValueError
+        If the table is not square with one row an ID.
+    """
+    names = [int(i) for i in ids]
+    table = np.asarray(blocks, dtype=bool)
+    if table.shape != (len(names), len(names)):
+        raise ValueError(f"blocks must be ({len(names)}, {len(names)}), got shape {table.shape}")
+    exempt = set(free)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(names)
+    for row, column in zip(*np.nonzero(table), strict=True):
+        if row != column and names[column] not in exempt:
+            graph.add_edge(names[row], names[column])
+    return graph
+
+
+def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...]]:
+    """Return the sets of objects that hold one another, ordered so that blockers come first.
+
+    Parameters
+    ----------
+    blocks : (n, n) ndarray of bool
+        Row blocks column.
+    ids : (n,) iterable of int
+        The IDs of rows and columns.
+
+    Returns
+    -------
+    list of tuple of int
+        Strongly connected components of the blocking graph in an order in which they can leave;
+        most have one member.
+
+    Notes
+    -----
+    Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
+    "group-by-group" (section 5) leaves open which groups.
+    """
+    names = list(ids)
+    return Blocking(blocking_graph(blocks, names)).departures(names)
+
+
+def free_groups(graph: nx.DiGraph) -> list[tuple[int, ...]]:
+    """Return the strongly connected components nobody outside blocks, smallest first."""
+    condensed = nx.condensation(graph)
+    found = [
+        tuple(sorted(condensed.nodes[node]["members"]))
+        for node in condensed
+        if condensed.in_degree(node) == 0
+    ]
+    return sorted(found, key=lambda group: (len(group), group))
+
+
+def reveal(graph: nx.DiGraph, target: int) -> set[int]:
+    """Return the target and everything that must leave before it, directly or not.
+
+    Raises
+    ------
+    ValueError
+        If the target is not in the graph.
+    """
+    if target not in graph:
+        raise ValueError(f"target must be a packed object, got {target!r}")
+    return set(nx.ancestors(graph, target)) | {target}

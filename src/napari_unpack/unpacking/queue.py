@@ -1,0 +1,106 @@
+"""The queue of unpackable objects: section 5.4, immutable, so that undo is keeping the old one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+Group = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Queue:
+    """Groups of objects in the order in which they will leave.
+
+    Parameters
+    ----------
+    groups : tuple of tuple of int
+        Most have one member; those with several leave together.
+    direction : (3,) tuple of float, optional
+        The D it was asked for, unit vector in world; None when it never was.
+    restored : tuple of int
+        Objects put back at the head, the next one first. They are no more than a wish until
+        the queue is asked again: another object put back later may stand in front of them.
+    least_occluded : bool
+        True when nobody was free and the only entry is the least occluded object.
+
+    Notes
+    -----
+    Li et al. 2012, section 5.4: filled whenever the direction changes, taken from the head,
+    restored objects return to the head. Deviation: restored objects are checked before they
+    leave again (readings 9).
+    """
+
+    groups: tuple[Group, ...] = ()
+    direction: tuple[float, float, float] | None = None
+    restored: tuple[int, ...] = ()
+    least_occluded: bool = False
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Every object in the queue, the next one first."""
+        return tuple(i for group in self.groups for i in group)
+
+    def serves(self, direction: Iterable[float]) -> bool:
+        """Tell whether it was asked for this D and has something left and no restored object."""
+        if self.direction is None or not self.groups or self.restored:
+            return False
+        return bool(np.allclose(self.direction, tuple(direction), rtol=0.0, atol=1e-6))
+
+    def without(self, ids: Iterable[int]) -> Queue:
+        """Return the queue after objects have left or been hidden.
+
+        Groups that lose a member are dropped whole: whether the others are still one group is
+        for the next question to tell.
+        """
+        gone = set(ids)
+        return replace(
+            self,
+            groups=tuple(group for group in self.groups if not gone.intersection(group)),
+            restored=tuple(i for i in self.restored if i not in gone),
+        )
+
+    def put_back(self, ids: Iterable[int]) -> Queue:
+        """Return the queue with restored objects at its head, the first given foremost."""
+        new = tuple(ids)
+        rest = tuple(i for i in self.restored if i not in new)
+        return replace(self, restored=new + rest, least_occluded=False)
+
+    def refilled(
+        self,
+        groups: Iterable[Group],
+        direction: Iterable[float],
+        rank: dict[int, float] | None = None,
+        least_occluded: bool = False,
+    ) -> Queue:
+        """Return the queue for a new answer.
+
+        Parameters
+        ----------
+        groups : iterable of tuple of int
+            All that can leave along the direction now.
+        direction : (3,) iterable of float
+            The D they were asked for.
+        rank : dict of int to float, optional
+            Smaller leaves earlier; a group counts as its smallest. Without it, by ID.
+        least_occluded : bool
+            Whether this is the least occluded object for want of a free one.
+
+        Returns
+        -------
+        Queue
+            Groups holding a restored object first, in the order of restoring; then by rank, ties
+            by ID. Wishes that are not free now are forgotten.
+        """
+        place = {object_id: k for k, object_id in enumerate(self.restored)}
+        order = rank or {}
+
+        def key(group: Group) -> tuple[int, float, int]:
+            wish = min(place.get(i, len(place)) for i in group)
+            return wish, min(order.get(i, 0.0) for i in group), min(group)
+
+        ready = tuple(sorted((tuple(sorted(g)) for g in groups), key=key))
+        z, y, x = (float(v) for v in direction)
+        return Queue(ready, (z, y, x), (), least_occluded)

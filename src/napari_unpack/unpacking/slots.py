@@ -1,0 +1,193 @@
+"""Where unpacked objects wait: cells of a grid around the bag, in pivot space.
+
+The bag is taken as the circle of its bounding sphere, so that whatever holds now holds at every
+turn of it. Cells are planned once for all objects of the bag: nothing has to move when another
+one comes out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST_PIXELS = 64
+"""Least length of a sprite's longer side."""
+
+GAP = 8
+"""Least distance in pixels between sprites, from the bag and from the window's edge."""
+
+LEAST_BAG = 0.27
+"""Least radius of the bag's circle, in the window's shorter side; cells that then find no room
+are planned outside the window, where zooming out shows them."""
+
+
+WEIGHT_OF_BAG = 1.5
+"""How much more a larger bag counts than larger sprites."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slots:
+    """Places for sprites, in the order in which they are filled.
+
+    Parameters
+    ----------
+    centers : (N, 3) ndarray of float64
+        Pivot space mm; the first coordinate is 0.
+    cell_mm : float
+        Side of a cell: a sprite's longer side is at most this.
+    least_mm : float
+        Length of `LEAST_PIXELS` pixels: a sprite's longer side is at least this.
+    height_mm : float
+        Visible height at which the plan holds: the camera's `height`.
+    bag_radius_px : float
+        Radius of the bag's circle on the screen, perspective included.
+    visible : int
+        Slots that lie in the window at that height; fewer than N only in windows too small.
+    """
+
+    centers: NDArray[np.float64]
+    cell_mm: float
+    least_mm: float
+    height_mm: float
+    bag_radius_px: float
+    visible: int
+
+    def scale(self, width_mm: float, height_mm: float) -> float:
+        """Return the enlargement of a sprite whose picture at scale 1 has this width and height.
+
+        True to the bag where the cell and the least size allow it.
+        """
+        longer = max(width_mm, height_mm)
+        return float(np.clip(longer, self.least_mm, self.cell_mm) / longer)
+
+
+def arrange(
+    count: int,
+    bag_radius_mm: float,
+    canvas_size: tuple[int, int],
+    fov: float = 0.0,
+    least_pixels: int = LEAST_PIXELS,
+    gap: int = GAP,
+) -> Slots:
+    """Plan the places of all sprites around the bag.
+
+    Parameters
+    ----------
+    count : int
+        Objects in the bag, that is slots wanted.
+    bag_radius_mm : float
+        Radius of the bag's bounding sphere about the camera's centre.
+    canvas_size : (int, int)
+        Height and width of the window in pixels.
+    fov : float
+        Vertical field of view in degrees; 0 is orthographic.
+    least_pixels, gap : int
+        Least longer side of a sprite, and distance between neighbours.
+
+    Returns
+    -------
+    Slots
+        No cell comes nearer than `gap` to another, to the bag's circle or, where it is visible,
+        to the window's edge.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not positive.
+
+    Notes
+    -----
+    For every cell side the grid's cells are sorted by distance from the middle; the bag may
+    grow until `count` cells are left outside it. Of these the side is taken for which
+    radius^WEIGHT_OF_BAG * side is largest. In perspective a sphere of radius r at distance d covers the
+    circle r d / sqrt(d^2 - r^2) of the pivot plane.
+    """
+    if count < 0:
+        raise ValueError(f"count must not be negative, got {count!r}")
+    if not (np.isfinite(bag_radius_mm) and bag_radius_mm > 0):
+        raise ValueError(f"bag_radius_mm must be a positive number, got {bag_radius_mm!r}")
+    if min(canvas_size) < 1:
+        raise ValueError(f"canvas_size must be at least (1, 1) pixels, got {canvas_size!r}")
+    height, width = int(canvas_size[0]), int(canvas_size[1])
+    short = min(height, width)
+    most = short / 2 - gap
+    largest = int(max(least_pixels, min(short * 0.3, 320)))
+    best: tuple[float, float, float] | None = None
+    for side in range(least_pixels, largest + 1, 2):
+        reach = _nearest(_grid(height, width, side, gap), side)
+        if len(reach) < count:
+            break
+        radius = most if count == 0 else min(most, float(-np.sort(-reach)[count - 1]) - gap)
+        if radius < LEAST_BAG * short:
+            break
+        value = radius**WEIGHT_OF_BAG * side
+        if best is None or value > best[0]:
+            best = value, side, radius
+    if best is None:
+        side = float(least_pixels)
+        reach = _nearest(_grid(height, width, side, gap), side) - gap
+        kept = reach[reach >= LEAST_BAG * short]
+        radius = min([most, *kept]) if len(kept) else LEAST_BAG * short
+        radius = max(radius, 1.0)
+    else:
+        _, side, radius = best
+    cells, visible = _cells(count, height, width, side, radius, gap)
+    mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
+    centers = np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1)
+    return Slots(centers, side * mm, least_pixels * mm, height * mm, radius, visible)
+
+
+def _grid(height: float, width: float, side: float, gap: float) -> NDArray[np.float64]:
+    """Return (n, 2) centres, row and column from the window's middle, of the cells that fit."""
+    axes = []
+    for length in (height, width):
+        n = int((length - gap) // (side + gap))
+        # Columns are spread so that the outermost stand at the window's edge.
+        room = length - 2 * gap - side
+        axes.append(np.linspace(-room / 2, room / 2, n) if n > 1 else np.zeros(n))
+    rows, columns = np.meshgrid(*axes, indexing="ij")
+    return np.stack([rows.ravel(), columns.ravel()], axis=1)
+
+
+def _nearest(cells: NDArray[np.float64], side: float) -> NDArray[np.float64]:
+    """Return the distance of every cell's nearest point from the middle."""
+    return np.hypot(*np.maximum(np.abs(cells) - side / 2, 0.0).T)
+
+
+def _cells(
+    count: int, height: int, width: int, side: float, radius: float, gap: float
+) -> tuple[NDArray[np.float64], int]:
+    inside = _grid(height, width, side, gap)
+    inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9], side)
+    if len(inside) >= count:
+        return inside[:count], count
+    # Too small a window: further columns on the same pitch beyond its left and right edges,
+    # where no window edge stands in the way of another row.
+    pitch = side + gap
+    rows = max(1, int((max(height, 2 * radius) + gap) // pitch))
+    first = max(width / 2, radius + gap) + gap + side / 2
+    more = -(-(count - len(inside)) // (2 * rows))
+    vertical = (np.arange(rows) - (rows - 1) / 2) * pitch
+    vertical = vertical[np.argsort(np.abs(vertical), kind="stable")]
+    outside = [
+        (row, sign * (first + k * pitch))
+        for k in range(more)
+        for row in vertical
+        for sign in (1, -1)
+    ]
+    return np.concatenate([inside, np.array(outside)])[:count], len(inside)
+
+
+def _in_order(cells: NDArray[np.float64], side: float) -> NDArray[np.float64]:
+    """Order cells for filling: near the bag first, right before left, upper before lower."""
+    near = np.round(_nearest(cells, side))
+    return cells[np.lexsort((cells[:, 0], cells[:, 1] < 0, near))]
+
+
+def _mm_per_pixel(radius_mm: float, radius_px: float, height_px: int, fov: float) -> float:
+    if fov == 0.0:
+        return radius_mm / radius_px
+    eye = height_px / (2 * float(np.tan(np.radians(fov) / 2)))
+    return radius_mm * float(np.hypot(eye, radius_px)) / (radius_px * eye)
