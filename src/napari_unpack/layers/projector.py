@@ -1,0 +1,246 @@
+"""What the three layers show: painters, flights and inspection brought together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.layers.clock import Clock
+from napari_unpack.layers.director import Director
+from napari_unpack.layers.flight_painter import FlightPainter
+from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.packed import PackedLayer
+from napari_unpack.layers.packed_painter import PackedPainter
+from napari_unpack.layers.picking import pick_packed
+from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.sprite_painter import SpritePainter
+from napari_unpack.layers.sprites import SpriteLayer
+from napari_unpack.layers.tables import set_table
+from napari_unpack.layers.transition import TransitionLayer
+from napari_unpack.layers.view_camera import Frame
+
+DIMMED = 0.16
+"""Opacity of everything else during an inspection."""
+
+
+class Projector:
+    """Keeps the pictures of a session's three layers right.
+
+    Parameters
+    ----------
+    session : Session
+    packed, transition, sprites : layers
+    jobs : Jobs
+        With the lanes "quick" and "fine".
+    drawn : callable
+        Called after a picture of moving objects was shown.
+    landed : callable
+        Given the ID of an object whose flight has ended.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        packed: PackedLayer,
+        transition: TransitionLayer,
+        sprites: SpriteLayer,
+        jobs: Jobs,
+        drawn: Callable[[], None],
+        landed: Callable[[int], None],
+    ) -> None:
+        self.session = session
+        self.packed, self.transition, self.sprites = packed, transition, sprites
+        self.frame: Frame | None = None
+        self._drawn, self._landed = drawn, landed
+        self._packed_ids: frozenset[int] = frozenset()
+        self.bag = PackedPainter(session, jobs, packed.show, _caster)
+        self._flights = FlightPainter(session, jobs, self._show_moving, _caster)
+        self._small = SpritePainter(session, jobs, sprites.show, _caster)
+        self._director = Director(session, self._small.has, lambda _: self.bag.settled)
+        self._clock = Clock(self._tick)
+
+    @property
+    def settled(self) -> bool:
+        """Whether every picture at rest is full and right."""
+        return self.bag.settled and self._small.settled
+
+    @property
+    def flying(self) -> bool:
+        """Whether anything is in the air."""
+        return self._director.flying
+
+    @property
+    def inspected(self) -> int:
+        """The object being inspected, 0 for none."""
+        one = self._director.inspection
+        return 0 if one is None or one.leaving else one.object_id
+
+    def look(self, frame: Frame) -> None:
+        """Follow the canvas."""
+        self.frame = frame
+        self.bag.look(frame)
+        self._draw_moving()
+        self._show_sprites()
+
+    def states_changed(self) -> None:
+        """Follow the session's states."""
+        packed = frozenset(i for i, s in self.session.states.items() if s.name == "PACKED")
+        changed, self._packed_ids = packed ^ self._packed_ids, packed
+        self._draw_moving()
+        self.bag.recast_objects(changed)
+        self._show_sprites()
+        self._set_tables()
+        if self._director.active(self._clock.now()):
+            self._clock.start()
+
+    def hues_changed(self) -> None:
+        """Follow the session's hues."""
+        self.bag.refine()
+        self._show_sprites()
+        self._set_tables()
+
+    def densities_changed(self) -> None:
+        """Follow the session's transfer function."""
+        self.bag.recast()
+        self._small.look_changed()
+        self._show_sprites()
+
+    def land(self, object_id: int) -> None:
+        """End a flight."""
+        flight = self.session.flights.get(object_id)
+        if flight is not None:
+            self._director.landed(object_id, None if flight.back else flight.target)
+            self.session.land(object_id)
+            self._landed(object_id)
+
+    def inspect(self, object_id: int) -> None:
+        """Bring an object to the middle of the view."""
+        if self.frame is None or self.inspected == object_id:
+            return
+        self.end_inspection()
+        self._director.begin_inspection(object_id, self.frame, self._clock.now())
+        self.session.inspect(object_id)
+        self._dim(DIMMED)
+        self._clock.start()
+
+    def leave(self) -> None:
+        """Let the inspected object go back to its place."""
+        one = self._director.inspection
+        if one is not None and not one.leaving:
+            self._director.inspection = one.left(self._clock.now())
+            self._clock.start()
+
+    def end_inspection(self) -> None:
+        """End an inspection at once; the object keeps the turn it was given."""
+        one = self._director.inspection
+        if one is None:
+            return
+        self._director.inspection = None
+        pose = self.session.poses.get(one.object_id)
+        self.session.leave()
+        if pose is not None:
+            self._place(one.object_id, replace(pose, rotation=one.rotation))
+        self._dim(1.0)
+        self._clock.start()
+
+    def turn(self, object_id: int, rotation: Matrix) -> None:
+        """Turn an object under the hand."""
+        self._director.turn(object_id, rotation)
+        self._show_sprites()
+        self._draw_moving()
+
+    def turned(self, object_id: int) -> None:
+        """Let go of an object that was turned."""
+        pose = self._director.turning.pop(object_id, None)
+        if pose is not None:
+            self._place(object_id, pose)
+        self._clock.start()
+
+    def sprite_at(self, row: float, col: float) -> int:
+        """Return the object whose sprite is at a pixel of the frame, 0 for none."""
+        if self.frame is None or not self.sprites.visible:
+            return 0
+        return self.sprites.at_pixel(row, col, self.frame.size, self.frame.camera)
+
+    def packed_at(self, row: float, col: float) -> list[int]:
+        """Return the packed objects at a pixel of the frame, the most visible first."""
+        frame = self.frame
+        if frame is None or not self.packed.visible:
+            return []
+        if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
+            return []
+        return pick_packed(self.session, self.bag.crop(), frame, row, col)
+
+    def close(self) -> None:
+        """Show nothing new."""
+        self._clock.stop()
+        self.bag.close()
+        self.frame = None
+
+    def _place(self, object_id: int, pose: Any) -> None:
+        self._director.landed(object_id, pose)
+        self.session.place(object_id, pose)
+        self._show_sprites()
+
+    def _tick(self, now: float) -> None:
+        for object_id in self._director.arrivals(now):
+            self.land(object_id)
+        one = self._director.inspection
+        if one is not None and one.leaving and one.still(now):
+            self.end_inspection()
+        active = self._director.active(now)
+        if not self._flights.busy:
+            self._draw_moving()
+        if not active:
+            self._clock.stop()
+            self._draw_moving()
+
+    def _draw_moving(self) -> None:
+        if self.frame is not None:
+            moving = self._director.moving(self._clock.now(), self.frame)
+            if moving or self.transition.shots:
+                self._flights.cast(moving, self.frame)
+
+    def _show_moving(self, shots: dict[int, Shot]) -> None:
+        self.transition.show(shots)
+        self._show_sprites()
+        self._drawn()
+
+    def _show_sprites(self) -> None:
+        frame, session = self.frame, self.session
+        if frame is None:
+            return
+        hidden = {i for i, s in session.states.items() if s.name == "HIDDEN"}
+        poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
+        waiting = frozenset(poses)
+        for object_id, flight in session.flights.items():
+            poses.setdefault(object_id, flight.target)
+        # Who moves is shown by the transition layer, from the moment its picture is there.
+        moving = frozenset(session.flights) | frozenset(self._director.turning)
+        if self._director.inspection is not None:
+            moving |= {self._director.inspection.object_id}
+        shown = waiting - (moving & frozenset(self.transition.shots))
+        self._small.want(poses, shown, frame.size[0] / frame.camera.height)
+
+    def _set_tables(self) -> None:
+        session = self.session
+        set_table(self.packed, session, self._packed_ids)
+        set_table(self.transition, session, session.flights)
+        set_table(self.sprites, session, session.poses)
+
+    def _dim(self, factor: float) -> None:
+        self.packed.dim(factor)
+        self.sprites.dim(factor)
+        self._show_sprites()
+
+
+def mark(sprites: SpriteLayer, selected: Iterable[int], pointed: int) -> None:
+    """Outline the sprites of selected objects and of the one under the mouse."""
+    sprites.choose(frozenset(selected) | ({pointed} - {0}))
+
+
+def _caster() -> str:
+    # In the viewer GL needs the canvas's own context, which worker threads do not have.
+    return "cpu"
