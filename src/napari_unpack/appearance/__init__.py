@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from napari_unpack.appearance.coloring import color_classes
-    from napari_unpack.appearance.hues import arc_hues, assign_hues
     from napari_unpack.appearance.contacts import interference
+    from napari_unpack.appearance.hues import arc_hues, assign_hues
     from napari_unpack.appearance.steady import golden_hue, hue_distance
     from napari_unpack.appearance.tints import hsv_to_rgb, perceptual_to_rgb, tints_of
     from napari_unpack.appearance.transfer_function import PRESETS, TransferFunction

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -59,7 +60,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
         return _scan(stack, halves, top, *band)  # type: ignore[no-any-return]
 
     edges = np.linspace(0, height, 1 + 4 * (os.cpu_count() or 1)).astype(int)
-    bands = [(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for keys, counts in pool.map(work, bands):
             for key, count in zip(keys.tolist(), counts.tolist(), strict=True):

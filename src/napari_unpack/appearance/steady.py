@@ -83,7 +83,7 @@ def _to_move(
         if a in hues and b in hues and hue_distance(hues[a], hues[b]) < separation - 1e-9:
             conflicts.setdefault(a, set()).add(b)
             conflicts.setdefault(b, set()).add(a)
-    moved = []
+    moved: list[int] = []
     while True:
         open_to_it = [node for node, others in conflicts.items() if others and node not in fixed]
         if not open_to_it:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -187,5 +188,5 @@ def _checked_colors(
 def _check_increasing(name: str, densities: Sequence[float]) -> None:
     if not all(np.isfinite(densities)):
         raise ValueError(f"{name} must have finite densities, got {densities!r}")
-    if any(b <= a for a, b in zip(densities, densities[1:], strict=False)):
+    if any(b <= a for a, b in pairwise(densities)):
         raise ValueError(f"{name} must have strictly increasing densities, got {densities!r}")

@@ -139,7 +139,7 @@ class OcclusionAnswer:
 
 @dataclass(frozen=True, eq=False)
 class OcclusionQuestion:
-    """Who is free along D?
+    """The question who is free along D.
 
     Parameters
     ----------

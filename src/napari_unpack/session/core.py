@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction, golden_hue, tints_of
+from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose
@@ -85,7 +86,7 @@ class SessionCore:
         self.animated = False
         self.seconds = 1.2
         self.backend = "auto"
-        self.tint_mode = "perceptual"
+        self.tint_mode: Mode = "perceptual"
         self.events = SessionEvents()
         self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
         self._ids = tuple(int(i) for i in self.boxes.ids)

@@ -14,7 +14,7 @@ from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, vie
 from napari_unpack.session.checks import checked_count, checked_ids
 from napari_unpack.session.errors import BlockedError, NobodyFreeError
 from napari_unpack.session.sight import SessionSight
-from napari_unpack.session.state import Berth, ObjectState, Situation
+from napari_unpack.session.state import Berth, Situation
 from napari_unpack.unpacking import Queue, bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -334,7 +334,7 @@ class Session(SessionSight):
             blocked = wanted - answer.free
             if blocked:
                 raise BlockedError(f"{self._names(blocked)} cannot leave: others are in front.")
-            groups = [(i,) for i in ids if i in wanted]
+            groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = answer.blocking.among(packed)
             whole = [set(g) for g in graph.departures(packed) if wanted.intersection(g)]

@@ -24,7 +24,7 @@ MOST_PIXELS = 640
 
 @dataclass(frozen=True, eq=False)
 class HueQuestion:
-    """Which hues keep neighbours apart in a view?
+    """The question which hues keep neighbours apart in a view.
 
     Parameters
     ----------

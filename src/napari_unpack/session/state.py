@@ -63,7 +63,7 @@ class Situation:
 
     Parameters
     ----------
-    out : mapping of int to Berth
+    out : dict of int to Berth
         Objects outside the bag, in the order in which they left.
     hidden : frozenset of int
         Objects put out of sight, in the bag or outside.
@@ -82,10 +82,10 @@ class Situation:
 
     transfer_function: TransferFunction
     hues: Mapping[int, float]
-    out: Mapping[int, Berth] = field(default_factory=dict)
+    out: dict[int, Berth] = field(default_factory=dict)
     hidden: frozenset[int] = frozenset()
     inspected: int | None = None
-    queue: Queue = Queue()
+    queue: Queue = field(default_factory=Queue)
     names: Mapping[int, str] = field(default_factory=dict)
     direction: str | tuple[float, float, float] | None = None
 

@@ -1,4 +1,4 @@
-"""How an unpacked object is held up: its broad side to the viewer, upright, seen a little aslant."""
+"""How an unpacked object is held up: its broad side to the viewer, seen a little aslant."""
 
 from __future__ import annotations
 

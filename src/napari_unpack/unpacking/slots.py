@@ -101,8 +101,8 @@ def arrange(
     -----
     For every cell side the grid's cells are sorted by distance from the middle; the bag may
     grow until `count` cells are left outside it. Of these the side is taken for which
-    radius^WEIGHT_OF_BAG * side is largest. In perspective a sphere of radius r at distance d covers the
-    circle r d / sqrt(d^2 - r^2) of the pivot plane.
+    radius^WEIGHT_OF_BAG * side is largest. In perspective a sphere of radius r at distance d
+    covers the circle r d / sqrt(d^2 - r^2) of the pivot plane.
     """
     if count < 0:
         raise ValueError(f"count must not be negative, got {count!r}")
@@ -111,32 +111,31 @@ def arrange(
     if min(canvas_size) < 1:
         raise ValueError(f"canvas_size must be at least (1, 1) pixels, got {canvas_size!r}")
     height, width = int(canvas_size[0]), int(canvas_size[1])
-    short = min(height, width)
-    most = short / 2 - gap
-    largest = int(max(least_pixels, min(short * 0.3, 320)))
-    best: tuple[float, float, float] | None = None
-    for side in range(least_pixels, largest + 1, 2):
-        reach = _nearest(_grid(height, width, side, gap), side)
-        if len(reach) < count:
-            break
-        radius = most if count == 0 else min(most, float(-np.sort(-reach)[count - 1]) - gap)
-        if radius < LEAST_BAG * short:
-            break
-        value = radius**WEIGHT_OF_BAG * side
-        if best is None or value > best[0]:
-            best = value, side, radius
-    if best is None:
-        side = float(least_pixels)
-        reach = _nearest(_grid(height, width, side, gap), side) - gap
-        kept = reach[reach >= LEAST_BAG * short]
-        radius = min([most, *kept]) if len(kept) else LEAST_BAG * short
-        radius = max(radius, 1.0)
-    else:
-        _, side, radius = best
+    side, radius = _best_plan(count, height, width, least_pixels, gap)
     cells, visible = _cells(count, height, width, side, radius, gap)
     mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
     centers = np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1)
     return Slots(centers, side * mm, least_pixels * mm, height * mm, radius, visible)
+
+
+def _best_plan(
+    count: int, height: int, width: int, least_pixels: int, gap: int
+) -> tuple[float, float]:
+    """Return the cell side and the radius of the bag's circle, pixels."""
+    short = min(height, width)
+    least, most = LEAST_BAG * short, short / 2 - gap
+    plans = []
+    for side in range(least_pixels, int(max(least_pixels, min(short * 0.3, 320))) + 1, 2):
+        reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
+        if len(reach) < count:
+            break
+        radius = min([most, *reach[max(count - 1, 0) : count]])
+        if radius >= least:
+            plans.append((radius**WEIGHT_OF_BAG * side, float(side), float(radius)))
+    if plans:
+        return max(plans)[1:]
+    reach = _nearest(_grid(height, width, least_pixels, gap), least_pixels) - gap
+    return float(least_pixels), float(max(min([most, *reach[reach >= least]]), least, 1.0))
 
 
 def _grid(height: float, width: float, side: float, gap: float) -> NDArray[np.float64]:
