@@ -31,3 +31,27 @@ def gl(offscreen_context):
         yield context
         context.flush_commands()
         assert GL.glGetError() == GL.GL_NO_ERROR
+
+
+@pytest.fixture(scope="session")
+def shared_canvas(offscreen_context):
+    from vispy import app, scene
+
+    canvas = scene.SceneCanvas(app=app.Application("egl"), size=(60, 40), bgcolor="black")
+    canvas.central_widget.border_width = 0
+    yield canvas
+    canvas.close()
+
+
+@pytest.fixture
+def canvas(shared_canvas):
+    """A vispy scene canvas of 60 x 40 pixels, current and empty; no error may be left in it."""
+    from OpenGL import GL
+
+    shared_canvas.set_current()
+    yield shared_canvas
+    shared_canvas.context.flush_commands()
+    assert GL.glGetError() == GL.GL_NO_ERROR
+    for widget in list(shared_canvas.central_widget.children):
+        shared_canvas.central_widget.remove_widget(widget)
+        widget.parent = None

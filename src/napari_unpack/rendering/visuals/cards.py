@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 from vispy import gloo
+from vispy.gloo import gl
 from vispy.visuals import Visual
 from vispy.visuals.filters import Alpha, PickingFilter
 
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.rendering.framebuffer import current_context
 from napari_unpack.rendering.shader_source import load
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
@@ -91,8 +93,8 @@ class CardsVisual(Visual):  # type: ignore[misc]
     -----
     It owns its GL state: premultiplied blending (one, one_minus_src_alpha), depth test on, depth
     written by the core draw only, culling off. Presets set from outside, as napari's
-    `VispyBaseLayer.reset` does, have no effect. The depth mask is on afterwards; the depth
-    function is left as it is found (napari's canvas wants "lequal").
+    `VispyBaseLayer.reset` does, have no effect. The depth mask is on afterwards and the depth
+    function as it was found (vispy wants "less", napari's canvas "lequal").
     vispy's opacity filter would scale alpha alone and is replaced by a uniform; picking by
     vispy's own render is not supported (nothing is drawn).
     """
@@ -155,10 +157,13 @@ class CardsVisual(Visual):  # type: ignore[misc]
         if not shown:
             return
         self._program["a_corner"] = self._corners
+        current_context().flush_commands()
+        found = gl.glGetParameter(gl.GL_DEPTH_FUNC)
         for core in (True, False):
             gloo.set_state(
                 depth_test=True,
                 depth_mask=core,
+                depth_func="lequal",
                 cull_face=False,
                 blend=True,
                 blend_equation="func_add",
@@ -167,7 +172,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
             for card in shown:
                 self._set(card, overall, core)
                 self._program.draw(self._draw_mode)
-        gloo.set_depth_mask(True)
+        gloo.set_state(depth_mask=True, depth_func=found)
 
     def _set(self, card: Card, overall: float, core: bool) -> None:
         color, depth = card.picture.textures()
