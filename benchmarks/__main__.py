@@ -10,7 +10,7 @@ import time
 import traceback
 from pathlib import Path
 
-from benchmarks import table
+from benchmarks import plots, table
 from benchmarks.row import Row
 from benchmarks.rows import ORDER, chosen
 from benchmarks.scenes import Scenes
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.write:
         DOCUMENT.write_text(
             "# Measurements\n\n`make bench` made this table; `python -m benchmarks --write` "
-            f"renews it. {_machine()}.\n\n{table.markdown(done)}"
+            f"renews it. {_machine()}.\n\n{table.markdown(done)}" + plots.section(scenes.figures)
         )
     return 1 if broken else 0
 

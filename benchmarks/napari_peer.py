@@ -32,6 +32,11 @@ viewer.close()
 """
 
 
+def screen_environment() -> dict[str, str]:
+    """Return this process's environment without what binds GL to no screen."""
+    return {k: v for k, v in os.environ.items() if k not in ("PYOPENGL_PLATFORM", "EGL_PLATFORM")}
+
+
 def napari_frame_ms(scenes: Scenes) -> float | None:
     """Return the time of one frame while the camera turns, None where there is no screen."""
     if not os.environ.get("DISPLAY"):
@@ -45,6 +50,7 @@ def napari_frame_ms(scenes: Scenes) -> float | None:
             text=True,
             timeout=180,
             check=False,
+            env=screen_environment(),
         )
     for line in done.stdout.splitlines():
         if line.startswith("seconds"):

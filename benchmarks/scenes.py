@@ -23,11 +23,17 @@ class Scenes:
     ----------
     quick : bool
         Halves every edge: for looking whether the benchmarks run, not for figures.
+
+    Attributes
+    ----------
+    figures : dict of str to str
+        File names and contents that rows leave beside the table.
     """
 
     def __init__(self, quick: bool = False) -> None:
         self.quick = quick
         self.repeats = 1 if quick else 3
+        self.figures: dict[str, str] = {}
 
     def edge(self, n: int) -> int:
         """Return an edge's length in this run."""

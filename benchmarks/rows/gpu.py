@@ -16,7 +16,7 @@ ROWS = (
 def measure(scenes: Scenes) -> list[Row]:
     from napari_unpack.rendering import offscreen
 
-    if not (offscreen.available() and offscreen.hardware()):
+    if not (offscreen.available() and not offscreen.is_software()):
         return [Row.not_measured(what, work, "no GPU", goal) for what, work, goal in ROWS]
     return [_frame(scenes), *(Row.not_measured(*row[:2], "next", row[2]) for row in ROWS[1:])]
 

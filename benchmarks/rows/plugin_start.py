@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+from benchmarks.napari_peer import screen_environment
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
 
@@ -36,6 +37,7 @@ def measure(scenes: Scenes) -> list[Row]:
             text=True,
             timeout=180,
             check=False,
+            env=screen_environment(),
         )
         lines = [line for line in done.stdout.splitlines() if line.startswith("seconds")]
         if not lines:

@@ -17,7 +17,7 @@ def measure(scenes: Scenes) -> list[Row]:
 
     if not offscreen.available():
         return [Row.not_measured(WHAT, WORK, "no GL context", GOAL)]
-    if offscreen.hardware():
+    if not offscreen.is_software():
         return [Row.not_measured(WHAT, WORK, "GL is hardware here", GOAL)]
     packing = scenes.packing
 

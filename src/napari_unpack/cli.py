@@ -1,0 +1,294 @@
+"""The command `napari-unpack`: everything the plugin does, without a window."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    name="napari-unpack",
+    help="See into packed things: segment a CT volume, tell every object apart, and unpack it.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+Input = Annotated[
+    Path,
+    typer.Argument(
+        metavar="INPUT",
+        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr.",
+    ),
+]
+LabelsOption = Annotated[
+    Path | None,
+    typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
+]
+Direction = Annotated[
+    str | None,
+    typer.Option(
+        help="Where objects leave: up, +x, -x, +y, -y, +z, -z or 'z,y,x' numbers; "
+        "by default towards the viewer."
+    ),
+]
+Look = Annotated[
+    tuple[float, float, float],
+    typer.Option("--view", metavar="Z Y X", help="Direction of looking."),
+]
+Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
+BY_DEFAULT = (0.55, 0.35, 1.0)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()
+
+
+def _told(command: Callable[..., None]) -> Callable[..., None]:
+    # A sentence instead of a traceback for everything a user can cause.
+    @functools.wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except (ValueError, TypeError, OSError, ImportError) as error:
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(1) from error
+
+    return run
+
+
+class Ticker:
+    """Progress as plain lines on stderr, each at most every 5 %, or whenever the text changes."""
+
+    def __init__(self) -> None:
+        self._last = ("", -1)
+
+    def __call__(self, fraction: float, text: str) -> None:
+        """Tell how far we are."""
+        now = (text, int(fraction * 20))
+        if now != self._last:
+            self._last = now
+            typer.echo(f"{fraction:4.0%}  {text}", err=True)
+
+
+@app.command()
+@_told
+def simulate(
+    output: Annotated[
+        Path,
+        typer.Argument(metavar="OUTPUT", help="Where to save the bag: .npz, .mha, .nii.gz ..."),
+    ],
+    seed: Annotated[int, typer.Option(help="Another seed, another bag.")] = 0,
+    shape: Annotated[tuple[int, int, int], typer.Option(metavar="Z Y X", help="Voxels.")] = (
+        160,
+        176,
+        256,
+    ),
+    count: Annotated[int, typer.Option(help="How many objects.")] = 30,
+    spacing: Annotated[
+        tuple[float, float, float], typer.Option(metavar="Z Y X", help="Voxel size in mm.")
+    ] = (1.0, 1.0, 1.0),
+) -> None:
+    """Simulate a packed bag with ground truth."""
+    from napari_unpack import simulate_bag
+    from napari_unpack.io import Scan, save_objects_csv, save_scan
+
+    bag = simulate_bag(seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker())
+    z, y, x = (float(v) for v in bag.spacing)
+    for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels), output):
+        typer.echo(f"wrote {path}")
+    table = save_objects_csv(bag.objects, output.with_name(output.name.split(".")[0] + ".csv"))
+    typer.echo(f"wrote {table}")
+
+
+@app.command()
+@_told
+def segment(
+    source: Input,
+    output: Annotated[
+        Path, typer.Argument(metavar="OUTPUT", help="Where to save volume and labels.")
+    ],
+    csv: Annotated[Path | None, typer.Option(help="Where to save the table of objects.")] = None,
+) -> None:
+    """Segment a volume into its objects."""
+    from napari_unpack import segment as find_objects
+    from napari_unpack.io import load_volume, save_objects_csv, save_scan
+
+    scan = load_volume(source)
+    found = find_objects(scan.volume, scan.spacing, progress=Ticker())
+    for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
+        typer.echo(f"wrote {path}")
+    if csv is not None:
+        typer.echo(f"wrote {save_objects_csv(found.objects, csv)}")
+    typer.echo(f"{len(found.objects)} objects")
+
+
+@app.command()
+@_told
+def score(
+    truth: Annotated[
+        Path, typer.Argument(metavar="TRUTH", help="True labels, such as a simulated bag's .npz.")
+    ],
+    found: Annotated[Path, typer.Argument(metavar="FOUND", help="Labels to judge.")],
+) -> None:
+    """Compare labels with the truth."""
+    from napari_unpack import score as compare
+    from napari_unpack.io import load_labels
+
+    for name, value in compare(load_labels(truth)[0], load_labels(found)[0]).items():
+        typer.echo(f"{name:<20}{value:.4f}")
+
+
+@app.command()
+@_told
+def order(
+    source: Input,
+    labels: LabelsOption = None,
+    direction: Direction = None,
+    view: Look = BY_DEFAULT,
+    count: Annotated[int, typer.Option(help="How many objects; 0 for all.")] = 0,
+    backend: Backend = "auto",
+) -> None:
+    """Print in which order the objects can be unpacked."""
+    from napari_unpack.io.headless import unpack_in_order
+
+    session = _open(source, labels, direction, view, backend)
+    typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
+    for step, ids in enumerate(unpack_in_order(session, count or None), start=1):
+        for i in ids:
+            facts = session.objects.loc[i]
+            typer.echo(
+                f"{step:>4}  {i:>5}  {str(facts['name'])[:23]:<24}"
+                f"{facts['volume_mm3'] / 1000:>11.1f}{facts['mean_density']:>9.0f}"
+            )
+
+
+@app.command()
+@_told
+def render(
+    source: Input,
+    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Picture to write, .png.")],
+    labels: LabelsOption = None,
+    direction: Direction = None,
+    view: Look = BY_DEFAULT,
+    unpacked: Annotated[int, typer.Option(help="Objects to unpack before.")] = 0,
+    size: Annotated[
+        tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
+    ] = (960, 1280),
+    backend: Backend = "auto",
+) -> None:
+    """Draw the bag and what is unpacked beside it."""
+    from napari_unpack.io import save_png
+    from napari_unpack.io.headless import framed, unpack_in_order
+    from napari_unpack.session.pictures import scene
+
+    session = _open(source, labels, direction, view, backend)
+    camera = framed(session, size)
+    for _ in unpack_in_order(session, unpacked) if unpacked else ():
+        pass
+    typer.echo(f"wrote {save_png(scene(session, camera, size, backend=backend), output)}")
+
+
+@app.command()
+@_told
+def movie(
+    source: Input,
+    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Film to write, .mp4 or .gif.")],
+    labels: LabelsOption = None,
+    direction: Direction = None,
+    view: Look = BY_DEFAULT,
+    count: Annotated[int, typer.Option(help="How many objects to unpack; 0 for all.")] = 0,
+    size: Annotated[
+        tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
+    ] = (720, 960),
+    fps: Annotated[int, typer.Option(help="Frames a second.")] = 25,
+    seconds: Annotated[float, typer.Option(help="Of one flight.")] = 0.8,
+    backend: Backend = "auto",
+) -> None:
+    """Film the unpacking."""
+    from napari_unpack.io import movie as film
+
+    session = _open(source, labels, direction, view, backend)
+    path = film(
+        session,
+        output,
+        count=count or None,
+        size=size,
+        fps=fps,
+        seconds=seconds,
+        backend=backend,
+        progress=Ticker(),
+    )
+    typer.echo(f"wrote {path}")
+
+
+@app.command()
+@_told
+def demo(
+    source: Annotated[
+        Path | None, typer.Argument(metavar="[INPUT]", help="Volume; a simulated bag without it.")
+    ] = None,
+    labels: LabelsOption = None,
+    output: Annotated[
+        Path, typer.Option(help="Folder for pictures and film where there is no screen.")
+    ] = Path("demo-output"),
+    seed: Annotated[int, typer.Option(help="Of the simulated bag.")] = 0,
+) -> None:
+    """Open the plugin on a bag, or film it where there is no screen."""
+    from napari_unpack.widgets.demo import run
+
+    run(source, labels, output, seed)
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@_told
+def bench(context: typer.Context) -> None:
+    """Measure speed and accuracy (in a checkout)."""
+    root = Path(__file__).parents[2]
+    if not (root / "benchmarks" / "__main__.py").exists():
+        raise ValueError("benchmarks are not installed with the package; run this in a checkout")
+    sys.path.insert(0, str(root))
+    from benchmarks.__main__ import main as measure
+
+    raise typer.Exit(measure(context.args))
+
+
+def _open(
+    source: Path,
+    labels: Path | None,
+    direction: str | None,
+    view: tuple[float, float, float],
+    backend: str,
+) -> Any:
+    from napari_unpack.io import load_labels, load_volume
+    from napari_unpack.io.headless import opened
+
+    scan = load_volume(source)
+    if labels is not None:
+        scan = scan.with_labels(load_labels(labels)[0])
+    return opened(scan, view, _direction(direction), Ticker(), backend)
+
+
+def _direction(text: str | None) -> str | tuple[float, float, float] | None:
+    if text is None or "," not in text:
+        return text
+    try:
+        z, y, x = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise ValueError(
+            f"direction must be a name or three numbers 'z,y,x', got {text!r}"
+        ) from error
+    return z, y, x
+
+
+def _smallest_dtype(labels: Any) -> Any:
+    import numpy as np
+
+    return labels.astype(np.uint16) if labels.max() < 65536 else labels

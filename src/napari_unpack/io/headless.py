@@ -1,0 +1,147 @@
+"""A session without a window: opened from a scan, framed, and unpacked step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.io.scan import Scan
+
+Progress = Callable[[float, str], None]
+
+
+def opened(
+    scan: Scan,
+    view: Sequence[float],
+    direction: str | Sequence[float] | None = None,
+    progress: Progress | None = None,
+    backend: str = "auto",
+) -> Any:
+    """Open a session on a scan, segmenting it where it has no labels.
+
+    Parameters
+    ----------
+    scan : Scan
+        The bag.
+    view : (3,) sequence of float
+        Direction of looking, z y x.
+    direction : str or (3,) sequence of float, optional
+        Where objects leave, see `Session.direction`.
+    progress : callable, optional
+        Takes (fraction, text); raising in it cancels.
+    backend : {"auto", "cpu", "gl"}
+        Who casts rays.
+
+    Returns
+    -------
+    Session
+        Coloured for this view.
+
+    Raises
+    ------
+    ValueError
+        If the scan cannot be segmented, or an argument is not as above.
+    """
+    from napari_unpack.segmentation import segment
+    from napari_unpack.session import Session
+
+    labels, objects = scan.labels, None
+    if labels is None:
+        found = segment(scan.volume, scan.spacing, progress=progress)
+        labels, objects = found.labels, found.objects
+    session = Session(scan.volume, labels, scan.spacing, objects)
+    session.backend = backend
+    z, y, x = (float(v) for v in view)
+    session.view = View((z, y, x))
+    if direction is not None:
+        session.direction = direction
+    session.recolor()
+    return session
+
+
+def framed(session: Any, size: tuple[int, int]) -> Camera:
+    """Give a session a picture's size, and its camera room for the bag and all places beside it.
+
+    Parameters
+    ----------
+    session : Session
+        Its direction of looking is kept.
+    size : (int, int)
+        Height and width, pixels.
+
+    Returns
+    -------
+    Camera
+        The session's camera from now on.
+    """
+    session.canvas_size = size
+    camera: Camera = session.overview()
+    session.look(camera)
+    return camera
+
+
+def twin(session: Any) -> Any:
+    """Return a session of its own on the same bag, with everything packed.
+
+    Parameters
+    ----------
+    session : Session
+        Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
+
+    Returns
+    -------
+    Session
+    """
+    from napari_unpack.session import ObjectState, Session
+
+    other = Session(
+        session.volume, session.labels, session.spacing, session.objects, session.casters
+    )
+    other.look(session.camera)
+    other.transfer_function = session.transfer_function
+    other.accept_hues(session.hues)
+    other.tint_mode, other.rule, other.tolerance = (
+        session.tint_mode,
+        session.rule,
+        session.tolerance,
+    )
+    other.most_in_group, other.backend = session.most_in_group, session.backend
+    if session.direction is not None:
+        other.direction = session.direction
+    hidden = [i for i, state in session.states.items() if state is ObjectState.HIDDEN]
+    if hidden:
+        other.hide(hidden)
+    return other
+
+
+def packed_count(session: Any) -> int:
+    """Return how many objects are in the bag and in sight."""
+    from napari_unpack.session import ObjectState
+
+    return sum(state is ObjectState.PACKED for state in session.states.values())
+
+
+def unpack_in_order(session: Any, count: int | None = None) -> Iterator[tuple[int, ...]]:
+    """Unpack step by step, each object or group that can leave next.
+
+    Parameters
+    ----------
+    session : Session
+        Changed as one goes.
+    count : int, optional
+        How many objects at least; by default all. Where nobody is free the least blocked
+        leaves, so that all come out.
+
+    Yields
+    ------
+    tuple of int
+        Who left in this step.
+    """
+    gone = 0
+    while packed_count(session) and (count is None or gone < count):
+        left = tuple(session.unpack(1))
+        if not left:
+            return
+        gone += len(left)
+        yield left

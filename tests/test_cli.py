@@ -1,0 +1,117 @@
+"""The command line, on a bag of three boxes."""
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from napari_unpack.cli import app
+from napari_unpack.io import Scan, load_labels, load_volume, save_scan
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    labels = np.zeros((24, 26, 44), np.uint8)
+    for i in (1, 2, 3):
+        labels[4:20, 4:20, 13 * i - 9 : 13 * i + 1] = i
+    noise = np.random.default_rng(0).integers(0, 30, labels.shape)
+    volume = (np.where(labels > 0, 1500, 0) + noise).astype(np.uint16)
+    save_scan(Scan(volume, (1.0, 1.0, 1.0), labels), tmp_path / "bag.npz")
+    return tmp_path / "bag.npz"
+
+
+def test_help_lists_every_command() -> None:
+    result = run("--help")
+    assert result.exit_code == 0
+    for command in ("simulate", "segment", "score", "order", "render", "movie", "demo", "bench"):
+        assert command in result.output
+        assert run(command, "--help").exit_code == 0
+
+
+def test_order_prints_who_leaves_when(bag: Path) -> None:
+    result = run("order", bag, "--direction", "+x", "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    rows = [line.split() for line in result.stdout.splitlines()]
+    assert [row[:2] for row in rows[1:]] == [["1", "3"], ["2", "2"], ["3", "1"]]
+    # 16 x 16 x 10 voxels of 1 mm3.
+    assert rows[1][-2] == "2.6"
+    numbers = run("order", bag, "--direction", "0,0,-1", "--count", 1, "--backend", "cpu")
+    assert [line.split()[:2] for line in numbers.stdout.splitlines()[1:]] == [["1", "1"]]
+
+
+def test_render_writes_a_picture_with_every_object(bag: Path) -> None:
+    out = bag.with_name("bag.png")
+    result = run("render", bag, out, "--size", 90, 120, "--unpacked", 1, "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    picture = iio.imread(out)
+    assert picture.shape == (90, 120, 4)
+    assert (picture[..., 3] == 255).all()
+    assert (picture[..., :3].max(-1) > 90).sum() > 300
+
+
+def test_movie_writes_a_film(bag: Path) -> None:
+    out = bag.with_name("bag.mp4")
+    result = run("movie", bag, out, "--size", 64, 64, "--fps", 5, "--count", 1, "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    assert iio.imread(out).shape[1:] == (64, 64, 3)
+    assert "100%" in result.stderr
+
+
+def test_segment_and_score(bag: Path) -> None:
+    out = bag.with_name("found.npz")
+    result = run("segment", bag, out, "--csv", bag.with_name("objects.csv"))
+    assert result.exit_code == 0, result.output
+    assert "objects" in result.stdout
+    assert load_volume(out).volume.shape == (24, 26, 44)
+    assert bag.with_name("objects.csv").read_text().startswith("id,voxels")
+    result = run("score", bag, bag)
+    assert result.exit_code == 0, result.output
+    assert dict(line.split() for line in result.stdout.splitlines())["f1"] == "1.0000"
+
+
+def test_labels_can_come_from_another_file(bag: Path) -> None:
+    labels, _ = load_labels(bag)
+    np.save(bag.with_name("one.npy"), (labels > 0).astype(np.uint8))
+    result = run("order", bag, "--labels", bag.with_name("one.npy"), "--backend", "cpu")
+    assert len(result.stdout.splitlines()) == 2
+    np.save(bag.with_name("other.npy"), labels[1:])
+    result = run("order", bag, "--labels", bag.with_name("other.npy"))
+    assert result.exit_code == 1
+    assert "labels must have the volume's shape" in result.stderr
+
+
+def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> None:
+    for arguments, message in [
+        (("order", tmp_path / "nowhere.npz"), "error: no such file"),
+        (("order", bag, "--direction", "sideways", "--backend", "cpu"), "error: direction must be"),
+        (("order", bag, "--direction", "1,2", "--backend", "cpu"), "error: direction must be"),
+        (("movie", bag, tmp_path / "a.avi", "--backend", "cpu"), "error: a film must end in"),
+        (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no folder"),
+        (("order", bag, "--backend", "vulkan"), "error: backend must be"),
+    ]:
+        result = run(*arguments)
+        assert result.exit_code == 1, (arguments, result.output)
+        assert message in result.stderr
+        assert "Traceback" not in result.output
+
+
+def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) -> None:
+    got: list[Any] = []
+    module = ModuleType("napari_unpack.widgets.demo")
+    module.run = lambda *args: got.append(args)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "napari_unpack.widgets.demo", module)
+    assert run("demo", "a.npz", "--labels", "b.npz", "--output", "out", "--seed", 3).exit_code == 0
+    assert run("demo").exit_code == 0
+    assert got == [
+        (Path("a.npz"), Path("b.npz"), Path("out"), 3),
+        (None, None, Path("demo-output"), 0),
+    ]
