@@ -1,0 +1,160 @@
+"""A simulated bag with its ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from napari_unpack.simulation.packing import Packing, Progress, Record
+from napari_unpack.simulation.planning import plan
+from napari_unpack.simulation.scanner import Scanner
+from napari_unpack.simulation.shell import Shell
+
+SMALLEST_SHAPE = 24
+MOST_OBJECTS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Bag:
+    """A scanned bag and what is known to be in it.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray of uint16
+        CT number + 1000, clipped to [0, 32000].
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs from 1, 0 background, which the bag's own shell is. An object's hollow
+        belongs to it where it is closed.
+    spacing : (float, float, float)
+        Voxel size in mm, z y x.
+    objects : pandas.DataFrame
+        One row an object, indexed by `id`: name, kind, material (what it mostly is), parent
+        (ID of the object that it lies in, 0 for none), depth (how many objects it lies in),
+        voxels, mass_g.
+    """
+
+    volume: NDArray[np.uint16]
+    labels: NDArray[np.uint16]
+    spacing: tuple[float, float, float]
+    objects: pd.DataFrame
+
+
+def simulate_bag(
+    seed: int = 0,
+    shape: Sequence[int] = (160, 176, 256),
+    count: int = 30,
+    spacing: Sequence[float] = (1.0, 1.0, 1.0),
+    progress: Progress | None = None,
+    scanner: Scanner | None = None,
+    table: bool = False,
+) -> Bag:
+    """Pack a bag and scan it.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed gives the same bag.
+    shape : (int, int, int)
+        Of the volume, z y x, at least 24 each. Sizes of objects follow it. Things fall along
+        +y, so -y is up.
+    count : int
+        How many objects, those inside others included. If so many find no room there are
+        fewer, as the table of objects tells.
+    spacing : (float, float, float)
+        Voxel size in mm, z y x.
+    progress : callable, optional
+        Called with a fraction in [0, 1] and a text; raising inside it cancels.
+    scanner : Scanner, optional
+        Blur, noise and streaks; by default `Scanner()`.
+    table : bool
+        Whether the bag lies on a table, which is background.
+
+    Returns
+    -------
+    Bag
+
+    Raises
+    ------
+    ValueError
+        If an argument is not as described; the sentence names it.
+
+    Notes
+    -----
+    Fidelity A of notes/simulation.md 4.3. Objects are modelled from signed distances and fall
+    one after another on a height field, so that no two overlap and each rests on another or on
+    the bag's floor. Time is about linear in the voxels.
+    """
+    size, mm = _checked(seed, shape, count, spacing)
+    rng = np.random.default_rng(seed)
+    report = progress or (lambda fraction, text: None)
+    report(0.0, "Choosing what to pack")
+    shell = Shell.around(size, table)
+    packing = Packing(np.zeros(size, np.uint16), np.zeros(size, np.float32), shell.room(size), mm)
+    orders = plan(rng, int(count), size, mm)
+    for done, order in enumerate(orders):
+        report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
+        packing.add(order, rng)
+    report(0.8, "Scanning the bag")
+    shell.paint(packing.density)
+    volume = (scanner or Scanner()).scan(packing.density, rng)
+    report(1.0, "The bag is packed")
+    z, y, x = (float(s) for s in mm)
+    return Bag(volume, packing.labels, (z, y, x), _table(packing.records, packing.labels))
+
+
+def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:
+    voxels = np.bincount(labels.ravel(), minlength=len(records) + 1)[1:]
+    depth = [0]
+    for record in records:
+        depth.append(depth[record.parent] + 1 if record.parent else 0)
+    total: dict[str, int] = {}
+    for record in records:
+        total[record.name] = total.get(record.name, 0) + 1
+    seen: dict[str, int] = {}
+    names = []
+    for record in records:
+        seen[record.name] = seen.get(record.name, 0) + 1
+        number = f" {seen[record.name]}" if total[record.name] > 1 else ""
+        names.append(record.name.capitalize() + number)
+    return pd.DataFrame(
+        {
+            "name": names,
+            "kind": [record.kind for record in records],
+            "material": [record.material for record in records],
+            "parent": np.array([record.parent for record in records], np.int64),
+            "depth": np.array(depth[1:], np.int64),
+            "voxels": voxels.astype(np.int64),
+            "mass_g": [round(record.mass_g, 2) for record in records],
+        },
+        index=pd.RangeIndex(1, len(records) + 1, name="id"),
+    )
+
+
+def _checked(
+    seed: int, shape: Sequence[int], count: int, spacing: Sequence[float]
+) -> tuple[tuple[int, int, int], NDArray[np.float64]]:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
+    size = np.asarray(shape)
+    if size.shape != (3,) or size.dtype.kind not in "iu" or (size < SMALLEST_SHAPE).any():
+        raise ValueError(
+            f"shape must be three whole numbers (z, y, x) of {SMALLEST_SHAPE} or more, "
+            f"got {shape!r}"
+        )
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+        raise ValueError(f"count must be a whole number, got {count!r}")
+    if not 1 <= count <= MOST_OBJECTS:
+        raise ValueError(f"count must be from 1 to {MOST_OBJECTS}, got {count!r}")
+    try:
+        mm = np.asarray(spacing, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"spacing must be three numbers in mm (z, y, x), got {spacing!r}"
+        ) from None
+    if mm.shape != (3,) or not np.isfinite(mm).all() or (mm <= 0).any():
+        raise ValueError(f"spacing must be three positive numbers in mm (z, y, x), got {spacing!r}")
+    return (int(size[0]), int(size[1]), int(size[2])), mm

@@ -1,0 +1,94 @@
+"""Separate things inside a container."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.simulation import (
+    kinds_containers,
+    kinds_devices,
+    kinds_household,
+    kinds_toys,
+)
+from napari_unpack.simulation.blueprint import Blueprint
+from napari_unpack.simulation.stacking import BLOCKED, Stack
+
+KEPSAKES = (
+    (kinds_toys.duck, 0.5),
+    (kinds_household.soap, 0.5),
+    (kinds_household.candle, 0.75),
+    (kinds_devices.cable, 0.55),
+    (kinds_toys.toy_car, 0.62),
+    (kinds_toys.sports_ball, 0.45),
+    (kinds_devices.torch, 0.75),
+    (kinds_toys.stacking_top, 0.5),
+    (kinds_containers.tin, 0.42),
+)
+"""What is kept in cartons, with its length as a share of the room's."""
+
+
+def contents(
+    rng: np.random.Generator, container: Blueprint, count: int, wall: float
+) -> list[Blueprint]:
+    """Model what a container holds.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Chooses.
+    container : Blueprint
+        With room.
+    count : int
+        How many things.
+    wall : float
+        Thinnest wall that is resolved, mm.
+
+    Returns
+    -------
+    list of Blueprint
+        Coins in a pouch, small things in a carton, of a size to fit.
+    """
+    if container.room is None:
+        return []
+    hz, hy, hx = container.room
+    if container.kind == "pouch":
+        across = min(0.9 * hz, 0.55 * hx) * rng.uniform(0.85, 1.0, count)
+        return [kinds_containers.coin(rng, float(size), wall) for size in across]
+    chosen = rng.choice(len(KEPSAKES), size=count, replace=count > len(KEPSAKES))
+    things = []
+    for index in chosen:
+        build, share = KEPSAKES[index]
+        length = share * 2 * hx * min(1.0, (2.5 / count) ** (1 / 3))
+        things.append(build(rng, min(length, 3.2 * hy), wall))
+    return things
+
+
+def room_of(
+    container: Blueprint,
+    rotation: NDArray[np.float64],
+    shape: tuple[int, ...],
+    middle: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+) -> Stack:
+    """Return the empty room inside a container's own box of voxels.
+
+    Parameters
+    ----------
+    container : Blueprint
+        With room.
+    rotation : (3, 3) ndarray
+        World from object, by quarters.
+    shape : (Z, Y, X)
+        Of the box.
+    middle : (3,) ndarray
+        Voxel of the object's origin.
+    spacing : (3,) ndarray
+        Voxel size, mm.
+    """
+    half = np.abs(rotation) @ np.array(container.room) / spacing
+    low = np.ceil(middle - half).astype(int) + 1
+    high = np.floor(middle + half).astype(int)
+    height = np.full((shape[0], shape[2]), BLOCKED, np.int32)
+    height[low[0] : high[0], low[2] : high[2]] = high[1]
+    return Stack(height, np.full_like(height, max(low[1], 0)))

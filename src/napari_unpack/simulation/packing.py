@@ -1,0 +1,210 @@
+"""Packing a bag: what goes in, in which order, and where each thing comes to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.simulation.blueprint import Blueprint, Rotation
+from napari_unpack.simulation.clay import turned
+from napari_unpack.simulation.draping import drape, tailor
+from napari_unpack.simulation.nesting import contents, room_of
+from napari_unpack.simulation.planning import Order
+from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette
+from napari_unpack.simulation.stacking import Profile, Rest, Stack
+
+Progress = Callable[[float, str], object]
+SHRINK = 0.9
+SMALLEST = 0.35
+FEWEST_VOXELS = 6
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the table of objects says of one."""
+
+    kind: str
+    name: str
+    material: str
+    parent: int
+    mass_g: float
+
+
+@dataclass(eq=False)
+class Packing:
+    """A bag being packed.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        IDs from 1 in the order of packing.
+    density : (Z, Y, X) ndarray of float32
+        CT number + 1000, before the scanner.
+    stack : Stack
+        The room that is left.
+    spacing : (3,) ndarray of float64
+        Voxel size, mm.
+    """
+
+    labels: NDArray[np.uint16]
+    density: NDArray[np.float32]
+    stack: Stack
+    spacing: NDArray[np.float64]
+    records: list[Record] = field(default_factory=list)
+
+    @property
+    def wall(self) -> float:
+        """Thinnest wall that is resolved, mm."""
+        return 1.6 * float(np.prod(self.spacing)) ** (1 / 3)
+
+    def add(self, order: Order, rng: np.random.Generator) -> bool:
+        """Place one ordered thing and what it holds, smaller where it does not fit.
+
+        Returns
+        -------
+        bool
+            Whether it found a place.
+        """
+        share = 1.0
+        while share > SMALLEST:
+            smaller = replace(order, length=order.length * share)
+            if order.kind.build is None:
+                placed = self._drape(smaller, rng)
+            else:
+                placed = self._drop(smaller, rng)
+            if placed:
+                return True
+            share *= SHRINK
+        return False
+
+    def _drape(self, order: Order, rng: np.random.Generator) -> bool:
+        own = np.random.default_rng(order.seed)
+        cloth = tailor(own, order.kind.name, order.length, self.wall)
+        laid = drape(rng, cloth, self.stack, self.spacing)
+        if laid is None or laid.inside.sum() < FEWEST_VOXELS:
+            return False
+        rest = Rest(*laid.corner, cost=0.0)
+        self._put(laid.inside, laid.density, rest, len(self.records) + 1)
+        self.stack.load(Profile.of(laid.inside), rest)
+        self.records.append(Record(cloth.kind, cloth.name, cloth.material, 0, laid.grams))
+        return True
+
+    def _drop(self, order: Order, rng: np.random.Generator) -> bool:
+        assert order.kind.build is not None
+        own = np.random.default_rng(order.seed)
+        thing = order.kind.build(own, order.length, self.wall)
+        for rotation, spot in self._spots(thing, rng)[:2]:
+            raster = self._raster(thing, rotation)
+            profile = Profile.of(raster.inside)
+            if raster.inside.sum() < FEWEST_VOXELS:
+                return False
+            pool = pool_of(self.labels.shape)
+            rest = self.stack.near(profile, spot.z * pool, spot.x * pool, pool + 1)
+            if rest is None:
+                continue
+            rest = self.stack.settle(profile, rest)
+            self.stack.load(profile, rest)
+            parent = len(self.records) + 1
+            self._put(raster.inside, raster.density, rest, parent)
+            self.records.append(Record(thing.kind, thing.name, thing.material, 0, raster.grams))
+            if order.inside and thing.room is not None:
+                self._fill(thing, rotation, raster, rest, order.inside, own)
+            return True
+        return False
+
+    def _fill(
+        self,
+        container: Blueprint,
+        rotation: Rotation,
+        raster: Raster,
+        rest: Rest,
+        count: int,
+        rng: np.random.Generator,
+    ) -> None:
+        parent = len(self.records)
+        room = room_of(container, rotation, raster.inside.shape, raster.origin, self.spacing)
+        for thing in contents(rng, container, count, self.wall):
+            turn = thing.rests[0] @ turned("y", 0.0)
+            best: tuple[float, Raster, Profile, Rest] | None = None
+            for degrees in rng.uniform(0, 360, 3):
+                part = self._raster(thing, turned("y", float(degrees)) @ turn)
+                profile = Profile.of(part.inside)
+                spot = room.best(profile)
+                if spot and (best is None or spot.cost < best[0]):
+                    best = (spot.cost, part, profile, spot)
+            if best is None or best[1].inside.sum() < FEWEST_VOXELS:
+                continue
+            _, part, profile, spot = best
+            room.load(profile, spot)
+            place = Rest(rest.z + spot.z, rest.y + spot.y, rest.x + spot.x, 0.0)
+            self._put(part.inside, part.density, place, len(self.records) + 1)
+            self.records.append(Record(thing.kind, thing.name, thing.material, parent, part.grams))
+
+    def _spots(self, thing: Blueprint, rng: np.random.Generator) -> list[tuple[Rotation, Rest]]:
+        # Coarse resting places, one for each way of lying, the best first.
+        pool = pool_of(self.labels.shape)
+        stack = self.stack.coarse(pool)
+        found = []
+        for rotation in ways_to_lie(thing, rng):
+            profile = silhouette(
+                thing.program, thing.lower, thing.upper, rotation, self.spacing, pool
+            )
+            spot = stack.best(profile)
+            if spot is not None:
+                found.append((rotation, spot))
+        return sorted(found, key=lambda pair: pair[1].cost)
+
+    def _raster(self, thing: Blueprint, rotation: Rotation) -> Raster:
+        return rasterize(thing.program, thing.lower, thing.upper, rotation, self.spacing)
+
+    def _put(
+        self,
+        inside: NDArray[np.bool_],
+        density: NDArray[np.float32],
+        rest: Rest,
+        label: int,
+    ) -> None:
+        first = np.array([rest.z, rest.y, rest.x])
+        low = np.maximum(first, 0)
+        high = np.minimum(first + inside.shape, self.labels.shape)
+        target = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        source = tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))
+        self.labels[target][inside[source]] = label
+        self.density[target] += density[source]
+
+
+def pool_of(shape: tuple[int, ...]) -> int:
+    """Return how many voxels a column of the coarse search is wide."""
+    return int(np.clip(round(min(shape) / 45), 1, 6))
+
+
+def ways_to_lie(thing: Blueprint, rng: np.random.Generator) -> list[Rotation]:
+    """Return the rotations to try: each way of resting, turned about the vertical.
+
+    Parameters
+    ----------
+    thing : Blueprint
+        What is to lie.
+    rng : numpy.random.Generator
+        Chooses the turns and the tilts.
+
+    Returns
+    -------
+    list of (3, 3) ndarray
+        World from object.
+    """
+    ways = []
+    for index, rest in enumerate(thing.rests):
+        quarters = rng.permutation(4)[: 4 if index == 0 else 2]
+        for quarter in quarters:
+            if thing.square:
+                ways.append(turned("y", 90.0 * quarter) @ rest)
+                continue
+            yaw = 90.0 * quarter + rng.normal(0.0, 14.0)
+            ways.append(turned("y", float(yaw)) @ rest)
+            tilt = turned("z", float(rng.normal(0, 9.0))) @ turned("x", float(rng.normal(0, 9.0)))
+            ways.append(turned("y", float(yaw)) @ tilt @ rest)
+    return ways

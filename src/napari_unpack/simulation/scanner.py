@@ -1,0 +1,87 @@
+"""What a scanner makes of a bag: blur, noise and streaks (fidelity A, in the image's domain)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from napari_unpack.simulation.streaks import add_streaks
+
+HIGHEST = 32000
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """Settings of a scanner.
+
+    Parameters
+    ----------
+    blur : float
+        Full width at half maximum of the point spread, voxels.
+    noise : float
+        Standard deviation of the noise, CT numbers. It is as coarse as the point spread.
+    streaks : float
+        Strength of metal's streaks, CT numbers; 0 for none.
+    starvation : float
+        Noise on the densest rays, as a share of the streaks.
+
+    Raises
+    ------
+    ValueError
+        If one is negative or not finite, or the blur wider than 6 voxels.
+    """
+
+    blur: float = 1.3
+    noise: float = 16.0
+    streaks: float = 70.0
+    starvation: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name in ("blur", "noise", "streaks", "starvation"):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value < 0:
+                raise ValueError(f"{name} of the scanner must be 0 or more, got {value!r}")
+        if self.blur > 6:
+            raise ValueError(f"blur of the scanner must be 6 voxels or less, got {self.blur!r}")
+
+    def scan(self, density: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint16]:
+        """Scan a volume.
+
+        Parameters
+        ----------
+        density : (Z, Y, X) ndarray of float32
+            CT number + 1000, sharp and without noise. Changed.
+        rng : numpy.random.Generator
+            Of the noise.
+
+        Returns
+        -------
+        (Z, Y, X) ndarray of uint16
+            CT number + 1000, clipped to [0, 32000].
+
+        Notes
+        -----
+        White noise is added before the blur, as much more of it as the blur takes away, so that
+        one pass gives both the point spread and the noise's correlation.
+        """
+        np.clip(density, 0, HIGHEST, out=density)
+        add_streaks(density, self.streaks, self.starvation, rng)
+        kernel = _gaussian(self.blur / 2.3548)
+        gain = self.noise / float((kernel**2).sum()) ** 1.5
+        for z in range(density.shape[0]):
+            density[z] += gain * rng.standard_normal(density.shape[1:], dtype=np.float32)
+        for axis in range(3):
+            ndimage.correlate1d(density, kernel, axis=axis, output=density, mode="nearest")
+        np.clip(density, 0, HIGHEST, out=density)
+        np.rint(density, out=density)
+        return density.astype(np.uint16)
+
+
+def _gaussian(sigma: float) -> NDArray[np.float64]:
+    reach = int(np.ceil(3 * sigma))
+    offsets = np.arange(-reach, reach + 1)
+    weights: NDArray[np.float64] = np.exp(-0.5 * (offsets / max(sigma, 1e-6)) ** 2)
+    return weights / weights.sum()

@@ -1,0 +1,165 @@
+"""Dropping things: a height field of what lies in the bag, and where a thing comes to rest on it.
+
+What falls straight down meets only the uppermost matter of each column, so the height field
+decides exactly, and nothing can overlap. Rows are whole voxels; heights are rows, growing down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Field = NDArray[np.int32]
+BLOCKED = -(1 << 20)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """What a thing looks like from below and from above.
+
+    Parameters
+    ----------
+    under : (Z, X) ndarray of int32
+        Row below its lowest voxel in each column of its box, BLOCKED where it has none.
+    over : (Z, X) ndarray of int32
+        Row of its highest voxel.
+    """
+
+    under: Field
+    over: Field
+
+    @classmethod
+    def of(cls, inside: NDArray[np.bool_]) -> Profile:
+        """Return the profile of a thing's voxels, (Z, Y, X)."""
+        used = inside.any(axis=1)
+        over = inside.argmax(axis=1)
+        under = inside.shape[1] - inside[:, ::-1].argmax(axis=1)
+        return cls(
+            np.where(used, under, BLOCKED).astype(np.int32),
+            np.where(used, over, 0).astype(np.int32),
+        )
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A resting place: the first voxel of a thing's box, and what the place costs (rows)."""
+
+    z: int
+    y: int
+    x: int
+    cost: float
+
+
+@dataclass(eq=False)
+class Stack:
+    """The room that is left, by column.
+
+    Parameters
+    ----------
+    height : (Z, X) ndarray of int32
+        First row that is taken, counted from above; BLOCKED where nothing may enter.
+    ceiling : (Z, X) ndarray of int32
+        First free row under the lid.
+    """
+
+    height: Field
+    ceiling: Field
+
+    def coarse(self, pool: int) -> Stack:
+        """Return the same room in columns of pool x pool, never larger than it is."""
+        z, x = self.height.shape
+        pad = ((0, -z % pool), (0, -x % pool))
+
+        def blocks(field: Field, fill: int) -> NDArray[np.int32]:
+            padded = np.pad(field, pad, constant_values=fill)
+            return padded.reshape(padded.shape[0] // pool, pool, padded.shape[1] // pool, pool)
+
+        low = blocks(self.height, BLOCKED).min(axis=(1, 3))
+        lid = blocks(self.ceiling, 1 << 20).max(axis=(1, 3))
+        return Stack(np.ascontiguousarray(low), np.ascontiguousarray(lid))
+
+    def best(self, profile: Profile) -> Rest | None:
+        """Return the lowest, fullest resting place of all, or None where it fits nowhere."""
+        z, y, x, cost = _search(
+            self.height, self.ceiling, profile.under, profile.over,
+            0, self.height.shape[0], 0, self.height.shape[1],
+        )  # fmt: skip
+        return None if z < 0 else Rest(z, y, x, cost)
+
+    def near(self, profile: Profile, z: int, x: int, reach: int) -> Rest | None:
+        """Return the best resting place within `reach` columns of (z, x)."""
+        a, b, c, cost = _search(
+            self.height, self.ceiling, profile.under, profile.over,
+            max(z - reach, 0), z + reach + 1, max(x - reach, 0), x + reach + 1,
+        )  # fmt: skip
+        return None if a < 0 else Rest(a, b, c, cost)
+
+    def settle(self, profile: Profile, rest: Rest) -> Rest:
+        """Let a thing slide, column by column, as long as that brings it lower."""
+        for _ in range(24):
+            lower = self.near(profile, rest.z, rest.x, 1)
+            if lower is None or lower.cost >= rest.cost - 1e-6:
+                return rest
+            rest = lower
+        return rest
+
+    def load(self, profile: Profile, rest: Rest) -> None:
+        """Raise the stack by what has come to rest on it."""
+        z, x = profile.under.shape
+        window = self.height[rest.z : rest.z + z, rest.x : rest.x + x]
+        used = profile.under > BLOCKED
+        window[used] = np.minimum(window[used], rest.y + profile.over[used])
+
+
+@njit(cache=True, nogil=True)
+def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-untyped-def]
+    # A place costs the height of the thing's middle above the deepest column, and most of the
+    # hollow it would close off, both in rows.
+    depth, width = under.shape
+    deepest = height.max()
+    best = np.inf
+    best_z, best_y, best_x = -1, 0, 0
+    middle = 0.0
+    columns = 0
+    for i in range(depth):
+        for k in range(width):
+            if under[i, k] > BLOCKED:
+                middle += 0.5 * (under[i, k] + over[i, k])
+                columns += 1
+    if columns == 0:
+        return -1, 0, 0, np.inf
+    middle /= columns
+    for z in range(z0, min(z1, height.shape[0] - depth + 1)):
+        for x in range(x0, min(x1, height.shape[1] - width + 1)):
+            y = 1 << 20
+            total = 0.0
+            lost = False
+            for i in range(depth):
+                for k in range(width):
+                    if under[i, k] > BLOCKED:
+                        gap = height[z + i, x + k] - under[i, k]
+                        total += gap
+                        y = min(y, gap)
+                if deepest - y - middle >= best or y < -over.max():
+                    lost = True
+                    break
+            if lost:
+                continue
+            cost = deepest - y - middle + 0.5 * (total / columns - y)
+            if cost >= best:
+                continue
+            fits = True
+            for i in range(depth):
+                for k in range(width):
+                    if under[i, k] > BLOCKED and y + over[i, k] < ceiling[z + i, x + k]:
+                        fits = False
+                        break
+                if not fits:
+                    break
+            if fits:
+                best = cost
+                best_z, best_y, best_x = z, y, x
+    return best_z, best_y, best_x, best
