@@ -86,7 +86,7 @@ class SessionCore:
         self.animated = False
         self.seconds = 1.2
         self.backend = "auto"
-        self.tint_mode: Mode = "perceptual"
+        self._tint_mode: Mode = "perceptual"
         self.events = SessionEvents()
         self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
         self._ids = tuple(int(i) for i in self.boxes.ids)
@@ -150,6 +150,19 @@ class SessionCore:
     def hues(self) -> dict[int, float]:
         """Hue in [0, 1) by ID; a copy."""
         return dict(self._situation.hues)
+
+    @property
+    def tint_mode(self) -> Mode:
+        """How hues become tints; setting it is told as a change of hues, and is not undoable."""
+        return self._tint_mode
+
+    @tint_mode.setter
+    def tint_mode(self, mode: Mode) -> None:
+        if mode not in ("perceptual", "hsv"):
+            raise ValueError(f"tint_mode must be 'perceptual' or 'hsv', got {mode!r}")
+        if mode != self._tint_mode:
+            self._tint_mode, self._tints = mode, None
+            self.events.hues.emit(self.hues)
 
     @property
     def view(self) -> View:
