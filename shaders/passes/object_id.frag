@@ -83,15 +83,15 @@ void main() {
     float k = range.x;
     float skip_from = u_skip > 0.5 ? k : range.y;
     while (k < range.y && count < u_wanted) {
-        vec3 voxel = floor(origin + (k + 0.5) * u_step * direction + 0.5);
-        if (k >= skip_from) {
+        while (k < range.y && k >= skip_from) {
+            vec3 voxel = floor(origin + (k + 0.5) * u_step * direction + 0.5);
             float away = brick_distance(voxel);
             skip_from = leap(away, voxel, k, origin, direction, 0.5);
-            if (away > 0.0) {
-                k = skip_from;
-                continue;
-            }
+            k = away > 0.0 ? skip_from : k;
         }
+        if (k >= range.y)
+            break;
+        vec3 voxel = floor(origin + (k + 0.5) * u_step * direction + 0.5);
         k += 1.0;
         float id = label_at(voxel);
         if (id == previous)

@@ -43,6 +43,7 @@ def test_a_shader_stays_within_glsl_120(path):
     ("fragment", "vertex", "defines"),
     [
         ("tinted_volume.frag", "fullscreen.vert", {}),
+        ("tinted_volume.frag", "fullscreen.vert", {"SHADED": 1}),
         ("object_id.frag", "fullscreen.vert", {"FOUND": 0}),
         ("object_id.frag", "fullscreen.vert", {"FOUND": 7}),
         ("card.frag", "card.vert", {}),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
@@ -67,7 +68,7 @@ class TintedPass:
 
     def __init__(self) -> None:
         self.passes = 0
-        self._program = compiled("tinted_volume.frag")
+        self._programs: dict[bool, gloo.Program] = {}
         self.tints = IdTable()
         self._table = TransferTable()
         self.leaps = Leaps()
@@ -111,8 +112,12 @@ class TintedPass:
         per_unit = (len(look.table) - 1) / (high - low)
         scale = textures.density_scale
         floor = max(light.gradient_floor * (high - low), 1e-12)
+        shaded = light.diffuse > 0 or light.specular > 0
+        if shaded not in self._programs:
+            self._programs[shaded] = compiled("tinted_volume.frag", {"SHADED": 1} if shaded else {})
+        program = self._programs[shaded]
         assign(
-            self._program,
+            program,
             ray_uniforms(rays, textures)
             | plane_uniforms(clipping)
             | self.leaps.uniforms(occupied)
@@ -127,10 +132,9 @@ class TintedPass:
                 "u_reference": float(spacing.min()),
                 "u_light": (light.ambient, light.diffuse, light.specular, light.shininess),
                 "u_steepness": scale / floor,
-                "u_shaded": float(light.diffuse > 0 or light.specular > 0),
                 "u_jitter": float(jitter),
             },
         )
         with target.drawing():
-            self._program.draw("triangle_strip")
+            program.draw("triangle_strip")
         self.passes += 1
