@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from napari_unpack.simulation.packing import Packing, Progress, Record
-from napari_unpack.simulation.planning import plan
+from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.scanner import Scanner
 from napari_unpack.simulation.shell import Shell
 
@@ -98,6 +98,9 @@ def simulate_bag(
     for done, order in enumerate(orders):
         report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
         packing.add(order, rng)
+    for _ in range(4 * (count - len(packing.records))):
+        if len(packing.records) < count:
+            packing.add(trifle(rng, size, mm), rng)
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
     volume = (scanner or Scanner()).scan(packing.density, rng)

@@ -176,8 +176,8 @@ class Clay:
         fill : float
             Share of the painted volume that is filled, from below; what is above stays.
         texture : int
-            PLAIN, KNIT, LAYERS (sheets along y), CRUMPLED, RINGS (about x), ROLLED (a spiral about x)
-            or GRAINS.
+            PLAIN, KNIT, LAYERS (sheets along y), CRUMPLED, RINGS (about x), ROLLED (a spiral
+            about x) or GRAINS.
         grain : float
             Period of the texture, mm.
         depth : float

@@ -153,9 +153,9 @@ def _lay(
 def _sag(ground: Plane, cloth: Cloth, spacing: NDArray[np.float64]) -> Plane:
     # What cloth does to the ground: it bridges narrow gaps and rounds off edges, resting on
     # the highest points.
-    span = [max(int(0.16 * cloth.length / spacing[axis]) | 1, 3) for axis in (0, 2)]
+    span = [max(int(0.26 * cloth.length / spacing[axis]) | 1, 3) for axis in (0, 2)]
     bridged = ndimage.grey_opening(ground, size=span, mode="nearest")
-    sigma = [0.05 * cloth.length / spacing[axis] for axis in (0, 2)]
+    sigma = [0.06 * cloth.length / spacing[axis] for axis in (0, 2)]
     smooth: Plane = ndimage.gaussian_filter(bridged, sigma, mode="nearest")
     under = np.minimum(smooth, ground)
     return under + np.floor((ground - under).min())

@@ -88,7 +88,7 @@ def socks(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a pair of socks rolled up, the cuff folded over the roll."""
     r = L * rng.uniform(0.33, 0.38)
     clay = Clay()
-    clay.start(ribs(r, 0.44 * L, 0.16 * L, 0.09 * L, 0.012 * L))
+    clay.start(ribs(r, 0.44 * L, 0.16 * L, 0.075 * L, 0.005 * L))
     clay.join(box(0.12 * L, 0.09 * L, 0.4 * L, 0.08 * L), (0.6 * r, 0.55 * r, 0), soft=0.06 * L)
     clay.cut(round_cone(0.03 * L, 0.1 * L, 0.1 * L), (0, 0, 0.42 * L), soft=0.05 * L)
     clay.join(arc(0.75 * r, 0.1 * L), (0, 0, -0.36 * L), STANDING, soft=0.05 * L)

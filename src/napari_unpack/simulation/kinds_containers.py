@@ -106,7 +106,7 @@ def tin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.paint("steel sheet")
         return blueprint("tin", "sardine tin", "food", clay, (FLAT,))
     r = L * rng.uniform(0.36, 0.42)
-    clay.start(ribs(r, 0.47 * L, 0.02 * L, 0.16 * L, 0.02 * L))
+    clay.start(ribs(r, 0.47 * L, 0.02 * L, 0.12 * L, 0.007 * L))
     for x in (-0.46, 0.46):
         clay.join(arc(r, 0.035 * L), (0, 0, x * L), STANDING)
         clay.cut(cylinder(r * 0.9, 0.04 * L), (0, 0, np.sign(x) * 0.48 * L))

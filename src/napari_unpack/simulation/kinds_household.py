@@ -121,7 +121,7 @@ def hairbrush(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(ellipsoid(0.1 * L, 0.035 * L, 0.19 * L), (0, 0.0, -0.25 * L)).paint("rubber")
     clay.start(bristles(0.085 * L, 0.16 * L, 0.042 * L, pin, 0.07 * L), (0, -0.045 * L, -0.25 * L))
     clay.clip(ellipsoid(0.095 * L, 0.3 * L, 0.18 * L), (0, 0, -0.25 * L)).paint("nylon")
-    return blueprint("hairbrush", "hairbrush", "wood", clay, (FLAT, SIDE, BACK))
+    return blueprint("hairbrush", "hairbrush", "wood", clay, (FLAT, SIDE))
 
 
 def umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
@@ -129,9 +129,9 @@ def umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     rod = max(0.011 * L, 0.6 * wall)
     folds = int(rng.integers(7, 9))
     clay = Clay()
-    clay.start(pleats(0.03 * L, 0.088 * L, 0.31 * L, folds, 0.03 * L), (0, 0, -0.1 * L))
+    clay.start(pleats(0.035 * L, 0.115 * L, 0.31 * L, folds, 0.036 * L), (0, 0, -0.1 * L))
     clay.paint("nylon", texture=RINGS, grain=5, depth=0.3)
-    clay.start(arc(0.062 * L, 0.016 * L), (0, 0, 0.07 * L), STANDING).paint("leather")
+    clay.start(arc(0.088 * L, 0.018 * L), (0, 0, 0.05 * L), STANDING).paint("leather")
     clay.start(cylinder(rod, 0.4 * L), (0, 0, -0.08 * L)).paint("steel sheet")
     clay.start(round_cone(0.014 * L, 0.02 * L, 0.05 * L), (0, 0, -0.44 * L)).paint("ABS")
     clay.start(arc(0.075 * L, 0.026 * L, np.pi / 2), (0.075 * L, 0, 0.39 * L))

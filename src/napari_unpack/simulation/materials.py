@@ -31,7 +31,7 @@ _TABLE = (
     Material("cotton", 423, 0.45),
     Material("wool", 360, 0.38),
     Material("denim", 520, 0.55),
-    Material("plush", 300, 0.32),
+    Material("plush", 390, 0.41),
     Material("nylon fabric", 190, 0.20),
     Material("foam", 120, 0.12),
     Material("cardboard", 620, 0.65),

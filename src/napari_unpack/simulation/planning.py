@@ -11,11 +11,20 @@ from napari_unpack.simulation.catalogue import KINDS, Kind
 from napari_unpack.simulation.rasterizing import silhouette
 from napari_unpack.simulation.stacking import BLOCKED
 
-AGAIN = 0.25
+AGAIN = 0.08
 """How much less often a kind is met once it is in the bag."""
 
-FILLED = 0.40
+FILLED = 0.62
 """Share of the bag's volume that things should take together."""
+
+LONGEST = 0.64
+"""Length of the largest things, as a share of the bag's extent."""
+
+MOST_GROWN = 1.5
+"""How much larger than usual things get where there are few."""
+
+HOLDERS = ("carton", "pouch")
+"""Kinds that hold separate things."""
 
 CLOTH_SOLIDITY = 0.045
 """Volume of a garment, as a share of the cube of its length."""
@@ -68,11 +77,37 @@ def plan(
     orders = _choose(rng, count, extent)
     volumes = np.array([_volume(order) for order in orders])
     wanted = FILLED * float(np.prod(np.array(shape) * spacing))
-    scale = float(np.clip((wanted / volumes.sum()) ** (1 / 3), 0.1, 1.35))
-    longest = 0.64 * extent
-    sized = [replace(o, length=min(o.length * scale, longest)) for o in orders]
-    haste = volumes * np.exp(rng.normal(0.0, 0.6, len(orders)))
+    limits = LONGEST * extent / np.array([order.length for order in orders])
+    scale = _scale(volumes, limits, wanted)
+    sized = [
+        replace(order, length=order.length * min(scale, float(limit)))
+        for order, limit in zip(orders, limits, strict=True)
+    ]
+    haste = volumes * np.exp(rng.normal(0.0, 0.45, len(orders)))
     return [sized[i] for i in np.argsort(-haste)]
+
+
+def trifle(
+    rng: np.random.Generator, shape: tuple[int, int, int], spacing: NDArray[np.float64]
+) -> Order:
+    """Return one more small thing, for where a container holds fewer than was planned."""
+    small = [kind for kind in KINDS if kind.lengths[1] <= 0.34 and kind.name not in HOLDERS]
+    kind = small[int(rng.integers(len(small)))]
+    extent = float(np.max(np.array(shape) * spacing))
+    length = 0.7 * extent * kind.lengths[0]
+    return Order(kind, int(rng.integers(2**62)), length)
+
+
+def _scale(volumes: NDArray[np.float64], limits: NDArray[np.float64], wanted: float) -> float:
+    # Things grow together until they fill the bag or are as large as a thing may be.
+    low, high = 0.05, MOST_GROWN
+    for _ in range(30):
+        scale = (low + high) / 2
+        if float((volumes * np.minimum(scale, limits) ** 3).sum()) < wanted:
+            low = scale
+        else:
+            high = scale
+    return low
 
 
 def _choose(rng: np.random.Generator, count: int, extent: float) -> list[Order]:

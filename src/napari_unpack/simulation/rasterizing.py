@@ -176,7 +176,7 @@ def _fill_levels(
 
 
 @njit(cache=True, nogil=True)
-def _lump(program, row, lump, z, y, x):  # type: ignore[no-untyped-def]
+def _lump(program, row, lump, spare, z, y, x):  # type: ignore[no-untyped-def]
     # The distance from the lump after one shaping row.
     # A solid too far to change it is told by the ball around it alone.
     r = program[row]
@@ -184,7 +184,7 @@ def _lump(program, row, lump, z, y, x):  # type: ignore[no-untyped-def]
     verb, soft = int(r[0]), r[2]
     if verb != CLIP:
         apart = math.sqrt(dz * dz + dy * dy + dx * dx) - r[21]
-        if verb == START and apart > r[22]:
+        if verb == START and apart > r[22] + spare:
             return apart
         if verb == JOIN and apart > lump + soft:
             return lump
@@ -214,7 +214,7 @@ def _fillet(gap, soft):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _envelope(program, z, y, x):  # type: ignore[no-untyped-def]
+def _envelope(program, spare, z, y, x):  # type: ignore[no-untyped-def]
     lump = FAR
     whole = FAR
     for row in range(program.shape[0]):
@@ -224,7 +224,7 @@ def _envelope(program, z, y, x):  # type: ignore[no-untyped-def]
         elif verb == CARVE:
             whole = max(whole, -(lump + program[row, 2]))
         else:
-            lump = _lump(program, row, lump, z, y, x)
+            lump = _lump(program, row, lump, spare, z, y, x)
     return whole
 
 
@@ -235,7 +235,7 @@ def _lump_distances(program, points):  # type: ignore[no-untyped-def]
         lump = FAR
         for row in range(program.shape[0]):
             if program[row, 0] <= CLIP:
-                lump = _lump(program, row, lump, points[i, 0], points[i, 1], points[i, 2])
+                lump = _lump(program, row, lump, FAR, points[i, 0], points[i, 1], points[i, 2])
         result[i] = lump
     return result
 
@@ -294,7 +294,7 @@ def _paint(program, levels, rotation, origin, spacing, values, densities, inside
                 oz = rotation[0, 0] * wz + rotation[1, 0] * wy + rotation[2, 0] * wx
                 oy = rotation[0, 1] * wz + rotation[1, 1] * wy + rotation[2, 1] * wx
                 ox = rotation[0, 2] * wz + rotation[1, 2] * wy + rotation[2, 2] * wx
-                if _envelope(program, oz, oy, ox) > clear:
+                if _envelope(program, clear, oz, oy, ox) > clear:
                     continue
                 for z in range(bz, min(bz + block, depth)):
                     for y in range(by, min(by + block, height)):
@@ -316,6 +316,7 @@ def _paint(program, levels, rotation, origin, spacing, values, densities, inside
 
 @njit(cache=True, nogil=True)
 def _voxel(program, levels, edge, values, densities, height, z, y, x):  # type: ignore[no-untyped-def]
+    spare = edge
     lump = FAR
     whole = FAR
     value = 0.0
@@ -324,13 +325,10 @@ def _voxel(program, levels, edge, values, densities, height, z, y, x):  # type: 
         r = program[row]
         verb = int(r[0])
         if verb < PAINT:
-            lump = _lump(program, row, lump, z, y, x)
+            lump = _lump(program, row, lump, spare, z, y, x)
             continue
         d = lump + r[2]
-        if verb == PAINT:
-            whole = min(whole, d)
-        else:
-            whole = max(whole, -d)
+        whole = min(whole, d) if verb == PAINT else max(whole, -d)
         cover = min(max(0.5 - d / edge, 0.0), 1.0)
         if levels[row] > -FAR:
             cover *= min(max(0.5 + (height - levels[row]) / edge, 0.0), 1.0)
@@ -358,7 +356,7 @@ def _march(program, rotation, origin, step, rows, margin, under, over):  # type:
                     at = row if end == 0 else rows - 1 - row
                     wy = origin[1] + at * step[1]
                     d = _envelope(
-                        program,
+                        program, margin,
                         rotation[0, 0] * wz + rotation[1, 0] * wy + rotation[2, 0] * wx,
                         rotation[0, 1] * wz + rotation[1, 1] * wy + rotation[2, 1] * wx,
                         rotation[0, 2] * wz + rotation[1, 2] * wy + rotation[2, 2] * wx,

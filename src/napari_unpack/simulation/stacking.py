@@ -116,22 +116,17 @@ class Stack:
 
 @njit(cache=True, nogil=True)
 def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-untyped-def]
-    # A place costs the height of the thing's middle above the deepest column, and most of the
-    # hollow it would close off, both in rows.
+    # A place costs the height of the thing's middle above the deepest column, and half of the
+    # hollow it would close off; it saves what its sides share with others or with the walls.
     depth, width = under.shape
     deepest = height.max()
     best = np.inf
     best_z, best_y, best_x = -1, 0, 0
-    middle = 0.0
-    columns = 0
-    for i in range(depth):
-        for k in range(width):
-            if under[i, k] > BLOCKED:
-                middle += 0.5 * (under[i, k] + over[i, k])
-                columns += 1
+    middle, thickness, columns = _body(under, over)
     if columns == 0:
         return -1, 0, 0, np.inf
-    middle /= columns
+    rim = _rim(under)
+    saving = 0.5 * thickness + 4.0
     for z in range(z0, min(z1, height.shape[0] - depth + 1)):
         for x in range(x0, min(x1, height.shape[1] - width + 1)):
             y = 1 << 20
@@ -143,23 +138,65 @@ def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-un
                         gap = height[z + i, x + k] - under[i, k]
                         total += gap
                         y = min(y, gap)
-                if deepest - y - middle >= best or y < -over.max():
+                if y < BLOCKED // 2 or deepest - y - middle - saving >= best:
                     lost = True
                     break
             if lost:
                 continue
             cost = deepest - y - middle + 0.5 * (total / columns - y)
-            if cost >= best:
+            if cost - saving >= best or not _fits(ceiling, under, over, z, y, x):
                 continue
-            fits = True
-            for i in range(depth):
-                for k in range(width):
-                    if under[i, k] > BLOCKED and y + over[i, k] < ceiling[z + i, x + k]:
-                        fits = False
-                        break
-                if not fits:
-                    break
-            if fits:
+            cost -= saving * _sheltered(height, rim, z, y + middle, x)
+            if cost < best:
                 best = cost
                 best_z, best_y, best_x = z, y, x
     return best_z, best_y, best_x, best
+
+
+@njit(cache=True, nogil=True)
+def _body(under, over):  # type: ignore[no-untyped-def]
+    middle, thickness, columns = 0.0, 0.0, 0
+    for i in range(under.shape[0]):
+        for k in range(under.shape[1]):
+            if under[i, k] > BLOCKED:
+                middle += 0.5 * (under[i, k] + over[i, k])
+                thickness += under[i, k] - over[i, k]
+                columns += 1
+    return middle / max(columns, 1), thickness / max(columns, 1), columns
+
+
+@njit(cache=True, nogil=True)
+def _rim(under):  # type: ignore[no-untyped-def]
+    # The empty columns beside the thing, as offsets.
+    depth, width = under.shape
+    found = []
+    for i in range(-1, depth + 1):
+        for k in range(-1, width + 1):
+            if 0 <= i < depth and 0 <= k < width and under[i, k] > BLOCKED:
+                continue
+            for a, b in ((i - 1, k), (i + 1, k), (i, k - 1), (i, k + 1)):
+                if 0 <= a < depth and 0 <= b < width and under[a, b] > BLOCKED:
+                    found.append((i, k))
+                    break
+    return np.array(found)
+
+
+@njit(cache=True, nogil=True)
+def _fits(ceiling, under, over, z, y, x):  # type: ignore[no-untyped-def]
+    for i in range(under.shape[0]):
+        for k in range(under.shape[1]):
+            if under[i, k] > BLOCKED and y + over[i, k] < ceiling[z + i, x + k]:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _sheltered(height, rim, z, level, x):  # type: ignore[no-untyped-def]
+    # The share of the columns beside the thing that rise to its middle.
+    count = 0
+    for n in range(rim.shape[0]):
+        i, k = z + rim[n, 0], x + rim[n, 1]
+        outside = i < 0 or k < 0 or i >= height.shape[0] or k >= height.shape[1]
+        if outside or height[i, k] <= level:
+            count += 1
+    return count / rim.shape[0]
