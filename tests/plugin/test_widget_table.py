@@ -37,6 +37,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         objects=objects,
         states=dict.fromkeys(ids, State.PACKED),
         hues={ids[0]: 0.0},
+        tint_mode="hsv",
         selected=frozenset(),
     )
     session.rename = lambda i, name: objects.__setitem__(

@@ -12,6 +12,7 @@ from napari_unpack.widgets.section import Disclosure, Section, button, form
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workbench import Workbench
 
+MODES = {"Even": "perceptual", "Vivid": "hsv"}
 _LIVE_MS = 40
 
 
@@ -36,6 +37,12 @@ class ColorSection(Section):
         self.preset = QComboBox()
         self.preset.addItems([AUTOMATIC, *PRESETS, CUSTOM])
         self.preset.setToolTip("Which densities are shown, and how opaque they are.")
+        self.mode = QComboBox()
+        self.mode.addItems(list(MODES))
+        self.mode.setToolTip(
+            "Even: all hues look equally bright and strong. Vivid: full saturation and value, "
+            "as in the paper."
+        )
         self.editor = OpacityEditor()
         more = Disclosure("Opacity curve", "Which densities are shown, drawn by hand.")
         more.contents.addWidget(self.editor)
@@ -45,7 +52,7 @@ class ColorSection(Section):
         line.addWidget(self.recolor, stretch=1)
         line.addWidget(self.at_rest)
         self.contents.addLayout(line)
-        self.contents.addLayout(form(Show=self.preset))
+        self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
         self.contents.addWidget(more)
 
         self._edited: list[Point] | None = None
@@ -56,6 +63,7 @@ class ColorSection(Section):
         self._domain: tuple[float, float] | None = None
         self.recolor.clicked.connect(lambda: self._bench.recolor())
         self.at_rest.toggled.connect(self._set_at_rest)
+        self.mode.currentTextChanged.connect(self._set_mode)
         self.preset.activated.connect(lambda _: self._apply_preset())
         self.editor.edited.connect(self._edit)
         more.toggle.toggled.connect(lambda _: self._show_curve())
@@ -72,6 +80,7 @@ class ColorSection(Section):
         blocked = self.at_rest.blockSignals(True)
         self.at_rest.setChecked(bool(stage.recolor_at_rest))
         self.at_rest.blockSignals(blocked)
+        self._set_mode(self.mode.currentText())
         self.preset.setCurrentText(AUTOMATIC)
         self._show_curve()
 
@@ -93,6 +102,11 @@ class ColorSection(Section):
     def _set_at_rest(self, on: bool) -> None:
         if self._bench.stage is not None:
             self._bench.stage.recolor_at_rest = on
+
+    def _set_mode(self, name: str) -> None:
+        if self._bench.session is not None:
+            with spoken():
+                self._bench.session.tint_mode = MODES[name]
 
     def _apply_preset(self) -> None:
         session = self._bench.session

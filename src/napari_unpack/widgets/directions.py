@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
-DIRECTIONS: dict[str, tuple[float, float, float] | None] = {
+DIRECTIONS: dict[str, Direction] = {
     TOWARDS_ME: None,
+    "Out of the bag": "up",
     "Up (−y)": (0.0, -1.0, 0.0),
     "Down (+y)": (0.0, 1.0, 0.0),
     "Left (−x)": (0.0, 0.0, -1.0),
@@ -12,12 +14,9 @@ DIRECTIONS: dict[str, tuple[float, float, float] | None] = {
     "Front (+z)": (1.0, 0.0, 0.0),
     "Back (−z)": (-1.0, 0.0, 0.0),
 }
-"""World directions (z, y, x); None is the opposite of the view, wherever that points."""
+"""As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up."""
 
 
-def name_of(direction: tuple[float, float, float] | None) -> str | None:
+def name_of(direction: Direction) -> str | None:
     """Return the name of a direction, or None where it has none."""
-    if direction is None:
-        return TOWARDS_ME
-    wanted = tuple(float(part) for part in direction)
-    return next((name for name, vector in DIRECTIONS.items() if vector == wanted), None)
+    return next((name for name, each in DIRECTIONS.items() if each == direction), None)

@@ -1,19 +1,22 @@
-"""Keep an eye on what is free, once the bag has come to rest."""
+"""Keep an eye on who is free, once the bag has come to rest."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from qtpy.QtCore import QObject, QTimer, Signal
 
-from napari_unpack.widgets.notices import EXPECTED
+from napari_unpack.widgets.job import Job, Outcome, Progress
 from napari_unpack.widgets.workbench import Workbench
 
-_REST_MS = 350
+REST_MS = 350
 
 
 class FreeWatch(QObject):
-    """Ask the session what is unpackable after states, queue or view changed and then rested.
+    """Ask who can leave after states, queue or view changed and then rested, on a worker thread.
 
-    `known` carries a frozenset of IDs, or None as soon as the last answer is out of date.
+    `known` carries a frozenset of the free objects' IDs, empty where everything is blocked, or
+    None as soon as the last answer is out of date.
 
     Parameters
     ----------
@@ -26,25 +29,31 @@ class FreeWatch(QObject):
     def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._bench = workbench
+        self._job = Job(self)
+        self._asked: Any = None
+        self._answer: Any = None
         self._rest = QTimer(self)
         self._rest.setSingleShot(True)
-        self._rest.setInterval(_REST_MS)
+        self._rest.setInterval(REST_MS)
         self._rest.timeout.connect(self._ask)
+        self._job.ended.connect(self._take)
         workbench.staged.connect(self._wait)
         workbench.changed.connect(self._hear)
 
     def end(self) -> None:
         """Stop watching."""
         self._rest.stop()
+        self._asked = self._answer = None
 
     def _hear(self, news: frozenset[str]) -> None:
         if news & {"states", "view", "queue"}:
             self._wait()
 
     def _wait(self) -> None:
-        self.known.emit(None)
         if self._bench.stage is None:
             self._rest.stop()
+            self._answer = None
+            self.known.emit(None)
         else:
             self._rest.start()
 
@@ -52,11 +61,41 @@ class FreeWatch(QObject):
         stage = self._bench.stage
         if stage is None:
             return
-        if stage.flying:
+        if stage.flying or self._job.running:
             self._rest.start()
             return
-        try:
-            free = frozenset(int(i) for i in stage.session.unpackable())
-        except EXPECTED:
+        question = stage.session.occlusion_question()
+        if question is None:
+            self._tell()
             return
-        self.known.emit(free)
+
+        def answer(_progress: Progress) -> Any:
+            return question.answer()
+
+        self._asked = stage.session
+        self._job.start(answer)
+
+    def _take(self, outcome: Outcome) -> None:
+        session, self._asked = self._asked, None
+        if session is None or session is not self._bench.session:
+            return
+        if outcome.error is not None:
+            raise outcome.error
+        self._answer = outcome.result
+        if session.accept_answer(outcome.result):
+            self._tell()
+        else:
+            self._rest.start()
+
+    def _tell(self) -> None:
+        """Tell who is free of what is still in the bag, also while the queue is being used up."""
+        session, answer = self._bench.session, self._answer
+        leaving = session.unpackable()
+        packed = frozenset(i for i, state in session.states.items() if state.name == "PACKED")
+        if answer is not None and answer.serves(session.unpack_direction, packed):
+            groups = answer.groups(packed, session.most_in_group)
+            self.known.emit(frozenset(int(i) for group in groups for i in group))
+        else:
+            self.known.emit(
+                frozenset() if session.queue.least_occluded else frozenset(map(int, leaving))
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, TypeAlias
@@ -18,6 +18,9 @@ Index: TypeAlias = QModelIndex | QPersistentModelIndex
 SORT = Qt.ItemDataRole.UserRole
 ID = Qt.ItemDataRole.UserRole + 1
 STATE = Qt.ItemDataRole.UserRole + 2
+
+Rgb = tuple[float, float, float]
+_NO_COLOR: Rgb = (0.5, 0.5, 0.5)
 
 STATE_WORDS = {
     "PACKED": "packed",
@@ -72,15 +75,12 @@ class _Live:
     name: str
     state: str
     hue: float | None
+    color: Rgb
     free: bool
 
     @property
     def words(self) -> str:
         return "free" if self.free and self.state == "PACKED" else STATE_WORDS[self.state]
-
-    @property
-    def color(self) -> QColor:
-        return QColor("#888888") if self.hue is None else QColor.fromHsvF(self.hue, 1.0, 1.0)
 
 
 class ObjectModel(QAbstractTableModel):
@@ -132,11 +132,13 @@ class ObjectModel(QAbstractTableModel):
             return []
         states, hues = self._session.states, self._session.hues
         names = self._session.objects["name"].to_dict()
+        colors = _colors(hues, self._session.tint_mode)
         return [
             _Live(
                 str(names[f.id]),
                 str(states[f.id].name),
                 float(hues[f.id]) % 1.0 if f.id in hues else None,
+                colors.get(f.id, _NO_COLOR),
                 f.id in self._free,
             )
             for f in self._facts
@@ -195,7 +197,7 @@ class ObjectModel(QAbstractTableModel):
         if role == STATE:
             return live.state
         if role == Qt.ItemDataRole.DecorationRole and column == Column.SWATCH:
-            return live.color
+            return QColor.fromRgbF(*live.color)
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return _alignment(column)
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -212,6 +214,16 @@ class ObjectModel(QAbstractTableModel):
             self.refresh()
             return True
         return False
+
+
+def _colors(hues: Mapping[int, float], mode: Any) -> dict[int, Rgb]:
+    """Return the tints as they are multiplied onto the picture."""
+    if not hues:
+        return {}
+    from napari_unpack.appearance import tints_of
+
+    tints = tints_of(hues, max(hues), mode=mode)
+    return {i: (float(tints[i, 0]), float(tints[i, 1]), float(tints[i, 2])) for i in hues}
 
 
 def _text(facts: _Facts, live: _Live, column: Column) -> str:

@@ -23,8 +23,8 @@ class Preferences:
         Recolour whenever the camera comes to rest.
     """
 
-    seconds: float = 0.8
-    take_least_blocked: bool = False
+    seconds: float = 1.2
+    take_least_blocked: bool = True
     backend: str = "auto"
     recolor_at_rest: bool = True
 
