@@ -30,17 +30,56 @@ def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
     and then of its corners moved half a voxel along each axis: the centres alone would make a
     thin plate flat.
     """
-    ends = _row_ends(mask)
-    corners = ends
+    corners = hull_points(None, mask, np.zeros(3), spacing)
+    filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
+    return min(filled, 1.0)
+
+
+def hull_points(
+    points: NDArray[np.float64] | None,
+    mask: NDArray[np.bool_] | None = None,
+    first: NDArray[np.integer] | NDArray[np.float64] | None = None,
+    spacing: Spacing = (1.0, 1.0, 1.0),
+) -> NDArray[np.float64]:
+    """Return the corners of the convex hull of points, or of a mask's voxels.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray of float64, optional
+        mm; where None, the mask's.
+    mask : (Z, Y, X) ndarray of bool, optional
+        At least one voxel.
+    first : (3,) ndarray, optional
+        Index of the mask's first voxel.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+
+    Returns
+    -------
+    (K, 3) ndarray of float64
+        mm. A subset of the points; of a mask, face centres of voxels.
+    """
+    if points is None:
+        assert mask is not None
+        ends = _corners(_row_ends(mask))
+        moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
+        origin = np.zeros(3) if first is None else first
+        points = (ends[:, None, :] + moves + origin).reshape(-1, 3) * np.array(spacing)
+    return _corners(points)
+
+
+def hull_volume(corners: NDArray[np.float64]) -> float:
+    """Return the volume of the convex hull of at least four points not in a plane."""
+    return float(ConvexHull(corners).volume)
+
+
+def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    if len(points) <= 12:
+        return points
     try:
-        if len(ends) > 32:
-            corners = ends[ConvexHull(ends).vertices]
+        return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
-        corners = ends
-    moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
-    points = (corners[:, None, :] + moves).reshape(-1, 3) * np.array(spacing)
-    hull = ConvexHull(points).volume
-    return float(min(np.count_nonzero(mask) * np.prod(spacing) / hull, 1.0))
+        return points
 
 
 def _row_ends(mask: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.affinity import Affinity, measure_parts
+from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
-from napari_unpack.segmentation.materials import MaterialScale, material_parts
+from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.merging import absorb_small, fill_cavities, join_containers
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
@@ -48,6 +52,7 @@ def segment(
     supports: bool = True,
     step: float = 0.16,
     rule: SplitRule | None = None,
+    judge: Affinity | None = None,
 ) -> Segmentation:
     """Find the objects of a packed volume.
 
@@ -71,6 +76,9 @@ def segment(
         Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
         When to cut.
+    judge : Affinity, optional
+        Decides which parts are joined again where there is no oracle; by default the one that
+        ships with the package.
 
     Returns
     -------
@@ -86,26 +94,115 @@ def segment(
     density = checked_volume(volume)
     size = checked_spacing(spacing)
     tell = progress or _silent
-    tell(0.0, "Finding matter")
-    levels = _levels(density, threshold)
-    matter = peel(foreground(density, levels), density, levels.air)
-    if supports:
-        matter &= ~find_supports(matter, size)
-    tell(0.1, "Finding materials")
-    voxel = float(np.prod(size))
-    scale = MaterialScale(levels.air, _knee(density, matter, levels.air), step)
-    parts = material_parts(density, matter, scale, max(int(smallest / voxel), 1))
-    tell(0.25, "Finding components")
-    regions = _components(parts, density, size, smallest)
-    limits = replace(rule or SplitRule(), smallest=max(smallest, (rule or SplitRule()).smallest))
-    found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.55 * f, text))
-    tell(0.85, "Joining containers and their contents")
-    labels = join_containers(_label(found, density.shape), size)
-    labels = rank_labels(fill_cavities(absorb_small(labels, size, smallest), size))
+    limits = rule or SplitRule(smallest=smallest / 2)
+    parts, scale = split_parts(
+        density,
+        size,
+        tell,
+        threshold=threshold,
+        supports=supports,
+        step=step,
+        rule=limits,
+        oracle=oracle,
+    )
+    if oracle is None:
+        tell(0.8, "Joining parts")
+        parts = join_parts(parts, density, size, scale, judge or default_affinity())
+    labels = absorb_small(join_containers(parts, size), size, smallest)
+    labels = rank_labels(fill_cavities(labels, size))
+    if not labels.any():
+        raise ValueError(
+            f"nothing found: no object has {smallest:g} mm^3; "
+            "pass a smaller smallest= or a lower threshold="
+        )
     tell(0.95, "Measuring objects")
     table = object_table(labels, density, size, oracle)
     tell(1.0, f"{len(table)} objects")
     return Segmentation(labels, table)
+
+
+def split_parts(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    tell: Progress,
+    *,
+    threshold: float | None = None,
+    supports: bool = True,
+    step: float = 0.16,
+    rule: SplitRule | None = None,
+    oracle: Oracle | None = None,
+) -> tuple[NDArray[np.int32], MaterialScale]:
+    """Take a volume apart: matter, materials, necks.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+        Checked density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    tell : callable
+        Progress.
+    threshold, supports, step, rule, oracle
+        As for `segment`.
+
+    Returns
+    -------
+    parts : (Z, Y, X) ndarray of int32
+        1, 2, ...; usually more than there are objects.
+    scale : MaterialScale
+        How densities were compared.
+    """
+    limits = rule or SplitRule()
+    tell(0.0, "Finding matter")
+    levels = _levels(density, threshold)
+    matter = peel(foreground(density, levels), density, levels.air)
+    if supports:
+        matter &= ~find_supports(matter, spacing)
+    tell(0.1, "Finding materials")
+    fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
+    scale = MaterialScale(levels.air, _knee(density, matter, levels.air), step)
+    materials = material_parts(density, matter, scale, fewest)
+    tell(0.25, "Finding components")
+    regions = _components(materials, density, spacing, limits.smallest)
+    found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.5 * f, text))
+    return _label(found, density.shape), scale
+
+
+def join_parts(
+    parts: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    scale: MaterialScale,
+    affinity: Affinity,
+) -> NDArray[np.int32]:
+    """Put parts together that are one object.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        Parts 1, 2, ...
+    density : (Z, Y, X) ndarray
+        Density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    scale : MaterialScale
+        How densities are compared.
+    affinity : Affinity
+        The judge of pairs.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+    """
+    measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
+    owner = agglomerate(measured, lambda one, two, row: float(affinity.probability(row[None])[0]))
+    return owner.astype(np.int32)[parts]
+
+
+@cache
+def default_affinity() -> Affinity:
+    """Return the judge of pairs that ships with the package."""
+    return Affinity.load(Path(__file__).with_name("affinity.npz"))
 
 
 def _silent(fraction: float, text: str) -> None:
@@ -128,11 +225,6 @@ def _components(
 ) -> list[Region]:
     boxes = label_boxes(parts)
     large = boxes.counts * float(np.prod(spacing)) >= smallest
-    if not large.any():
-        raise ValueError(
-            f"nothing found: no component of the foreground has {smallest:g} mm^3; "
-            "pass a smaller smallest= or a lower threshold="
-        )
     regions = []
     for name in boxes.ids[large].tolist():
         box = boxes.slices(name)

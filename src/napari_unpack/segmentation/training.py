@@ -8,8 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.affinity import Affinity, measure_parts
+from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.materials import log_density
 from napari_unpack.segmentation.merging import measure_contacts
+from napari_unpack.segmentation.pipeline import split_parts
 from napari_unpack.segmentation.region import Region, bounding_box
 
 
@@ -76,6 +81,53 @@ def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Re
             mask = np.zeros_like(region.mask)
             mask[tuple(points[side].T)] = True
             yield region.part(mask)
+
+
+def pair_examples(
+    density: NDArray[np.generic],
+    truth: NDArray[np.integer],
+    spacing: Spacing,
+    affinity: Affinity | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return pairs of parts to learn from: their features, and whether they are one object.
+
+    Parameters
+    ----------
+    density, truth, spacing
+        A labelled volume.
+    affinity : Affinity, optional
+        A judge to follow, so that it learns from the states its own mistakes lead to; without
+        one the truth is followed.
+
+    Returns
+    -------
+    rows : (N, F) ndarray of float64
+    same : (N,) ndarray of bool
+    """
+    parts, scale = split_parts(density, spacing, lambda fraction, text: None)
+    measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
+    table = contingency(parts, truth)
+    compact = np.flatnonzero(np.bincount(parts.reshape(-1)))
+    weight = np.zeros((len(measured.sums), table.shape[1]))
+    weight[compact[compact > 0]] = table[1:]
+    rows: list[NDArray[np.float64]] = []
+    same: list[bool] = []
+
+    def judge(one: int, two: int, row: NDArray[np.float64]) -> float:
+        first, second = weight[one], weight[two]
+        main = first.argmax(), second.argmax()
+        agree = main[0] == main[1]
+        if main[0] and main[1]:
+            rows.append(row)
+            same.append(bool(agree))
+        if affinity is None:
+            return float(agree and main[0] > 0)
+        chance = float(affinity.probability(row[None])[0])
+        # A wrong join would leave no right answer behind it: it is recorded, not made.
+        return chance if agree else 0.0
+
+    agglomerate(measured, judge)
+    return np.array(rows), np.array(same)
 
 
 def _region(
