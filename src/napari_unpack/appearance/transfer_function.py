@@ -99,9 +99,9 @@ class TransferFunction:
         points = [
             (ramp.lowest, 0.0),
             (ramp.foot, 0.0),
-            (ramp.surface, 0.14),
-            (ramp.body, 0.32),
-            (ramp.highest, 0.6),
+            (ramp.surface, 0.2),
+            (ramp.body, 0.4),
+            (ramp.highest, 0.65),
         ]
         kept = [points[0]]
         for density, opacity in points[1:]:

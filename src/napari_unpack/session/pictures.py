@@ -42,8 +42,8 @@ DIMMED = 0.16
 SHARE_OF_VIEW = 0.72
 """How much of the picture's shorter side an inspected object's bounding sphere fills."""
 
-SAMPLES_OF_SPRITES = 3
-"""Samples a voxel edge: a coin three voxels thick shows stripes with one."""
+SAMPLES_AT_REST = 3
+"""Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
 
 _BOOK = CacheBook()
 
@@ -189,7 +189,7 @@ def sprite_patch(
     pixels_per_mm : float
         Resolution in pivot space.
     step_scale, backend, shading
-        As for `object_patch`, but with `SAMPLES_OF_SPRITES` times the samples: a sprite is small,
+        As for `object_patch`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
         and cast once.
 
     Returns
@@ -216,7 +216,7 @@ def sprite_patch(
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm)
-    step = step_scale / SAMPLES_OF_SPRITES
+    step = step_scale / SAMPLES_AT_REST
     patch = object_patch(session, object_id, still, camera, size, step, backend, shading).trimmed()
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
 
@@ -275,8 +275,9 @@ def scene(
         return compose(size, patches, background)
     dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
     posed = [_inspected_pose(session, i, camera, size) for i in inspected]
+    fine = 1.0 / SAMPLES_AT_REST
     alone = [
-        object_patch(session, i, pose, camera, size, 1.0, backend, shading)
+        object_patch(session, i, pose, camera, size, fine, backend, shading)
         for i, pose in zip(inspected, posed, strict=True)
     ]
     return compose(size, [dimmed, *alone], background)

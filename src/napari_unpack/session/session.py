@@ -331,6 +331,8 @@ class Session(SessionSight):
         before = self._answer
         answer = self._known_answer(packed)
         if answer.blocking is None:
+            if wanted - answer.free:
+                answer = self._known_answer(packed, afresh=True)
             blocked = wanted - answer.free
             if blocked:
                 raise BlockedError(f"{self._names(blocked)} cannot leave: others are in front.")

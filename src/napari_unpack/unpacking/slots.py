@@ -19,8 +19,11 @@ GAP = 8
 """Least distance in pixels between sprites, from the bag and from the window's edge."""
 
 LEAST_BAG = 0.27
-"""Least radius of the bag's circle, in the window's shorter side; cells that then find no room
-are planned outside the window, where zooming out shows them."""
+"""Least radius of the bag's circle, in the window's shorter side, for the sake of sprites."""
+
+CROWDED_BAG = 0.36
+"""Its radius where even that leaves too little room: the sprites that find none in the window
+are planned outside it, where zooming out shows them."""
 
 
 WEIGHT_OF_BAG = 1.5
@@ -135,14 +138,15 @@ def _best_plan(
     if plans:
         return max(plans)[1:]
     reach = _nearest(_grid(height, width, least_pixels, gap), least_pixels) - gap
-    return float(least_pixels), float(max(min([most, *reach[reach >= least]]), least, 1.0))
+    crowded = CROWDED_BAG * short
+    return float(least_pixels), float(max(min([most, *reach[reach >= crowded]]), crowded, 1.0))
 
 
 def _grid(height: float, width: float, side: float, gap: float) -> NDArray[np.float64]:
     """Return (n, 2) centres, row and column from the window's middle, of the cells that fit."""
     axes = []
     for length in (height, width):
-        n = int((length - gap) // (side + gap))
+        n = max(0, int((length - gap) // (side + gap)))
         # Columns are spread so that the outermost stand at the window's edge.
         room = length - 2 * gap - side
         axes.append(np.linspace(-room / 2, room / 2, n) if n > 1 else np.zeros(n))

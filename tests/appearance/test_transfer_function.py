@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from napari_unpack.appearance import PRESETS, TransferFunction
+
+POINTS = [(0, 0.0), (328, 0.0), (533, 0.1), (4095, 0.1)]
+
+
+def test_opacity_is_linear_between_points_and_constant_beyond_the_ends():
+    function = TransferFunction(POINTS)
+    assert function.domain == (0.0, 4095.0)
+    # Half way up the ramp from 328 to 533 is 430.5, half of 0.1.
+    np.testing.assert_allclose(
+        function.opacity_at([-500, 328, 430.5, 533, 4095, 30000]),
+        [0.0, 0.0, 0.05, 0.1, 0.1, 0.1],
+        atol=1e-12,
+    )
+
+
+def test_the_table_has_straight_colour_and_opacity_at_even_steps_over_the_domain():
+    function = TransferFunction([(0, 0.0), (100, 1.0)], [(0, (1, 0, 0)), (100, (0, 0, 1))])
+    table = function.table(5)
+    assert table.dtype == np.float32
+    np.testing.assert_allclose(
+        table,
+        [
+            [1, 0, 0, 0],
+            [0.75, 0, 0.25, 0.25],
+            [0.5, 0, 0.5, 0.5],
+            [0.25, 0, 0.75, 0.75],
+            [0, 0, 1, 1],
+        ],
+        atol=1e-6,
+    )
+
+
+def test_without_colours_everything_is_white():
+    assert (TransferFunction(POINTS).table()[:, :3] == 1).all()
+
+
+def test_equal_functions_compare_equal_and_none_can_be_changed():
+    function = TransferFunction(POINTS)
+    assert function == TransferFunction(list(POINTS))
+    assert hash(function) == hash(TransferFunction(POINTS))
+    with pytest.raises(AttributeError):
+        function.points = ()
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        ([(0, 0.0)], "at least two"),
+        ([(0, 0.0), (0, 1.0)], "strictly increasing"),
+        ([(5, 0.0), (1, 1.0)], "strictly increasing"),
+        ([(0, 0.0), (1, 1.5)], r"\[0, 1\]"),
+        ([(0, 0.0), (1, float("nan"))], r"\[0, 1\]"),
+        ([(0, 0.0), (float("inf"), 1.0)], "finite"),
+        ([(0, 0.0, 3), (1, 0.5, 3)], "pairs"),
+    ],
+)
+def test_bad_points_are_refused_with_a_sentence(points, said):
+    with pytest.raises(ValueError, match=said):
+        TransferFunction(points)
+
+
+@pytest.mark.parametrize("colors", [[], [(0, (1, 1))], [(0, (1, 1, 2))], [(1, (1, 1, 1))] * 2])
+def test_bad_colours_are_refused(colors):
+    with pytest.raises(ValueError, match="colors"):
+        TransferFunction(POINTS, colors)
+
+
+def test_a_table_of_one_row_is_refused():
+    with pytest.raises(ValueError, match="n must be at least 2"):
+        TransferFunction(POINTS).table(1)
+
+
+def test_presets_show_what_their_names_say():
+    assert sorted(PRESETS) == ["all", "dense", "metal", "soft"]
+    air, cloth, water, stone, steel = 0, 400, 1000, 2500, 8000
+    opacity = {name: TransferFunction.preset(name).opacity_at for name in PRESETS}
+    assert all(opacity[name](air) == 0 for name in PRESETS)
+    assert opacity["all"](cloth) > 0
+    assert opacity["soft"](water) > opacity["soft"](stone)
+    assert opacity["dense"](water) < 0.05 < opacity["dense"](stone)
+    assert opacity["metal"](stone) == 0 < opacity["metal"](steel)
+    with pytest.raises(ValueError, match="all, soft, dense, metal"):
+        TransferFunction.preset("bones")
+
+
+def scan(air: float, matter: float, noise: float, dtype: type) -> np.ndarray:
+    generator = np.random.default_rng(3)
+    volume = np.full((40, 40, 40), air, dtype=np.float64)
+    volume[10:30, 10:30, 10:30] = matter
+    volume += generator.normal(0, noise, volume.shape)
+    if np.issubdtype(dtype, np.integer):
+        volume = np.clip(np.round(volume), 0, np.iinfo(dtype).max)
+    return volume.astype(dtype)
+
+
+@pytest.mark.parametrize(
+    ("air", "matter", "noise", "dtype"),
+    [
+        (20, 1050, 15, np.uint16),
+        (12, 140, 5, np.uint8),
+        (30000, 42000, 400, np.uint16),
+        (-1000, 40, 20, np.float32),
+        (0.001, 0.019, 0.0008, np.float64),
+    ],
+)
+def test_the_default_lets_air_through_and_makes_matter_nearly_solid_whatever_the_range(
+    air, matter, noise, dtype
+):
+    function = TransferFunction.default_for(scan(air, matter, noise, dtype))
+    assert function.opacity_at(air + 3 * noise) <= 0.02
+    assert 0.25 <= function.opacity_at(matter) <= 0.7
+
+
+def test_a_little_metal_does_not_make_the_rest_transparent():
+    volume = scan(20, 1050, 15, np.uint16)
+    volume[12:14, 12:14, 12:14] = 30000
+    assert TransferFunction.default_for(volume).opacity_at(1050) >= 0.25
+
+
+@pytest.mark.parametrize("volume", [np.full((3, 3, 3), 7), np.full((3, 3, 3), np.nan)])
+def test_there_is_no_default_for_a_volume_without_contrast(volume):
+    with pytest.raises(ValueError, match="volume must"):
+        TransferFunction.default_for(volume)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=40),
+    st.sampled_from([np.float32, np.float64]),
+)
+def test_a_default_is_found_for_any_two_different_densities(values, dtype):
+    volume = np.array(values, dtype=dtype).reshape(1, 1, -1)
+    if volume.max() - volume.min() < 1e-3:
+        return
+    low, high = TransferFunction.default_for(volume).domain
+    assert low < high

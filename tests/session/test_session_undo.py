@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import numpy as np
+from bags import session_of, stack_of_plates
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from napari_unpack.geometry.view import View
+from napari_unpack.session import ObjectState
+
+ONE = st.integers(1, 5)
+SOME = st.lists(ONE, min_size=1, max_size=3)
+
+
+def names(session):
+    return {i: state.name for i, state in session.states.items()}
+
+
+def test_undo_takes_steps_back_in_turn_and_redo_does_them_again():
+    session = session_of(stack_of_plates())
+    seen = [names(session)]
+    for verb in (
+        lambda: session.unpack(2),
+        lambda: session.hide([5]),
+        lambda: session.inspect(1),
+        session.leave,
+        lambda: session.restore([1]),
+        lambda: session.isolate([3]),
+    ):
+        verb()
+        seen.append(names(session))
+    poses = dict(session.poses)
+    for earlier in reversed(seen[:-1]):
+        assert session.undo() is not None
+        assert names(session) == earlier
+    assert session.undo() is None
+    for later in seen[1:]:
+        session.redo()
+        assert names(session) == later
+    assert session.redo() is None
+    for i, pose in poses.items():
+        np.testing.assert_array_equal(session.poses[i].center, pose.center)
+
+
+def test_a_new_command_ends_the_possibility_to_redo():
+    session = session_of(stack_of_plates())
+    session.unpack()
+    session.undo()
+    session.hide([2])
+    assert session.redo() is None
+    assert names(session)[1] == "PACKED"
+
+
+def test_undoing_a_step_leaves_alone_what_it_did_not_change():
+    session = session_of(stack_of_plates())
+    session.hide([2])
+    session.accept_hues({3: 0.123}, undoable=False)
+    session.undo()
+    assert names(session)[2] == "PACKED"
+    assert session.hues[3] == 0.123
+
+
+def test_undo_of_hues():
+    session = session_of(stack_of_plates())
+    before = session.hues
+    session.recolor()
+    session.undo()
+    assert session.hues == before
+
+
+def test_undoing_an_unpacking_flies_it_back_when_animated():
+    session = session_of(stack_of_plates(), clock=lambda: 0.0)
+    session.animated = True
+    session.unpack(2)
+    session.land(1)
+    session.undo()
+    assert (names(session)[1], names(session)[2]) == ("FLYING_BACK", "FLYING_BACK")
+    session.redo()
+    assert (names(session)[1], names(session)[2]) == ("FLYING_OUT", "FLYING_OUT")
+    session.land(1)
+    session.land(2)
+    assert (names(session)[1], names(session)[2]) == ("UNPACKED", "UNPACKED")
+
+
+def test_the_queue_is_the_one_of_then():
+    session = session_of(stack_of_plates())
+    session.unpack(2)
+    session.undo()
+    assert session.unpackable() == (1,)
+
+
+class RandomCommands(RuleBasedStateMachine):
+    """Any commands in any order, watched by a second bookkeeper."""
+
+    @initialize(animated=st.booleans())
+    def start(self, animated):
+        self.time = 0.0
+        self.session = session_of(stack_of_plates(), clock=lambda: self.time)
+        self.session.animated = animated
+        self.told = dict(self.session.states)
+        self.session.events.states.connect(self.hear)
+
+    def hear(self, ids):
+        for i in ids:
+            self.told[i] = self.session.states[i]
+
+    @rule(n=st.integers(1, 3))
+    def unpack(self, n):
+        before = {i for i, s in self.session.states.items() if s is ObjectState.PACKED}
+        left = self.session.unpack(n)
+        assert len(left) >= min(n, len(before))
+        # Plates leave from the front: nobody that stayed stands before one that left.
+        inside = [i for i in before if i not in left]
+        assert all(i > max(left) for i in inside) or not set(left) & before or self.sideways
+
+    sideways = False
+
+    @rule(ids=SOME)
+    def unpack_these(self, ids):
+        before = dict(self.session.states)
+        try:
+            self.session.unpack(ids)
+        except ValueError:
+            assert self.session.states == before
+
+    @rule(n=st.integers(1, 3))
+    def restore(self, n):
+        self.session.restore(n)
+
+    @rule(ids=SOME)
+    def restore_these(self, ids):
+        self.session.restore(ids)
+
+    @rule(i=ONE)
+    def reveal(self, i):
+        before = dict(self.session.states)
+        try:
+            assert i in self.session.reveal(i)
+        except ValueError:
+            assert self.session.states == before
+
+    @rule(ids=SOME)
+    def hide(self, ids):
+        self.session.hide(ids)
+
+    @rule(ids=SOME)
+    def show(self, ids):
+        self.session.show(ids)
+
+    @rule(ids=SOME)
+    def isolate(self, ids):
+        self.session.isolate(ids)
+
+    @rule(i=ONE)
+    def inspect(self, i):
+        if self.session.states[i] is not ObjectState.HIDDEN:
+            self.session.inspect(i)
+            assert self.session.states[i] is ObjectState.INSPECTED
+
+    @rule()
+    def leave(self):
+        self.session.leave()
+
+    @rule(i=ONE, wait=st.floats(0, 1))
+    def land(self, i, wait):
+        self.time += wait
+        self.session.land(i)
+
+    @rule()
+    def undo(self):
+        before = dict(self.session.states)
+        if self.session.undo() is None:
+            assert self.session.states == before
+
+    @rule()
+    def redo(self):
+        self.session.redo()
+
+    @rule(direction=st.sampled_from([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0)]))
+    def turn(self, direction):
+        self.session.view = View(direction=direction)
+        self.sideways = direction != (1.0, 0, 0)
+
+    @rule()
+    def recolor(self):
+        self.session.recolor()
+
+    @invariant()
+    def everything_agrees(self):
+        session = self.session
+        states = session.states
+        assert set(states) == {1, 2, 3, 4, 5}
+        assert states == self.told
+        flying = {ObjectState.FLYING_OUT: False, ObjectState.FLYING_BACK: True}
+        assert {i: f.back for i, f in session.flights.items()} == {
+            i: flying[s] for i, s in states.items() if s in flying
+        }
+        assert {i for i, s in states.items() if s is ObjectState.UNPACKED} <= set(session.poses)
+        assert set(session.poses) <= {
+            i for i, s in states.items() if s in (ObjectState.UNPACKED, ObjectState.INSPECTED)
+        }
+        assert sum(s is ObjectState.INSPECTED for s in states.values()) <= 1
+        shown = {int(i) for i in np.flatnonzero(session.packed_tints()[:, 3])}
+        assert shown == {i for i, s in states.items() if s is ObjectState.PACKED}
+        places = [tuple(pose.center) for pose in session.poses.values()]
+        assert len(set(places)) == len(places)
+        if not session.animated:
+            assert session.flights == {}
+
+
+TestRandomCommands = RandomCommands.TestCase
+TestRandomCommands.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)

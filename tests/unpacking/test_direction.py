@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.geometry.view import View
+from napari_unpack.unpacking import (
+    bag_up,
+    broad_side,
+    named,
+    oriented_box,
+    outline,
+    picture_size,
+    towards_viewer,
+)
+
+
+def turned_box(size, rotation, center=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """Return the corners of a box whose edges along z, y, x are turned by a rotation."""
+    corners = (np.indices((2, 2, 2)).reshape(3, -1).T - 0.5) * np.asarray(size, float)
+    return corners @ rotation.T + np.asarray(center)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.1])
+def test_the_oriented_box_of_a_turned_box_is_that_box(angle):
+    turn = rotation_about((1.0, 2.0, 0.5), angle)
+    found = oriented_box(turned_box((40, 10, 70), turn, (5, 6, 7)))
+    np.testing.assert_allclose(found.size, [70, 40, 10], rtol=1e-2)
+    np.testing.assert_allclose(found.center, [5, 6, 7], atol=1e-2)
+    # Longest edge was x, then z, then y.
+    for axis, edge in zip(found.axes, (turn[:, 2], turn[:, 0], turn[:, 1]), strict=True):
+        assert abs(axis @ edge) == pytest.approx(1.0, abs=1e-4)
+    assert np.linalg.det(found.axes) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("count", [2, 3, 30])
+def test_points_in_a_line_have_a_box_too(count):
+    points = np.arange(count)[:, None] * np.array([[0.0, 1.0, 0.0]])
+    found = oriented_box(points, (1.0, 1.0, 1.0))
+    assert found.size[0] == pytest.approx(count, rel=1e-6)
+
+
+def test_a_single_voxel_has_a_box_around_it_that_is_not_flat():
+    found = oriented_box(np.array([[3.0, 4.0, 5.0]]), (1.0, 1.0, 1.0))
+    assert found.size.min() >= 0.5
+    assert found.size.max() <= 1.0
+    np.testing.assert_allclose(found.center, [3, 4, 5], atol=1e-9)
+
+
+def test_the_outline_keeps_both_ends_of_every_row():
+    mask = np.zeros((2, 3, 5), bool)
+    mask[1, 2, 1:4] = True
+    points = outline(mask, (10, 20, 30), (2.0, 1.0, 0.5))
+    # Row z = 11, y = 22, from x = 31 to x = 33, times the spacing.
+    np.testing.assert_allclose(points, [[22, 22, 15.5], [22, 22, 16.5]])
+
+
+def test_up_of_a_lying_bag_is_the_normal_of_its_largest_face_away_from_the_table():
+    # A suitcase 30 high along y; rows grow downwards to the table, so up is -y.
+    lying = oriented_box(turned_box((50, 30, 80), np.eye(3)))
+    np.testing.assert_allclose(bag_up(lying), [0, -1, 0], atol=1e-6)
+    tilt = rotation_about((0.0, 0.0, 1.0), 0.4)
+    tilted = oriented_box(turned_box((50, 30, 80), tilt))
+    np.testing.assert_allclose(bag_up(tilted), -tilt[:, 1], atol=1e-3)
+
+
+def test_up_of_a_bag_on_edge_does_not_hang_on_rounding():
+    standing = oriented_box(turned_box((20, 60, 80), np.eye(3)))
+    np.testing.assert_allclose(bag_up(standing), [-1, 0, 0], atol=1e-6)
+
+
+def test_named_directions():
+    np.testing.assert_allclose(named("-y"), [0, -1, 0])
+    np.testing.assert_allclose(named((0, 3, 4)), [0, 0.6, 0.8])
+    with pytest.raises(ValueError, match="direction must be one of"):
+        named("north")
+    with pytest.raises(ValueError, match="must not be zero"):
+        named((0, 0, 0))
+
+
+def test_by_default_objects_leave_towards_the_viewer():
+    camera = View(direction=(0.0, 2.0, 0.0)).camera((9, 9, 9), (1, 1, 1))
+    np.testing.assert_allclose(towards_viewer(camera), [0, -1, 0], atol=1e-12)
+
+
+def test_the_broad_side_faces_the_viewer_and_the_turn_is_the_smallest():
+    # A tablet lying flat (thin along y), seen from the front (looking along z).
+    tablet = oriented_box(turned_box((40, 2, 60), np.eye(3)))
+    seen = View(direction=(1.0, 0.0, 0.0)).camera((9, 9, 9), (1, 1, 1)).rotation
+    turn = broad_side(tablet, seen, slant=(0.0, 0.0))
+    assert abs(turn[0] @ [0, 1, 0]) == pytest.approx(1.0, abs=1e-6)  # thin axis to the viewer
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    # Right in the picture stays right: x was right before.
+    np.testing.assert_allclose(turn[2], seen[2], atol=1e-6)
+    width, height = picture_size(turned_box((40, 2, 60), np.eye(3)), turn, (0, 0, 0))
+    assert (width, height) == pytest.approx((60, 40), rel=1e-2)
+
+
+def test_an_object_already_broadside_only_gets_the_slant():
+    plate = oriented_box(turned_box((2, 40, 60), np.eye(3)))
+    turn = broad_side(plate, np.eye(3), slant=(18.0, -24.0))
+    assert turn[0] @ [1, 0, 0] == pytest.approx(np.cos(np.radians(18)) * np.cos(np.radians(24)))

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.unpacking import Blocking, groups, reveal
+from napari_unpack.unpacking.groups import blocking_graph
+
+IDS = [2, 3, 5, 7, 9]
+
+
+def table(*pairs: tuple[int, int]) -> np.ndarray:
+    blocks = np.zeros((len(IDS), len(IDS)), bool)
+    for a, b in pairs:
+        blocks[IDS.index(a), IDS.index(b)] = True
+    return blocks
+
+
+def blocking(*pairs: tuple[int, int]) -> Blocking:
+    return Blocking(blocking_graph(table(*pairs), IDS))
+
+
+def test_a_chain_leaves_one_by_one_blockers_first():
+    assert groups(table((9, 7), (7, 5), (5, 3), (3, 2)), IDS) == [(9,), (7,), (5,), (3,), (2,)]
+
+
+def test_objects_that_hold_each_other_leave_together():
+    # 3 and 5 block each other; 2 stands before both; 7 is behind 5; 9 is alone.
+    pairs = [(3, 5), (5, 3), (2, 3), (5, 7)]
+    assert groups(table(*pairs), IDS) == [(2,), (3, 5), (7,), (9,)]
+    graph = blocking(*pairs)
+    assert graph.free_groups() == [(2,), (9,)]
+    assert graph.among([3, 5, 7, 9]).free_groups() == [(9,), (3, 5)]
+
+
+def test_reveal_names_everything_that_stands_before_the_target():
+    pairs = [(9, 7), (7, 5), (2, 5), (5, 3)]
+    assert reveal(blocking(*pairs).graph, 5) == {9, 7, 2, 5}
+    assert blocking(*pairs).needed(9) == {9}
+    with pytest.raises(ValueError, match="target must be a packed object"):
+        blocking().needed(4)
+
+
+def test_blockers_are_those_directly_in_front_and_not_among_the_chosen():
+    graph = blocking((9, 7), (7, 5), (2, 5))
+    assert graph.blockers([5]) == {7, 2}
+    assert graph.blockers([5, 7]) == {2, 9}
+
+
+def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
+    counts = OcclusionCounts(
+        ids=np.array([1, 2]),
+        samples=np.array([0, 1000, 1000]),
+        hits=np.array([0, 10, 10]),
+        occluded_hits=np.array([0, 0, 1]),
+        occluded_samples=np.array([0, 0, 2]),
+        exact_samples=np.array([0, 0, 2]),
+        blocks=np.array([[False, True], [False, False]]),
+    )
+    assert Blocking.of(counts).free_groups() == [(1,)]
+    assert Blocking.of(counts, tolerance=0.002).free_groups() == [(1,), (2,)]
+    assert Blocking.of(counts, rule="first_hit") is None
+
+
+def test_a_table_of_another_size_is_refused():
+    with pytest.raises(ValueError, match=r"blocks must be \(5, 5\)"):
+        groups(np.zeros((2, 2), bool), IDS)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), max_size=12))
+def test_departures_take_everyone_once_and_nobody_before_a_blocker(pairs):
+    order = groups(table(*pairs), IDS)
+    assert sorted(i for group in order for i in group) == IDS
+    gone: set[int] = set()
+    for group in order:
+        for a, b in pairs:
+            if b in group and a not in group:
+                assert a in gone
+        gone.update(group)

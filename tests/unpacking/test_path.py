@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.unpacking import Flight, clearance
+
+SHAPE, SPACING = (100, 100, 100), (1.0, 1.0, 1.0)
+CENTER = np.array([30.0, 40.0, 50.0])
+
+
+def camera(direction=(0.0, 0.0, 1.0), fov=0.0) -> Camera:
+    return View(direction=direction, fov=fov, height=400.0).camera(SHAPE, SPACING)
+
+
+def flight(**changes) -> Flight:
+    target = Pose(np.array([0.0, 20.0, 150.0]), rotation_about((0, 1, 1), 0.7), 0.5)
+    settings = {"start": 10.0, "seconds": 2.0, **changes}
+    return Flight(7, CENTER, np.array([0.0, 0.0, -1.0]), 60.0, target, **settings)
+
+
+def assert_same(a: Pose, b: Pose, atol: float = 1e-9) -> None:
+    np.testing.assert_allclose(a.center, b.center, atol=atol)
+    np.testing.assert_allclose(a.rotation, b.rotation, atol=atol)
+    assert a.scale == pytest.approx(b.scale, abs=atol)
+
+
+def test_clearance_is_the_shortest_way_out_of_the_box_along_d():
+    bag = (0, 0, 0), (100, 100, 100)
+    # The object spans 20 to 40 along every axis: against +z its lower face must reach 100.
+    low, high = (20, 20, 20), (40, 40, 40)
+    assert clearance(low, high, *bag, (1, 0, 0)) == pytest.approx(80)
+    assert clearance(low, high, *bag, (-1, 0, 0)) == pytest.approx(40)
+    # Along a diagonal one axis is enough: 40 / (1 / sqrt 2) against -y, less than 80 sqrt 2.
+    d = np.array([0, -1, 1]) / np.sqrt(2)
+    assert clearance(low, high, *bag, d) == pytest.approx(40 * np.sqrt(2))
+    assert clearance((120, 20, 20), (140, 40, 40), *bag, (1, 0, 0)) == 0
+
+
+@pytest.mark.parametrize("fov", [0.0, 30.0])
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.3, -0.5, 0.8)])
+def test_a_flight_starts_packed_and_ends_at_its_slot(fov, direction):
+    now = camera(direction, fov)
+    assert_same(flight().pose(10.0, now), packed_pose(CENTER, now))
+    assert_same(flight().pose(12.0, now), flight().target)
+    assert_same(flight().pose(-5.0, now), packed_pose(CENTER, now))
+    assert_same(flight().pose(99.0, now), flight().target)
+
+
+def test_the_box_centre_lands_on_u():
+    """Eqs. 3 and 4: the moved centre of the box projects onto the slot."""
+    now = camera((0.3, -0.5, 0.8), 30.0)
+    pose = flight().pose(12.0, now)
+    world = transform_points(pose.world_from_world(CENTER, now), CENTER)
+    seen = transform_points(now.pivot_from_world(), world)
+    np.testing.assert_allclose(seen, flight().target.center, atol=1e-6)
+
+
+def test_until_it_is_clear_of_the_bag_an_object_goes_straight_along_d_and_does_not_turn():
+    now = camera((0.3, -0.5, 0.8))
+    home = packed_pose(CENTER, now)
+    along = now.rotation @ flight().direction
+    gone = []
+    for fraction in np.linspace(0, 1, 400):
+        pose = flight().pose_at(fraction, now)
+        moved = pose.center - home.center
+        way = float(moved @ along)
+        if way < 60.0 - 1e-6 and fraction < 0.42:
+            np.testing.assert_allclose(moved, way * along, atol=1e-9)
+            np.testing.assert_allclose(pose.rotation, now.rotation, atol=1e-12)
+            assert pose.scale == 1.0
+            gone.append(way)
+    assert len(gone) > 50
+    assert (np.diff(gone) >= 0).all()
+
+
+def test_the_way_is_continuous():
+    now = camera((0.3, -0.5, 0.8), 30.0)
+    poses = [flight().pose_at(f, now) for f in np.linspace(0, 1, 2001)]
+    steps = np.linalg.norm(np.diff([p.center for p in poses], axis=0), axis=1)
+    assert steps.max() < 1.5
+    turns = [np.abs(a.rotation - b.rotation).max() for a, b in zip(poses, poses[1:], strict=False)]
+    assert max(turns) < 0.01
+
+
+def test_the_way_back_is_the_way_out_backwards_also_after_the_bag_was_turned():
+    back = flight(back=True)
+    for now in (camera(), camera((1.0, 0.2, 0.1))):
+        for passed in np.linspace(0, 2, 9):
+            assert_same(back.pose(10 + passed, now), flight().pose(12 - passed, now))
+        assert_same(back.pose(12.0, now), packed_pose(CENTER, now))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(10, 12), st.booleans())
+def test_turning_round_in_mid_air_does_not_jump_and_takes_as_long_as_it_has_been_under_way(t, back):
+    going, now = flight(back=back), camera((0.2, 0.9, 0.1))
+    turned = going.reversed(t)
+    assert turned.back is not back
+    assert_same(turned.pose(t, now), going.pose(t, now), atol=1e-6)
+    assert turned.start + turned.seconds == pytest.approx(t + (t - 10.0))
+
+
+def test_nobody_flies_through_the_eye():
+    near = View(direction=(0, 0, 1), fov=120.0, height=100.0).camera(SHAPE, SPACING)
+    for fraction in np.linspace(0, 1, 50):
+        assert flight().pose_at(fraction, near).center[0] <= 0.6 * near.distance + 1e-9
+
+
+def test_an_object_outside_the_bag_goes_straight_to_its_slot():
+    free = Flight(1, CENTER, np.array([0.0, 0.0, -1.0]), 0.0, flight().target)
+    np.testing.assert_allclose(free.pose_at(0.0, camera()).rotation, camera().rotation)
+    assert not np.allclose(free.pose_at(0.1, camera()).rotation, camera().rotation)
+
+
+def test_progress_and_arrival():
+    assert [flight().progress(t) for t in (9, 10, 11, 12, 13)] == [0, 0, 0.5, 1, 1]
+    assert [flight().done(t) for t in (11.9, 12.0)] == [False, True]
+    with pytest.raises(ValueError, match="seconds must be positive"):
+        flight(seconds=0.0)

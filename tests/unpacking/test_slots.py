@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from napari_unpack.geometry.view import View
+from napari_unpack.unpacking import arrange
+from napari_unpack.unpacking.slots import GAP, LEAST_PIXELS
+
+plans = given(
+    count=st.integers(0, 60),
+    radius=st.floats(5, 500),
+    size=st.tuples(st.integers(400, 1400), st.integers(500, 2200)),
+    fov=st.sampled_from([0.0, 15.0, 30.0, 60.0]),
+)
+
+
+def pixels(plan, size, fov):
+    """Return the cells' centres in pixels from the middle, and the side of a cell."""
+    camera = View(height=plan.height_mm, fov=fov).camera((10, 10, 10), (1, 1, 1))
+    middle = (np.asarray(size) - 1) / 2
+    return camera.pixels(plan.centers, size) - middle, plan.cell_mm * size[0] / plan.height_mm
+
+
+@settings(max_examples=150, deadline=None)
+@plans
+def test_no_sprite_overlaps_another_or_the_bag_at_any_turn_of_it(count, radius, size, fov):
+    plan = arrange(count, radius, size, fov)
+    centers, side = pixels(plan, size, fov)
+    assert centers.shape == (count, 2)
+    assert side >= LEAST_PIXELS - 1e-6
+    apart = np.abs(centers[:, None] - centers[None]).max(axis=-1) + np.eye(count) * 1e9
+    assert count < 2 or apart.min() >= side + GAP - 1e-6
+    # The silhouette of a sphere in perspective is wider than its equator.
+    per_mm = size[0] / plan.height_mm
+    if fov:
+        eye = plan.height_mm / (2 * np.tan(np.radians(fov) / 2))
+        assert eye > radius
+        bag = per_mm * radius * eye / np.sqrt(eye**2 - radius**2)
+    else:
+        bag = per_mm * radius
+    corner = np.hypot(*np.maximum(np.abs(centers) - side / 2, 0).T)
+    assert count == 0 or corner.min() >= bag + GAP - 1e-6
+    assert bag <= min(size) / 2 - GAP + 1e-6
+
+
+@settings(max_examples=150, deadline=None)
+@plans
+def test_visible_slots_lie_in_the_window(count, radius, size, fov):
+    plan = arrange(count, radius, size, fov)
+    centers, side = pixels(plan, size, fov)
+    inside = (np.abs(centers) + side / 2 + GAP <= np.asarray(size) / 2 + 1e-6).all(axis=1)
+    assert inside[: plan.visible].all()
+
+
+@pytest.mark.parametrize("size", [(600, 800), (600, 1100), (768, 1024), (1080, 1920), (1100, 700)])
+def test_thirty_objects_all_find_room_in_every_usual_window(size):
+    assert arrange(30, 150.0, size).visible == 30
+
+
+def test_the_smallest_window_shows_at_least_a_dozen_sprites():
+    assert arrange(60, 150.0, (400, 500)).visible >= 12
+
+
+def test_fewer_objects_make_larger_sprites():
+    few, many = arrange(8, 150.0, (768, 1024)), arrange(40, 150.0, (768, 1024))
+    assert few.cell_mm / few.height_mm > 1.3 * many.cell_mm / many.height_mm
+
+
+def test_slots_are_filled_from_near_the_bag_outwards():
+    centers = arrange(40, 150.0, (700, 1500)).centers[:, 1:]
+    side = arrange(40, 150.0, (700, 1500)).cell_mm
+    near = np.hypot(*np.maximum(np.abs(centers) - side / 2, 0).T)
+    assert (np.diff(near) >= -2.0).all()
+
+
+def test_a_sprite_is_true_to_the_bag_where_its_size_allows():
+    plan = arrange(30, 150.0, (768, 1024))
+    natural = (plan.least_mm + plan.cell_mm) / 2
+    assert plan.scale(natural, 1.0) == pytest.approx(1.0)
+    assert plan.scale(1.0, 4 * plan.cell_mm) == pytest.approx(0.25)
+    assert plan.scale(plan.least_mm / 5, 1e-3) == pytest.approx(5.0)
+
+
+def test_windows_of_any_size_get_a_plan():
+    for size in [(1, 1), (10, 3000), (3000, 10), (64, 64)]:
+        plan = arrange(5, 100.0, size)
+        assert np.isfinite(plan.centers).all()
+        assert plan.height_mm > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        ((-1, 1.0, (500, 500)), "count"),
+        ((1, 0.0, (500, 500)), "bag_radius_mm"),
+        ((1, float("nan"), (500, 500)), "bag_radius_mm"),
+        ((1, 1.0, (0, 500)), "canvas_size"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, name):
+    with pytest.raises(ValueError, match=name):
+        arrange(*arguments)
