@@ -1,0 +1,60 @@
+"""The benchmarks can be told what to measure, and their table can be read."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks import plots, table
+from benchmarks.__main__ import main
+from benchmarks.packing import pack
+from benchmarks.row import Row, ms
+from benchmarks.rows import ORDER, chosen
+
+
+def test_every_row_can_be_chosen_by_a_part_of_its_name() -> None:
+    assert [name for name, _ in chosen([])] == list(ORDER)
+    assert [name for name, _ in chosen(["tinted", "gpu"])] == ["tinted_cpu", "tinted_gl", "gpu"]
+    files = Path(__file__).parents[1] / "benchmarks" / "rows"
+    assert {p.stem for p in files.glob("*.py")} == {*ORDER, "__init__"}
+
+
+def test_an_unknown_row_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["teapot"])
+    assert "no row is called 'teapot'; there are tinted_cpu" in capsys.readouterr().err
+
+
+def test_the_table_prints_a_measured_row(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["recolouring", "--quick"]) == 0
+    out = capsys.readouterr().out
+    assert "QUICK" in out
+    assert "recolouring 200 objects" in out
+    assert "networkx" in out
+
+
+def test_long_cells_wrap_and_times_are_rounded() -> None:
+    text = table.text(Row("what", "word " * 20, "1 ms", met=True))
+    assert len(text.splitlines()) > 1
+    assert text.splitlines()[0].endswith("met")
+    assert [ms(0.1234), ms(12.3), ms(1234)] == ["0.12 ms", "12 ms", "1.23 s"]
+    assert "| 1 ms |" in table.markdown([Row("a", "b", "1 ms")])
+
+
+def test_a_packing_has_as_many_objects_as_cells() -> None:
+    packing = pack((24, 24, 36), (2, 2, 3))
+    assert list(np.unique(packing.labels)) == list(range(13))
+    assert packing.volume[packing.labels == 0].max() < 200
+    assert packing.volume[packing.labels > 0].min() > 600
+    assert 0.25 < (packing.labels > 0).mean() < 0.5
+
+
+def test_the_plot_marks_every_step_at_which_the_queue_was_asked() -> None:
+    rows = [
+        {"asked": a, "occlusion_ms": t, "interference_ms": "3"}
+        for a, t in (("1", "9"), ("0", "8"), ("1", "7"))
+    ]
+    assert plots.svg(rows).count("<circle") == 2
