@@ -125,7 +125,7 @@ def leaps(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(out[1:-1, 1:-1, 1:-1])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _ranges(volume, first, last, low, high):  # type: ignore[no-untyped-def]
     depth, height, width = volume.shape
     least = np.empty(width, volume.dtype)
@@ -152,7 +152,7 @@ def _ranges(volume, first, last, low, high):  # type: ignore[no-untyped-def]
                 high[bz, by, bx] = largest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
     depth, height, width = labels.shape
     ids = np.empty(4096, np.uint16)
@@ -185,7 +185,7 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
     return ids[:used].copy()
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _occupied(low, high, starts, ids, opaque, lo, hi, seen, out):  # type: ignore[no-untyped-def]
     entries = opaque.shape[0] - 1
     scale = (entries - 1) / (hi - lo)
@@ -205,7 +205,7 @@ def _occupied(low, high, starts, ids, opaque, lo, hi, seen, out):  # type: ignor
                 break
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _inhabited(starts, ids, visible, out):  # type: ignore[no-untyped-def]
     grid = out.reshape(-1)
     for b in range(grid.shape[0]):
@@ -215,7 +215,7 @@ def _inhabited(starts, ids, visible, out):  # type: ignore[no-untyped-def]
                 break
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _spread(out):  # type: ignore[no-untyped-def]
     # Rosenfeld & Pfaltz's two sweeps, exact for the chessboard distance.
     depth, height, width = out.shape

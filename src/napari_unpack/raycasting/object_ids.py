@@ -14,6 +14,7 @@ from napari_unpack.raycasting.bricks import Bricks, leaps
 from napari_unpack.raycasting.lattice import (
     clipping_planes,
     leap,
+    per_voxel,
     ray_numbers,
     ray_of,
     sample_range,
@@ -73,7 +74,7 @@ def id_layers(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cast(labels, table, step, near, planes, visible, distance, first, last, out):  # type: ignore[no-untyped-def]
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
@@ -85,6 +86,7 @@ def _cast(labels, table, step, near, planes, visible, distance, first, last, out
             found = 0
             previous = 0
             free = k
+            az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             while k < end:
                 t = (k + 0.5) * step
                 z = int(pz + t * dz + 0.5)
@@ -92,7 +94,7 @@ def _cast(labels, table, step, near, planes, visible, distance, first, last, out
                 x = int(px + t * dx + 0.5)
                 if skip and k >= free:
                     d = distance[z >> 3, y >> 3, x >> 3]
-                    free = leap(max(d, 1), z, y, x, k, step, 0.5, pz, py, px, dz, dy, dx)
+                    free = leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
                     if d > 0:
                         k = free
                         continue

@@ -12,6 +12,7 @@ from napari_unpack.raycasting.bricks import Bricks, leaps
 from napari_unpack.raycasting.lattice import (
     clipping_planes,
     leap,
+    per_voxel,
     ray_numbers,
     ray_of,
     sample_range,
@@ -86,7 +87,7 @@ def occlusion_counts(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _count(  # type: ignore[no-untyped-def]
     labels, table, step, near, planes, visible, distance,
     first_row, last_row, width, slots, counts, blocks,
@@ -107,6 +108,7 @@ def _count(  # type: ignore[no-untyped-def]
             blocked = False
             run = 0
             free = k
+            az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             while k < end:
                 t = (k + 0.5) * step
                 z = int(pz + t * dz + 0.5)
@@ -114,7 +116,7 @@ def _count(  # type: ignore[no-untyped-def]
                 x = int(px + t * dx + 0.5)
                 if skip and k >= free:
                     d = distance[z >> 3, y >> 3, x >> 3]
-                    free = leap(max(d, 1), z, y, x, k, step, 0.5, pz, py, px, dz, dy, dx)
+                    free = leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
                     if d > 0:
                         k = free
                         continue
@@ -145,7 +147,7 @@ def _count(  # type: ignore[no-untyped-def]
             _flush(counts, current, run, met, seen, blocked)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _flush(counts, label, run, met, seen, blocked):  # type: ignore[no-untyped-def]
     if label == 0:
         return

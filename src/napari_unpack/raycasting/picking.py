@@ -88,7 +88,7 @@ def by_contribution(shares: dict[int, float]) -> list[tuple[int, float]]:
     return objects[most:] + objects[:most]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _contribute(  # type: ignore[no-untyped-def]
     volume, labels, numbers, step, near, planes, spacing, lo, hi, table, tints, shares, order
 ):
