@@ -32,3 +32,37 @@ def phantom() -> tuple[np.ndarray, np.ndarray]:
     put(6, box(21, 36, 5, 24, 5, 30), 1200)
     put(7, box(21, 36, 27, 44, 20, 56), 1050)
     return volume, labels
+
+
+@pytest.fixture
+def bag() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of the phantom."""
+    return phantom()
+
+
+@pytest.fixture
+def session(bag):
+    """Return a session of the phantom, voxels of 1.5 mm."""
+    from napari_unpack.session import Session
+
+    return Session(*bag, spacing=(1.5, 1.5, 1.5))
+
+
+@pytest.fixture
+def staged(make_napari_viewer_proxy, session, qtbot):
+    """Return (viewer, stage): the phantom on a shown viewer of moderate size, at rest."""
+    from napari_unpack.layers.stage import Stage
+
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    stage = Stage(viewer, session)
+    stage.seconds = 0.3
+    stage.open()
+    assert stage.settle(60)
+    yield viewer, stage
+    stage.close()
+
+
+def canvas(viewer) -> np.ndarray:
+    """Return what the canvas shows, (H, W, 3) float."""
+    return np.asarray(viewer.screenshot(canvas_only=True, flash=False))[..., :3].astype(float)

@@ -1,4 +1,4 @@
-"""What is computed when the camera has come to rest: hues that keep neighbours apart."""
+"""What is computed when the camera has come to rest: hues, and who can leave next."""
 
 from __future__ import annotations
 
@@ -7,29 +7,34 @@ from typing import Any
 
 from qtpy.QtCore import QTimer
 
+from napari_unpack.layers.clock import stop
 from napari_unpack.layers.jobs import Jobs
-from napari_unpack.layers.view_camera import Frame
 
 REST_MS = 250
 
 
 class AtRest:
-    """Chooses hues a quarter of a second after the last movement, in a thread of its own.
+    """Asks the session's questions a quarter of a second after the last movement.
 
     Parameters
     ----------
     session : Session
-        Whose hues.
+        Whose hues and queue.
     jobs : Jobs
         With the lane "rest".
-    done : callable
-        Given the new hues on the main thread, unless the camera has moved meanwhile.
+    recolors : callable
+        Returns whether to choose hues now.
+
+    Notes
+    -----
+    Questions are put on the main thread, answered in the lane, and the answers accepted on the
+    main thread; hues that come after another movement are thrown away, and the session itself
+    refuses a queue that is out of date.
     """
 
-    def __init__(self, session: Any, jobs: Jobs, done: Callable[[dict[int, float]], None]) -> None:
-        self._session, self._jobs, self._done = session, jobs, done
+    def __init__(self, session: Any, jobs: Jobs, recolors: Callable[[], bool]) -> None:
+        self._session, self._jobs, self._recolors = session, jobs, recolors
         self._state = 0
-        self._frame: Frame | None = None
         self._timer = QTimer()
         self._timer.setSingleShot(True)
         self._timer.setInterval(REST_MS)
@@ -37,33 +42,30 @@ class AtRest:
 
     @property
     def waiting(self) -> bool:
-        """Whether hues are about to be chosen."""
+        """Whether questions are about to be put."""
         return bool(self._timer.isActive())
 
-    def moved(self, frame: Frame) -> None:
-        """Take note that the camera has moved."""
-        self._frame = frame
-        self.states_changed()
-
-    def states_changed(self) -> None:
-        """Take note that objects have left or come back."""
+    def moved(self) -> None:
+        """Take note that the camera has moved, or objects have left or come back."""
         self._state += 1
         self._timer.start()
 
     def close(self) -> None:
-        """Compute nothing more."""
-        self._timer.stop()
+        """Ask nothing more."""
+        stop(self._timer)
 
     def _ask(self) -> None:
-        frame, state = self._frame, self._state
-        if frame is not None:
-            self._jobs.ask(
-                "rest",
-                "hues",
-                lambda: self._session.hues_for(frame.camera, frame.size),
-                lambda hues: self._take(hues, state),
-            )
+        state = self._state
+        if self._session.flights:
+            self._timer.start()
+            return
+        leaving = self._session.occlusion_question()
+        if leaving is not None:
+            self._jobs.ask("rest", "queue", leaving.answer, self._session.accept_answer)
+        if self._recolors():
+            hues = self._session.hue_question()
+            self._jobs.ask("rest", "hues", hues.answer, lambda found: self._take(found, state))
 
     def _take(self, hues: dict[int, float], state: int) -> None:
         if state == self._state:
-            self._done(hues)
+            self._session.accept_hues(hues, undoable=False)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
-from time import perf_counter
 
 from qtpy.QtCore import Qt, QTimer
+
+
+def stop(timer: QTimer) -> None:
+    """Stop a timer, also one that Qt has deleted at the end of the application."""
+    with contextlib.suppress(RuntimeError):
+        timer.stop()
 
 
 class Clock:
@@ -16,19 +22,16 @@ class Clock:
     tick : callable
         Called with the time, s. Ticks that come late are dropped, never made up for, so a slow
         machine shows fewer frames of the same flight.
+    now : callable
+        Returns the time, s.
     """
 
-    def __init__(self, tick: Callable[[float], None]) -> None:
-        self._tick = tick
+    def __init__(self, tick: Callable[[float], None], now: Callable[[], float]) -> None:
+        self._tick, self.now = tick, now
         self._timer = QTimer()
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(16)
         self._timer.timeout.connect(self._on_timeout)
-
-    @staticmethod
-    def now() -> float:
-        """Return the time, s."""
-        return perf_counter()
 
     @property
     def running(self) -> bool:
@@ -42,7 +45,7 @@ class Clock:
 
     def stop(self) -> None:
         """Tick no more."""
-        self._timer.stop()
+        stop(self._timer)
 
     def _on_timeout(self) -> None:
         self._tick(self.now())

@@ -87,6 +87,11 @@ def native_canvas(viewer: Any) -> Any | None:
     return getattr(canvas, "_scene_canvas", None)
 
 
+def pixel_scale(viewer: Any) -> float:
+    """Return the device pixels of a logical pixel of a viewer's canvas."""
+    return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
+
+
 def when_window_closes(viewer: Any, callback: Callable[[], None]) -> None:
     """Call back when the viewer's window is taken down."""
     window = getattr(unwrap(viewer), "window", None)

@@ -9,6 +9,7 @@ from typing import Any
 from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.clock import stop
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.packed_window import recast_objects
 from napari_unpack.layers.shots import Shot
@@ -100,41 +101,50 @@ class PackedPainter:
 
     def recast_objects(self, ids: Iterable[int]) -> None:
         """Cast again where some objects are, since they have left, come back or changed."""
+        new = set(ids)
+        if not new:
+            return
         before, self._state = self._state, self._state + 1
-        self._touched |= set(ids)
+        self._touched |= new
         frame, shot = self._frame, self._shot
-        if frame is None or not self._touched:
+        if frame is None:
             return
         whole = shot is not None and self._finest is not None
         if not whole or self._finest != (frame, before):
             self._ask_coarse()
             return
-        touched, state = frozenset(self._touched), self._state
-        self._finest = (frame, state)
-        self._jobs.ask("quick", "packed window", lambda: self._window(shot, touched), self._patched)
+        touched = frozenset(self._touched)
+        wanted = self._finest = (frame, self._state)
+        self._jobs.ask(
+            "quick",
+            "packed window",
+            lambda: self._window(shot, touched),
+            lambda patched: self._patched(patched, touched, wanted),
+        )
 
     def close(self) -> None:
         """Stop asking for pictures."""
-        self._rest.stop()
+        stop(self._rest)
         self._frame = None
 
     def _is_fine(self) -> bool:
         return self._finest == (self._frame, self._state) and not self._touched
 
-    def _window(
-        self, shot: Shot | None, touched: frozenset[int]
-    ) -> tuple[Shot | None, frozenset[int]]:
+    def _window(self, shot: Shot | None, touched: frozenset[int]) -> Shot | None:
         self.passes += 1
         if shot is None:
-            return None, touched
-        return recast_objects(self._session, self.crop(), shot, touched, self._backend()), touched
+            return None
+        return recast_objects(self._session, self.crop(), shot, touched, self._backend())
 
-    def _patched(self, result: tuple[Shot | None, frozenset[int]]) -> None:
-        shot, touched = result
-        if self._finest is not None and self._finest[0] is self._frame:
+    def _patched(
+        self, shot: Shot | None, touched: frozenset[int], wanted: tuple[Frame, int]
+    ) -> None:
+        if self._finest == wanted:
             self._touched -= touched
             self._shot = shot
             self._show(shot)
+        elif not self._is_fine() and not self._jobs.has("packed"):
+            self._ask_fine()
 
     def _ask_coarse(self) -> None:
         frame, state = self._frame, self._state

@@ -59,7 +59,7 @@ class Projector:
         self._flights = FlightPainter(session, jobs, self._show_moving, _caster)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
         self._director = Director(session, self._small.has, lambda _: self.bag.settled)
-        self._clock = Clock(self._tick)
+        self._clock = Clock(self._tick, session.clock)
 
     @property
     def settled(self) -> bool:
@@ -86,6 +86,7 @@ class Projector:
 
     def states_changed(self) -> None:
         """Follow the session's states."""
+        self._follow_inspection()
         packed = frozenset(i for i, s in self.session.states.items() if s.name == "PACKED")
         changed, self._packed_ids = packed ^ self._packed_ids, packed
         self._draw_moving()
@@ -115,16 +116,6 @@ class Projector:
             self.session.land(object_id)
             self._landed(object_id)
 
-    def inspect(self, object_id: int) -> None:
-        """Bring an object to the middle of the view."""
-        if self.frame is None or self.inspected == object_id:
-            return
-        self.end_inspection()
-        self._director.begin_inspection(object_id, self.frame, self._clock.now())
-        self.session.inspect(object_id)
-        self._dim(DIMMED)
-        self._clock.start()
-
     def leave(self) -> None:
         """Let the inspected object go back to its place."""
         one = self._director.inspection
@@ -137,13 +128,10 @@ class Projector:
         one = self._director.inspection
         if one is None:
             return
-        self._director.inspection = None
         pose = self.session.poses.get(one.object_id)
         self.session.leave()
         if pose is not None:
             self._place(one.object_id, replace(pose, rotation=one.rotation))
-        self._dim(1.0)
-        self._clock.start()
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
         """Turn an object under the hand."""
@@ -178,6 +166,19 @@ class Projector:
         self._clock.stop()
         self.bag.close()
         self.frame = None
+
+    def _follow_inspection(self) -> None:
+        """Begin or end showing an object alone, as the session says."""
+        ids = [i for i, s in self.session.states.items() if s.name == "INSPECTED"]
+        wanted = ids[0] if ids else 0
+        one = self._director.inspection
+        if self.frame is None or (0 if one is None else one.object_id) == wanted:
+            return
+        self._director.inspection = None
+        if wanted:
+            self._director.begin_inspection(wanted, self.frame, self._clock.now())
+        self._dim(DIMMED if wanted else 1.0)
+        self._clock.start()
 
     def _place(self, object_id: int, pose: Any) -> None:
         self._director.landed(object_id, pose)

@@ -70,6 +70,7 @@ class Stage:
         self.backend, self.recolor_at_rest = "auto", True
         self.events = StageEvents()
         self._borrowed: Borrowed | None = None
+        self._before = False, "auto"
         self._pointed = 0
         box = np.stack([np.zeros(3), np.asarray(session.labels.shape, dtype=float) - 1])
         where = placement_of(self.sources, np.asarray(session.spacing, dtype=np.float64))
@@ -86,7 +87,7 @@ class Stage:
             self.events.frame.emit,
             self.events.landed.emit,
         )
-        self._at_rest = AtRest(session, self._jobs, self._after_rest)
+        self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest)
         self._pointer: Pointer | None = None
 
     @property
@@ -142,7 +143,9 @@ class Stage:
             raise RuntimeError(compat.problem())
         viewer = self.viewer
         self._borrowed = Borrowed.from_viewer(viewer, self.sources)
-        self.session.animated = True
+        self._before = self.session.animated, self.session.backend
+        # The session's questions are answered in threads, where GL has no context.
+        self.session.animated, self.session.backend = True, "cpu"
         for layer in self.sources:
             layer.visible = False
         viewer.dims.ndisplay = 3
@@ -166,7 +169,7 @@ class Stage:
         self._projector.close()
         self._at_rest.close()
         self._jobs.close()
-        self.session.animated = False
+        self.session.animated, self.session.backend = self._before
         for object_id in list(self.session.flights):
             self.session.land(object_id)
         if compat.native_canvas(self.viewer) is not None:
@@ -194,7 +197,9 @@ class Stage:
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
-        self._projector.inspect(object_id)
+        if self.inspected != object_id:
+            self._projector.end_inspection()
+            self.session.inspect(object_id)
 
     def leave(self) -> None:
         """Come back from inspection; the sprite becomes what was seen last."""
@@ -203,7 +208,9 @@ class Stage:
     def frame_bag(self) -> None:
         """Set the viewer's camera so that the bag and all sprites fit beside each other."""
         height, width = self.viewer.canvas.size
-        camera = self.session.framed_camera((int(height), int(width)))
+        pixels = compat.pixel_scale(self.viewer)
+        self.session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
+        camera = self.session.overview()
         center, zoom, direction, up = napari_view(camera, napari_from_world(self.packed), height)
         napari_camera = self.viewer.scene.camera
         napari_camera.perspective = camera.fov
@@ -301,11 +308,11 @@ class Stage:
             self.session.canvas_size = frame.size
             self.session.look(frame.camera)
             self._projector.look(frame)
-            self._at_rest.moved(frame)
+            self._at_rest.moved()
 
     def _on_states(self) -> None:
         self._projector.states_changed()
-        self._at_rest.states_changed()
+        self._at_rest.moved()
 
     def _on_hues(self) -> None:
         self._projector.hues_changed()
@@ -316,10 +323,6 @@ class Stage:
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:
             self.close()
-
-    def _after_rest(self, hues: dict[int, float]) -> None:
-        if self.recolor_at_rest and not self.flying:
-            self.session.set_hues(hues)
 
     def _mark(self) -> None:
         mark(self.sprites, self.session.selected, self._pointed)
