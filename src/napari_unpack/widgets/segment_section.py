@@ -208,6 +208,7 @@ class SegmentSection(Section):
                 )
             )
         liked = preferences()
+        prepared.session.backend = liked.backend
         prepared.session.take_least_occluded = liked.take_least_blocked
         self._bench.open(
             prepared.session,

@@ -1,0 +1,139 @@
+"""What the third step says about who is free, and what it does when nobody is."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from napari.utils.notifications import notification_manager
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+from widget_phantoms import add_bag, open_panel, press, stage_with, states
+
+from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+Viewers = Callable[..., Any]
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy: Viewers) -> Any:
+    return make_napari_viewer_proxy(show=True)
+
+
+@pytest.fixture
+def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
+
+
+def _marked_free(panel: UnpackingWidget) -> set[int]:
+    model = panel.objects.model
+    words = {
+        model.id_at(row): model.index(row, Column.STATE).data(Qt.ItemDataRole.DisplayRole)
+        for row in range(model.rowCount())
+    }
+    return {i for i, word in words.items() if word == "free"}
+
+
+def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, free: set[int]) -> None:
+    panel.unpack.direction.setCurrentText(direction)
+    qtbot.waitUntil(lambda: _marked_free(panel) == free, timeout=10000)
+
+
+def test_the_free_objects_are_counted_and_marked_for_every_direction(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    # Balls 1 and 3 stand at x = 14, 2 and 4 behind them at x = 34. Ball 5 lies on all four, its
+    # rim just behind those of 1 and 3: voxel column (20, 26) is 9.8 from its centre and 10.0
+    # from that of 1. It hides 6. Upwards 5 and 6 lie free, side by side.
+    _leave(panel, qtbot, "Left (−x)", {1, 3})
+    assert panel.unpack.news.text() == "2 of 6 are free now."
+    _leave(panel, qtbot, "Up (−y)", {5, 6})
+
+    # The queue is used up before it is asked anew, but what the step says is always true: with
+    # 5 gone, 1 and 3 are free; 2 and 4 still lie under the rim of 6.
+    panel.workbench.stage.seconds = 0.1
+    panel.workbench.unpack([5])
+    qtbot.waitUntil(lambda: _marked_free(panel) == {1, 3, 6}, timeout=10000)
+    assert states(session)[5] == "UNPACKED"
+    assert panel.unpack.news.text() == "3 of 5 are free now."
+
+
+def test_unpacking_what_is_blocked_says_who_stands_in_front(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    session.rename(1, "Bottle")
+    session.rename(2, "Shoe")
+    before = len(notification_manager.records)
+    panel.workbench.unpack([2])
+    (notice,) = notification_manager.records[before:]
+    assert "Shoe cannot leave" in notice.message
+    assert "Bottle" in notice.message
+    assert set(states(session).values()) == {"PACKED"}
+
+
+def test_where_nobody_is_free_the_setting_decides(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    # Along x each of two objects stands in front of the other: a knot, if groups may not leave.
+    labels = np.zeros((8, 8, 8), np.uint8)
+    labels[1:4, 1:7, 1:3], labels[4:7, 1:7, 5:7] = 1, 1
+    labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
+    viewer.add_image(1000.0 * (labels > 0), name="knot")
+    expert = viewer.add_labels(labels, name="expert", visible=False)
+    session = stage_with(panel, qtbot, expert)
+    session.most_in_group = 1
+    panel.unpack.least.setChecked(False)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(lambda: "Every object is blocked" in panel.unpack.news.text(), timeout=10000)
+
+    before = len(notification_manager.records)
+    press(qtbot, panel.unpack.next)
+    assert "Nothing is free" in notification_manager.records[before].message
+    assert set(states(session).values()) == {"PACKED"}
+
+    panel.unpack.least.setChecked(True)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: len(notification_manager.records) == before + 2, timeout=2000)
+    assert "leaves" in notification_manager.records[-1].message
+    assert sorted(states(session).values())[1] == "PACKED"
+    assert set(states(session).values()) != {"PACKED"}
+
+
+def test_inspect_is_also_the_way_back(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    panel.workbench.stage.seconds = 0.1
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(panel.unpack.inspect.isEnabled, timeout=10000)
+    (out,) = [i for i, state in states(session).items() if state != "PACKED"]
+    qtbot.waitUntil(lambda: not panel.workbench.stage.flying, timeout=10000)
+    press(qtbot, panel.unpack.inspect)
+    assert states(session)[out] == "INSPECTED"
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=2000)
+    assert not panel.unpack.next.isEnabled()
+    press(qtbot, panel.unpack.inspect)
+    qtbot.waitUntil(lambda: states(session)[out] == "UNPACKED", timeout=10000)
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=2000)
+
+
+def test_restore_all_brings_everything_back(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    panel.workbench.stage.seconds = 0.1
+    panel.unpack.count.setValue(4)
+    assert panel.unpack.several.text() == "Unpack 4"
+    press(qtbot, panel.unpack.several)
+    qtbot.waitUntil(panel.unpack.all_back.isEnabled, timeout=10000)
+    press(qtbot, panel.unpack.all_back)
+    qtbot.waitUntil(lambda: set(states(session).values()) == {"PACKED"}, timeout=10000)
+    qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=2000)
