@@ -29,6 +29,7 @@ def gl(offscreen_context):
 
     with offscreen_context.use() as context:
         yield context
+        offscreen_context.canvas.set_current()
         context.flush_commands()
         assert GL.glGetError() == GL.GL_NO_ERROR
 
@@ -50,6 +51,7 @@ def canvas(shared_canvas):
 
     shared_canvas.set_current()
     yield shared_canvas
+    shared_canvas.set_current()
     shared_canvas.context.flush_commands()
     assert GL.glGetError() == GL.GL_NO_ERROR
     for widget in list(shared_canvas.central_widget.children):

@@ -136,3 +136,20 @@ def test_a_coarse_grid_tells_the_user(gl, look):
     caster.cast(rays_of(), look)
     assert "6x8x10" in store.notice
     caster.close()
+
+
+def test_a_layer_that_moves_to_another_canvas_casts_there(gl, canvas, look, offscreen_context):
+    labels = np.ones(SHAPE, np.uint16)
+    caster = TintedCaster(VolumeStore(labels, labels * 500))
+    with offscreen_context.use():
+        first = caster.cast(rays_of(), look)
+    second = caster.cast(rays_of(), look)
+    canvas.context.flush_commands()
+    assert second is not first
+    assert (caster.passes, caster.store.uploads) == (2, 4)
+    caster.close()
+    assert caster.passes == 2
+
+
+def test_a_window_of_one_pixel_is_drawn(caster, look):
+    assert caster.cast(rays_of((1, 1)), look).size == (1, 1)

@@ -46,6 +46,7 @@ def test_a_shader_stays_within_glsl_120(path):
         ("tinted_volume.frag", "fullscreen.vert", {"SHADED": 1}),
         ("object_id.frag", "fullscreen.vert", {"FOUND": 0}),
         ("object_id.frag", "fullscreen.vert", {"FOUND": 7}),
+        ("label_runs.frag", "fullscreen.vert", {}),
         ("card.frag", "card.vert", {}),
     ],
 )

@@ -14,11 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering import offscreen
 from napari_unpack.rendering.framebuffer import NO_DEPTH, Target, Targets
 from napari_unpack.rendering.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
+from napari_unpack.rendering.occlusion_pass import OcclusionPass, counts_of_runs
 from napari_unpack.rendering.textures import Density, VolumeTextures
 from napari_unpack.rendering.tinted_pass import Look, TintedPass
 
@@ -71,6 +73,31 @@ def id_layers(
         )
         stacked = np.concatenate([t.read() for t in targets], axis=2)[:, :, :layers]
     return np.ascontiguousarray(np.moveaxis(stacked, 2, 0)).astype(np.int32)
+
+
+def occlusion_counts(
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    visible: NDArray[np.bool_],
+    bricks: BrickMap | None = None,
+) -> OcclusionCounts:
+    """Count how much of every object is hidden by others; see `raycasting.occlusion_counts`.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    with offscreen.context().use():
+        bench = _bench()
+        ids, samples = bench.occlusion.runs(
+            (bench.run_targets[0].get(rays.size), bench.run_targets[1].get(rays.size)),
+            bench.textures(labels, None),
+            rays,
+            visible,
+            None if bricks is None else bricks.inhabited(visible),
+        )
+    return counts_of_runs(ids, samples, visible)
 
 
 def tinted(
@@ -131,6 +158,8 @@ class Bench:
     def __init__(self) -> None:
         self.ids = ObjectIdPass()
         self.tinted = TintedPass()
+        self.occlusion = OcclusionPass()
+        self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
         self.tinted_targets = Targets(TintedPass.channels)
         self._id_targets: dict[int, Targets] = {}
         self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}

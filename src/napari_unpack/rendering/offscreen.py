@@ -57,6 +57,8 @@ class Offscreen:
         try:
             yield self.canvas.context
         finally:
+            # Whoever made another canvas current meanwhile must not get our commands.
+            self.canvas.set_current()
             self.canvas.context.flush_commands()
             if previous is not None and previous is not self.canvas:
                 previous.set_current()
@@ -86,6 +88,11 @@ def context() -> Offscreen:
 def is_software() -> bool:
     """Whether the driver draws on the CPU, so that the CPU backend is the better choice."""
     return is_software_renderer(context().renderer)
+
+
+def hardware() -> bool:
+    """Whether this thread can draw offscreen on graphics hardware; never raises."""
+    return available() and not is_software()
 
 
 def is_software_renderer(name: str) -> bool:

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from vispy.gloo.context import GLShared
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.framebuffer import Targets
+from napari_unpack.rendering.framebuffer import Targets, current_context
 from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tinted_pass import Look, TintedPass
 from napari_unpack.rendering.visuals.pictures import Picture
@@ -65,7 +66,8 @@ class TintedCaster:
     -----
     To be used where the canvas's context is current, as in `CardsVisual.before_draw`. Frame
     buffer and viewport are as before afterwards; blending and depth test are off, which
-    `CardsVisual` and vispy's visuals set for themselves. One caster serves one context.
+    `CardsVisual` and vispy's visuals set for themselves. In another context than last time, as
+    when a layer moves to another canvas, it starts afresh.
     """
 
     def __init__(self, store: VolumeStore) -> None:
@@ -73,12 +75,14 @@ class TintedCaster:
         self.picture: Picture | None = None
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
+        self._context: GLShared | None = None
+        self._earlier = 0
         self._last: Inputs | None = None
 
     @property
     def passes(self) -> int:
         """How often rays were cast."""
-        return 0 if self._pass is None else self._pass.passes
+        return self._earlier + (0 if self._pass is None else self._pass.passes)
 
     @property
     def targets_made(self) -> int:
@@ -109,6 +113,10 @@ class TintedCaster:
         Picture
             Colour and depth textures of the rays' size.
         """
+        context = current_context().shared
+        if context is not self._context:
+            self._start_afresh()
+            self._context = context
         inputs = Inputs(rays, look, occupied, jitter, clipping, self.store.version)
         if self.picture is not None and inputs.same_as(self._last):
             return self.picture
@@ -126,8 +134,12 @@ class TintedCaster:
     def close(self) -> None:
         """Free the frame buffers; the volumes stay with the store."""
         self._targets.clear()
-        self.picture = None
-        self._last = None
+        self._start_afresh()
+
+    def _start_afresh(self) -> None:
+        self._earlier = self.passes
+        self._pass = self._last = self.picture = self._context = None
+        self._targets = Targets(TintedPass.channels, smooth=True)
 
 
 def _equal(a: Any, b: Any) -> bool:
