@@ -8,6 +8,14 @@ from typing import Any
 BACKENDS = ("auto", "cpu", "gl")
 
 
+def counting(backend: str) -> Any:
+    """Return the module that counts occlusion: the CPU's where GL has no counters (below 4.3)."""
+    module = chosen(backend)
+    if hasattr(module, "occlusion_counts"):
+        return module
+    return importlib.import_module("napari_unpack.raycasting")
+
+
 def chosen(backend: str) -> Any:
     """Return the module that draws.
 
@@ -42,4 +50,5 @@ def _offscreen() -> Any:
 
 
 def _hardware() -> bool:
-    return bool(_offscreen().hardware())
+    offscreen = _offscreen()
+    return bool(offscreen.available() and not offscreen.is_software())

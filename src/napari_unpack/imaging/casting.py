@@ -15,7 +15,7 @@ from napari_unpack.geometry import rays as geometry_rays
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera
-from napari_unpack.imaging.backends import chosen
+from napari_unpack.imaging.backends import chosen, counting
 
 TABLE_ENTRIES = 1024
 """Rows of the transfer function's table."""
@@ -205,4 +205,4 @@ def cast_occlusion(
     OcclusionCounts
     """
     rays = rays_for(camera.orthographic(), size, spacing, step_scale=step_scale)
-    return chosen(backend).occlusion_counts(labels, rays, visible, bricks=bricks)
+    return counting(backend).occlusion_counts(labels, rays, visible, bricks=bricks)

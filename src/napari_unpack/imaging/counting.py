@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +15,9 @@ from napari_unpack.geometry.view import View
 from napari_unpack.imaging.arguments import Labels, checked_labels, checked_size, checked_spacing
 from napari_unpack.imaging.casting import cast_occlusion
 from napari_unpack.imaging.pictures import step_scale
+from napari_unpack.unpacking.occlusion import Definition, ratios
 
-DEFINITIONS = ("first_hit", "exact", "eq2", "first_hit_bbox")
+DEFINITIONS = get_args(Definition)
 
 
 def occlusion(
@@ -67,7 +69,7 @@ def occlusion_ratios(
     labels: ArrayLike,
     spacing: ArrayLike = (1.0, 1.0, 1.0),
     view: View | Sequence[float] | None = None,
-    definition: str = "first_hit",
+    definition: Definition = "first_hit",
     size: Sequence[int] = (512, 512),
     hidden: Iterable[int] = (),
     backend: str = "auto",
@@ -79,7 +81,7 @@ def occlusion_ratios(
     ----------
     labels, spacing, view, size, hidden, backend, step
         As for `occlusion`.
-    definition : {"first_hit", "exact", "eq2", "first_hit_bbox"}
+    definition : {"first_hit", "exact", "eq2", "first_hit_bbox", "listing"}
         What is counted, see Notes.
 
     Returns
@@ -99,21 +101,15 @@ def occlusion_ratios(
     object, over rays that meet it. "first_hit_bbox": the same over the pixels covered by the
     front faces of the object's box, as the paper approximates. "exact" (not in the paper):
     samples with any other object in front of them, re-entry counted, over all samples; zero is
-    what a straight pull needs.
+    what a straight pull needs. "listing" is the paper's single-pass listing; the same as "eq2".
     """
     if definition not in DEFINITIONS:
         raise ValueError(f"definition must be one of {DEFINITIONS}, got {definition!r}")
     given = checked_labels(labels)
     boxes = definition == "first_hit_bbox"
     counts = _counted(given, spacing, view, size, hidden, backend, step, boxes)
-    numerator, denominator = {
-        "first_hit": (counts.occluded_hits, counts.hits),
-        "first_hit_bbox": (counts.occluded_hits, counts.front_area),
-        "eq2": (counts.occluded_samples, counts.samples),
-        "exact": (counts.exact_samples, counts.samples),
-    }[definition]
-    assert denominator is not None
-    return {given.name(int(i)): float(numerator[i] / denominator[i]) for i in counts.ids}
+    found = ratios(counts, definition)
+    return {given.name(label): ratio for label, ratio in found.items()}
 
 
 def _counted(

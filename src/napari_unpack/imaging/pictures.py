@@ -77,8 +77,7 @@ def object_id_layers(
     if given.names is None:
         return ids
     wide = np.int32 if given.names[-1] <= np.iinfo(np.int32).max else np.int64
-    named: NDArray[np.int32] | NDArray[np.int64] = given.names.astype(wide)[ids]
-    return named
+    return np.take(given.names.astype(wide), ids)
 
 
 def render(

@@ -1,0 +1,91 @@
+"""Views and cameras: framing, projection, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from napari_unpack.geometry.axes import flip, flip_matrix, unit
+from napari_unpack.geometry.view import Camera, View
+
+SHAPE, SPACING = (30, 40, 50), (1.0, 1.0, 2.0)
+
+
+def test_the_default_view_frames_the_bounding_sphere() -> None:
+    # 30 x 40 x 100 mm: the diagonal is sqrt(900 + 1600 + 10000) = 111.803 mm. The first voxel's
+    # centre is the origin, so the middle is at (14.5, 19.5, 49).
+    camera = View().camera(SHAPE, SPACING)
+    assert camera.height == pytest.approx(111.8034, abs=1e-4)
+    np.testing.assert_allclose(camera.center, (14.5, 19.5, 49.0))
+
+
+def test_in_perspective_the_sphere_still_just_touches_the_frame() -> None:
+    camera = View(fov=40.0).camera(SHAPE, SPACING)
+    radius = 111.8034 / 2
+    assert np.sin(np.radians(20.0)) == pytest.approx(radius / camera.distance, rel=1e-5)
+
+
+def test_axes_of_the_camera_looking_along_x() -> None:
+    camera = View(direction=(0, 0, 3)).camera(SHAPE, SPACING)
+    np.testing.assert_allclose(camera.direction, (0, 0, 1))
+    np.testing.assert_allclose(camera.up, (0, -1, 0))
+    np.testing.assert_allclose(camera.right, (1, 0, 0))
+    assert np.linalg.det(camera.rotation) == pytest.approx(1.0)
+
+
+def test_looking_along_y_takes_another_up() -> None:
+    camera = View(direction=(0, 1, 0)).camera(SHAPE, SPACING)
+    np.testing.assert_allclose(camera.up, (-1, 0, 0))
+
+
+@pytest.mark.parametrize("fov", [0.0, 30.0])
+def test_the_centre_projects_to_the_middle(fov: float) -> None:
+    camera = View(direction=(1, 2, 3), fov=fov).camera(SHAPE, SPACING)
+    np.testing.assert_allclose(camera.project(camera.center, (100, 60)), (49.5, 29.5))
+
+
+def test_projection_in_numbers() -> None:
+    # 100 mm over 50 pixels: 2 mm a pixel. A point 10 mm down and 6 mm right of the centre.
+    camera = Camera(np.eye(3), np.zeros(3), height=100.0)
+    np.testing.assert_allclose(camera.project((0, 10, 6), (50, 50)), (24.5 + 5, 24.5 + 3))
+    # With 90 degrees the eye is 50 mm away; 25 mm towards it everything is twice as large.
+    near = Camera(np.eye(3), np.zeros(3), height=100.0, fov=90.0)
+    np.testing.assert_allclose(near.project((25, 10, 6), (50, 50)), (24.5 + 10, 24.5 + 6))
+
+
+def test_orthographic_keeps_all_but_the_perspective() -> None:
+    view = View(direction=(1, 2, 3), fov=30.0, height=80.0)
+    assert view.orthographic() == View(direction=(1, 2, 3), height=80.0)
+    camera = view.camera(SHAPE, SPACING).orthographic()
+    assert camera.fov == 0.0
+    assert camera.height == 80.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"direction": (0, 0, 0)}, "direction"),
+        ({"direction": (0, 0, np.nan)}, "direction"),
+        ({"direction": (0, 1)}, "direction"),
+        ({"up": (0, 0, 2)}, "up"),
+        ({"fov": 170.0}, "fov"),
+        ({"fov": -1.0}, "fov"),
+        ({"height": 0.0}, "height"),
+        ({"height": float("inf")}, "height"),
+    ],
+)
+def test_an_impossible_view_is_refused_by_name(arguments, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        View(**arguments)
+
+
+def test_flip_and_flip_matrix_agree() -> None:
+    matrix = np.arange(16.0).reshape(4, 4)
+    v = np.array([2.0, 3.0, 5.0])
+    there = matrix[:3, :3] @ v + matrix[:3, 3]
+    flipped = flip_matrix(matrix)
+    np.testing.assert_allclose(flipped[:3, :3] @ flip(v) + flipped[:3, 3], flip(there))
+
+
+def test_unit_has_length_one() -> None:
+    np.testing.assert_allclose(unit((0, 3, 4)), (0, 0.6, 0.8))
