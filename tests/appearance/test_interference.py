@@ -103,5 +103,5 @@ def test_many_ids_grow_the_table_of_pairs():
     ],
 )
 def test_bad_input_is_refused(ids, settings, error):
-    with pytest.raises(error, match="ids|distance|layers"):
+    with pytest.raises(error, match=r"ids|distance|layers"):
         interference(ids, **settings)

@@ -98,7 +98,7 @@ def test_restoring_a_chosen_object_leaves_the_others_out():
 def test_chosen_objects_leave_together_with_what_they_stand_behind_if_that_is_chosen_too():
     session = session_of(stack_of_plates())
     assert session.unpack([3, 1, 2]) == (1, 2, 3)
-    with pytest.raises(BlockedError, match="Object 5 cannot leave.*before Object 4"):
+    with pytest.raises(BlockedError, match=r"Object 5 cannot leave.*before Object 4"):
         session.unpack([5])
     assert states(session, 4, 5) == ["PACKED", "PACKED"]
 
@@ -130,11 +130,11 @@ def test_a_knot_that_is_too_large_counts_as_nobody_free():
     # By first hit 1 has 8 rays in front and 8 behind 2, 2 has 8 of 16 behind 1: 0.5 each.
     assert session.unpack() == (1,)
     assert told == [
-        "Nothing is free along this direction: Object 1, the least blocked (50% of it), leaves."
+        "Nothing is free along this direction; Object 1 is blocked least (50.0% of it): it leaves."
     ]
     session.undo()
     session.take_least_occluded = False
-    with pytest.raises(NobodyFreeError, match="Object 1 is blocked least \\(50% of it\\)"):
+    with pytest.raises(NobodyFreeError, match="Object 1 is blocked least \\(50.0% of it\\)"):
         session.unpack()
     assert session.unpackable() == ()
     assert states(session, 1, 2, 3) == ["PACKED"] * 3

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -84,7 +86,7 @@ def test_the_way_is_continuous():
     poses = [flight().pose_at(f, now) for f in np.linspace(0, 1, 2001)]
     steps = np.linalg.norm(np.diff([p.center for p in poses], axis=0), axis=1)
     assert steps.max() < 1.5
-    turns = [np.abs(a.rotation - b.rotation).max() for a, b in zip(poses, poses[1:], strict=False)]
+    turns = [np.abs(a.rotation - b.rotation).max() for a, b in pairwise(poses)]
     assert max(turns) < 0.01
 
 

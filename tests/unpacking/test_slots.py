@@ -69,11 +69,11 @@ def test_fewer_objects_make_larger_sprites():
     assert few.cell_mm / few.height_mm > 1.3 * many.cell_mm / many.height_mm
 
 
-def test_slots_are_filled_from_near_the_bag_outwards():
+def test_slots_flank_the_bag_and_grow_up_and_down_right_and_left_in_turn():
     centers = arrange(40, 150.0, (700, 1500)).centers[:, 1:]
-    side = arrange(40, 150.0, (700, 1500)).cell_mm
-    near = np.hypot(*np.maximum(np.abs(centers) - side / 2, 0).T)
-    assert (np.diff(near) >= -2.0).all()
+    assert (np.diff(np.abs(centers[:, 0])) >= -1e-6).all()
+    assert (centers[0:10:2, 1] > 0).all()
+    np.testing.assert_allclose(centers[1:10:2], centers[0:10:2] * [1, -1], atol=1e-9)
 
 
 def test_a_sprite_is_true_to_the_bag_where_its_size_allows():

@@ -31,7 +31,7 @@ def assign_hues(
         arcs are at least margin / C apart. 0 is the paper's.
     separation : float, optional
         With `previous`: hue distance under which two neighbours count as too alike, by default
-        max(margin, 0.5) / C, which a fresh assignment can always meet.
+        margin / C (0.5 / C where there is no margin), which a fresh assignment always meets.
     locked : collection of int
         With `previous`: objects whose hue is not to change.
 
@@ -57,7 +57,7 @@ def assign_hues(
     known = {node: previous[node] for node in graph if node in previous} if previous else {}
     if not known:
         return arc_hues(graph, classes, margin)
-    safe = max(margin, 0.5)
+    safe = margin or 0.5
     apart = safe / max(len(classes), 1) if separation is None else separation
     kept = keep_hues(graph, known, apart, locked)
     if kept is not None:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from napari_unpack.session.asking import Casters, OcclusionAnswer, OcclusionQuestion
     from napari_unpack.session.errors import BlockedError, NobodyFreeError
-    from napari_unpack.session.session import LogEntry, Session
+    from napari_unpack.session.log import LogEntry
+    from napari_unpack.session.session import Session
     from napari_unpack.session.state import ObjectState
 
 _HOMES = {
     "BlockedError": "errors",
     "Casters": "asking",
-    "LogEntry": "session",
+    "LogEntry": "log",
     "NobodyFreeError": "errors",
     "ObjectState": "state",
     "OcclusionAnswer": "asking",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class NobodyFreeError(ValueError):
     """Nothing in the bag can leave along the direction, and the session may not force it."""
@@ -9,3 +11,11 @@ class NobodyFreeError(ValueError):
 
 class BlockedError(ValueError):
     """An object chosen to leave has others in front of it."""
+
+
+def listed(names: Iterable[str]) -> str:
+    """Join names for a sentence, three and a number where they are many."""
+    found = list(names)
+    if len(found) > 4:
+        found = [*found[:3], f"{len(found) - 3} others"]
+    return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"

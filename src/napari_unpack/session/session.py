@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -12,38 +12,14 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
 from napari_unpack.session.checks import checked_count, checked_ids
-from napari_unpack.session.errors import BlockedError, NobodyFreeError
+from napari_unpack.session.errors import BlockedError, NobodyFreeError, listed
+from napari_unpack.session.log import LogEntry
 from napari_unpack.session.sight import SessionSight
 from napari_unpack.session.state import Berth, Situation
 from napari_unpack.unpacking import Queue, bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.occlusion import Rule
 
 Group = tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class LogEntry:
-    """One departure, for the paper's figure 7.
-
-    Parameters
-    ----------
-    event : {"query run", "queue reuse"}
-        Whether rays were cast for it.
-    ids : tuple of int
-        Who left.
-    packed : int
-        Objects in the bag before.
-    ratio : float
-        Occlusion ratio (`first_hit`): 0 but where the least occluded object was taken.
-    seconds : float
-        What the query took; 0 for reuse.
-    """
-
-    event: str
-    ids: Group
-    packed: int
-    ratio: float
-    seconds: float
 
 
 class Session(SessionSight):
@@ -314,9 +290,15 @@ class Session(SessionSight):
             if not queue.groups:
                 if left:
                     break
-                raise self._nobody_free(answer, packed)
+                raise NobodyFreeError(
+                    f"Nothing is free along this direction; {self._stuck(answer, packed)}. Choose "
+                    "another direction, or let the least blocked leave."
+                )
             if queue.least_occluded:
-                self._tell_least(queue.groups[0][0], answer)
+                stuck = self._stuck(answer, packed)
+                self.events.message.emit(
+                    f"Nothing is free along this direction; {stuck}: it leaves."
+                )
             situation = replace(situation, queue=queue)
             situation = self._leave(situation, queue.groups[0], answer is not before)
             left.extend(queue.groups[0])
@@ -379,26 +361,11 @@ class Session(SessionSight):
         )
         return situation.with_out(berths)
 
-    def _nobody_free(
-        self, answer: OcclusionAnswer | None, packed: frozenset[int]
-    ) -> NobodyFreeError:
+    def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
         least = answer.least_occluded(packed) if answer else min(packed)
         ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
-        return NobodyFreeError(
-            f"Nothing is free along this direction; {self._names([least])} is blocked least "
-            f"({ratio:.0%} of it). Choose another direction, or let the least blocked leave."
-        )
-
-    def _tell_least(self, object_id: int, answer: OcclusionAnswer | None) -> None:
-        ratio = answer.first_hit.get(object_id, 0.0) if answer else 0.0
-        self.events.message.emit(
-            f"Nothing is free along this direction: {self._names([object_id])}, the least "
-            f"blocked ({ratio:.0%} of it), leaves."
-        )
+        return f"{self._names([least])} is blocked least ({ratio:.1%} of it)"
 
     def _names(self, ids: Iterable[int]) -> str:
         names = self.objects["name"]
-        found = [str(names[i]) for i in sorted(ids)]
-        if len(found) > 4:
-            found = [*found[:3], f"{len(found) - 3} others"]
-        return " and ".join([", ".join(found[:-1]), found[-1]]) if len(found) > 1 else found[0]
+        return listed(str(names[i]) for i in sorted(ids))

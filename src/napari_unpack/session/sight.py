@@ -47,7 +47,7 @@ class SessionSight(SessionCore):
     """
 
     locked_hues: frozenset[int] = frozenset()
-    hue_margin = 0.5
+    hue_margin = 0.4
     _colored = False
 
     @property

@@ -163,7 +163,7 @@ def _cells(
     count: int, height: int, width: int, side: float, radius: float, gap: float
 ) -> tuple[NDArray[np.float64], int]:
     inside = _grid(height, width, side, gap)
-    inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9], side)
+    inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9])
     if len(inside) >= count:
         return inside[:count], count
     # Too small a window: further columns on the same pitch beyond its left and right edges,
@@ -183,10 +183,14 @@ def _cells(
     return np.concatenate([inside, np.array(outside)])[:count], len(inside)
 
 
-def _in_order(cells: NDArray[np.float64], side: float) -> NDArray[np.float64]:
-    """Order cells for filling: near the bag first, right before left, upper before lower."""
-    near = np.round(_nearest(cells, side))
-    return cells[np.lexsort((cells[:, 0], cells[:, 1] < 0, near))]
+def _in_order(cells: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Order cells for filling: rows from the middle outwards, in a row near the bag first.
+
+    Sprites so flank the bag and grow up and down, right and left in turn. Bags are wide rather
+    than high, so that the cells in the corners, though near the circle, look far from the bag.
+    """
+    row, col = np.round(cells).T
+    return cells[np.lexsort((col < 0, np.abs(col), row > 0, np.abs(row)))]
 
 
 def _mm_per_pixel(radius_mm: float, radius_px: float, height_px: int, fov: float) -> float:
