@@ -51,7 +51,7 @@ def boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.join(box(0.11 * L, 0.03 * L, 0.02 * L, 0.01 * L), (0, 0.44 * L, x * L))
     clay.paint("rubber")
     for i in range(5):
-        y, x = (0.13 - 0.115 * i) * L, (0.055 - 0.012 * i) * L
+        y, x = (0.13 - 0.115 * i) * L, (-0.02 + 0.045 * max(0.0, 1 - i / 1.5)) * L
         clay.start(round_cone(0.02 * L, 0.02 * L, 0.075 * L), (0, y, x), ACROSS @ turned("z", 8.0))
         clay.paint("cotton")
     return blueprint("boot", "boot", "leather", clay, (SIDE, SIDE.T, FLAT))
@@ -126,9 +126,9 @@ def belt(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
             step = box(0.06 * L, half * 0.98, thick)
             clay.start(step, (0.03 * L, 0, ring - 0.065 * L), turned("y", 35.0)).paint("leather")
     clay.start(
-        box(0.05 * L + half * 0.6, half * 1.25, 0.02 * L, 0.01 * L), (-0.02 * L, 0, 0.46 * L)
+        box(0.05 * L + half * 0.6, half * 1.25, 0.02 * L, 0.01 * L), (-0.02 * L, 0, 0.43 * L)
     )
-    clay.cut(box(half * 0.6, half * 0.85, 0.1 * L), (-0.02 * L, 0, 0.46 * L))
-    clay.join(box(0.012 * L + half * 0.6, 0.02 * L, 0.016 * L), (-0.02 * L, 0, 0.47 * L))
+    clay.cut(box(half * 0.6, half * 0.85, 0.1 * L), (-0.02 * L, 0, 0.54 * L))
+    clay.join(box(0.012 * L + half * 0.6, 0.02 * L, 0.016 * L), (-0.02 * L, 0, 0.44 * L))
     clay.paint("brass")
     return blueprint("belt", "rolled belt", "leather", clay, (FLAT,))

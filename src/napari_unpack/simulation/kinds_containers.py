@@ -132,7 +132,7 @@ def tube(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay = Clay()
     clay.start(loft((r, r), (0.2 * L, 0.022 * L), 0.36 * L, 0.01 * L), (0, 0, 0.12 * L))
     clay.join(box(0.2 * L, 0.022 * L, 0.03 * L), (0, 0, 0.47 * L))
-    clay.join(loft((0.05 * L, 0.05 * L), (r, r), 0.03 * L), (0, 0, -0.26 * L))
+    clay.join(loft((0.05 * L, 0.05 * L), (r, r), 0.05 * L), (0, 0, -0.27 * L))
     clay.paint("polyethylene").paint("cosmetic", inset=wall)
     clay.start(ribs(0.075 * L, 0.1 * L, 0.02 * L, 0.03 * L, 0.006 * L), (0, 0, -0.4 * L))
     clay.paint("polypropylene")

@@ -140,7 +140,7 @@ def torch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay = Clay()
     clay.start(ribs(r, 0.34 * L, 0.02 * L, 0.035 * L, 0.006 * L), (0, 0, 0.16 * L))
     clay.join(loft((0.17 * L, 0.17 * L), (r, r), 0.09 * L), (0, 0, -0.24 * L))
-    clay.join(cylinder(0.175 * L, 0.08 * L, 0.02 * L), (0, 0, -0.42 * L))
+    clay.join(cylinder(0.175 * L, 0.1 * L, 0.02 * L), (0, 0, -0.4 * L))
     clay.cut(cylinder(0.14 * L, 0.03 * L), (0, 0, -0.5 * L))
     clay.paint("aluminium").paint("air", inset=1.3 * wall)
     for x in (0.02, 0.29):

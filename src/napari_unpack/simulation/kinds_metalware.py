@@ -73,7 +73,7 @@ def cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a spoon or a fork."""
     thick = max(0.012 * L, 0.8 * wall)
     clay = Clay()
-    handle = loft((0.018 * L, thick), (0.05 * L, thick), 0.3 * L, 0.3 * thick)
+    handle = loft((0.018 * L, thick), (0.05 * L, thick), 0.33 * L, 0.3 * thick)
     if rng.random() < 0.5:
         clay.start(ellipsoid(0.095 * L, 0.06 * L, 0.15 * L), (0, -0.01 * L, -0.34 * L))
         clay.cut(ellipsoid(0.095 * L, 0.06 * L, 0.15 * L), (0, -0.01 * L - 2 * thick, -0.34 * L))
@@ -85,8 +85,8 @@ def cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
             tine = round_cone(thick, 0.016 * L, 0.1 * L)
             clay.join(tine, (z * L, -0.01 * L, -0.38 * L), turned("z", -6.0))
         name = "fork"
-    clay.join(handle, (0, 0, 0.18 * L), soft=0.02 * L)
-    clay.join(cylinder(0.05 * L, thick), (0, 0, 0.46 * L), STANDING)
+    clay.join(handle, (0, 0, 0.12 * L), soft=0.02 * L)
+    clay.join(cylinder(0.05 * L, thick), (0, 0, 0.44 * L), STANDING)
     clay.paint("steel")
     return blueprint("cutlery", name, "steel", clay, (FLAT, BACK))
 
@@ -121,7 +121,7 @@ def clothes_hanger(rng: np.random.Generator, L: float, wall: float) -> Blueprint
         clay.start(arm, (side * 0.22 * L, 0, 0.12 * L), turn).paint("wood")
     clay.start(round_cone(thick, thick, 0.4 * L), (0, 0, 0.2 * L), ACROSS).paint("wood")
     wire = max(0.011 * L, 0.7 * wall)
-    hook = turned("y", 150.0)
+    hook = turned("y", 120.0)
     clay.start(arc(0.07 * L, wire, np.radians(125)), (0, 0, -0.17 * L), hook)
     clay.join(cylinder(wire, 0.06 * L), (0, 0, -0.04 * L)).paint("steel")
     return blueprint("hanger", "coat hanger", "wood", clay, (FLAT,))

@@ -52,7 +52,7 @@ def teddy(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(ellipsoid(0.035 * L, 0.025 * L, 0.025 * L), (0, -0.2 * L, -0.24 * L)).paint("ABS")
     for side in (-1, 1):
         bow = round_cone(0.02 * L, 0.05 * L, 0.05 * L)
-        clay.start(bow, (side * 0.06 * L, -0.15 * L, -0.1 * L), turned("y", side * 90.0))
+        clay.start(bow, (side * 0.06 * L, -0.125 * L, -0.1 * L), turned("y", side * 90.0))
         clay.paint("cotton")
     return blueprint("teddy", "teddy bear", "plush", clay, (FLAT, turned("x", 25.0)))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +17,9 @@ from napari_unpack.simulation import (
 from napari_unpack.simulation.blueprint import Blueprint
 from napari_unpack.simulation.stacking import BLOCKED, Stack
 
-KEPSAKES = (
+Builder = Callable[[np.random.Generator, float, float], Blueprint]
+
+KEPSAKES: tuple[tuple[Builder, float], ...] = (
     (kinds_toys.duck, 0.5),
     (kinds_household.soap, 0.5),
     (kinds_household.candle, 0.75),
@@ -28,10 +33,21 @@ KEPSAKES = (
 """What is kept in cartons, with its length as a share of the room's."""
 
 
-def contents(
-    rng: np.random.Generator, container: Blueprint, count: int, wall: float
-) -> list[Blueprint]:
-    """Model what a container holds.
+@dataclass(frozen=True)
+class Content:
+    """A thing to be put into a container: how it is modelled, its length (mm) and its seed."""
+
+    build: Builder
+    length: float
+    seed: int
+
+    def model(self, share: float, wall: float) -> Blueprint:
+        """Model it at a share of its length."""
+        return self.build(np.random.default_rng(self.seed), self.length * share, wall)
+
+
+def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list[Content]:
+    """Choose what a container holds.
 
     Parameters
     ----------
@@ -41,27 +57,28 @@ def contents(
         With room.
     count : int
         How many things.
-    wall : float
-        Thinnest wall that is resolved, mm.
 
     Returns
     -------
-    list of Blueprint
-        Coins in a pouch, small things in a carton, of a size to fit.
+    list of Content
+        Coins in a pouch, small things in a carton.
     """
     if container.room is None:
         return []
     hz, hy, hx = container.room
     if container.kind == "pouch":
-        across = min(0.9 * hz, 0.55 * hx) * rng.uniform(0.85, 1.0, count)
-        return [kinds_containers.coin(rng, float(size), wall) for size in across]
-    chosen = rng.choice(len(KEPSAKES), size=count, replace=count > len(KEPSAKES))
-    things = []
-    for index in chosen:
-        build, share = KEPSAKES[index]
-        length = share * 2 * hx * min(1.0, (2.5 / count) ** (1 / 3))
-        things.append(build(rng, min(length, 3.2 * hy), wall))
-    return things
+        lengths = min(0.9 * hz, 0.55 * hx) * rng.uniform(0.85, 1.0, count)
+        builders: list[Builder] = [kinds_containers.coin] * count
+    else:
+        chosen = rng.choice(len(KEPSAKES), size=count, replace=count > len(KEPSAKES))
+        crowd = min(1.0, (2.5 / count) ** (1 / 3))
+        lengths = np.array([KEPSAKES[i][1] for i in chosen]) * 2 * hx * crowd
+        lengths = np.minimum(lengths, 3.2 * hy)
+        builders = [KEPSAKES[i][0] for i in chosen]
+    return [
+        Content(build, float(length), int(rng.integers(2**62)))
+        for build, length in zip(builders, lengths, strict=True)
+    ]
 
 
 def room_of(

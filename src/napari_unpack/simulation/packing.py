@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from napari_unpack.simulation.blueprint import Blueprint, Rotation
 from napari_unpack.simulation.clay import turned
 from napari_unpack.simulation.draping import drape, tailor
-from napari_unpack.simulation.nesting import contents, room_of
+from napari_unpack.simulation.nesting import Content, contents, room_of
 from napari_unpack.simulation.planning import Order
 from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette
 from napari_unpack.simulation.stacking import Profile, Rest, Stack
@@ -19,6 +19,7 @@ from napari_unpack.simulation.stacking import Profile, Rest, Stack
 Progress = Callable[[float, str], object]
 SHRINK = 0.9
 SMALLEST = 0.35
+SMALLER = (1.0, 0.8, 0.64, 0.51)
 FEWEST_VOXELS = 6
 
 
@@ -126,22 +127,32 @@ class Packing:
     ) -> None:
         parent = len(self.records)
         room = room_of(container, rotation, raster.inside.shape, raster.origin, self.spacing)
-        for thing in contents(rng, container, count, self.wall):
-            turn = thing.rests[0] @ turned("y", 0.0)
-            best: tuple[float, Raster, Profile, Rest] | None = None
-            for degrees in rng.uniform(0, 360, 3):
-                part = self._raster(thing, turned("y", float(degrees)) @ turn)
-                profile = Profile.of(part.inside)
-                spot = room.best(profile)
-                if spot and (best is None or spot.cost < best[0]):
-                    best = (spot.cost, part, profile, spot)
-            if best is None or best[1].inside.sum() < FEWEST_VOXELS:
+        for content in contents(rng, container, count):
+            found = self._nook(content, room, rng)
+            if found is None:
                 continue
-            _, part, profile, spot = best
-            room.load(profile, spot)
+            thing, part, spot = found
+            room.load(Profile.of(part.inside), spot)
             place = Rest(rest.z + spot.z, rest.y + spot.y, rest.x + spot.x, 0.0)
             self._put(part.inside, part.density, place, len(self.records) + 1)
             self.records.append(Record(thing.kind, thing.name, thing.material, parent, part.grams))
+
+    def _nook(
+        self, content: Content, room: Stack, rng: np.random.Generator
+    ) -> tuple[Blueprint, Raster, Rest] | None:
+        # The best of a few turns, at the first size that fits.
+        for share in SMALLER:
+            thing = content.model(share, self.wall)
+            found = []
+            for degrees in rng.uniform(0, 360, 3):
+                turn = turned("y", float(degrees)) @ thing.rests[0]
+                part = self._raster(thing, turn)
+                spot = room.best(Profile.of(part.inside))
+                if spot is not None and part.inside.sum() >= FEWEST_VOXELS:
+                    found.append((thing, part, spot))
+            if found:
+                return min(found, key=lambda each: each[2].cost)
+        return None
 
     def _spots(self, thing: Blueprint, rng: np.random.Generator) -> list[tuple[Rotation, Rest]]:
         # Coarse resting places, one for each way of lying, the best first.

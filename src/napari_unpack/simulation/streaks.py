@@ -71,7 +71,7 @@ def _error(
     sinogram = np.zeros((views, reach), np.float32)
     _project(dense, sinogram)
     # Rays through more than a few pixels of solid metal are starved alike.
-    hard = np.minimum(sinogram, 12.0) ** 1.6
+    hard = 6.0 * np.minimum(sinogram, 8.0) ** 1.6
     grain = rng.standard_normal(sinogram.shape).astype(np.float32)
     error = -hard * (1.0 + noise * grain)
     error = ndimage.convolve1d(error, _ramp(reach), axis=1, mode="constant")
