@@ -11,6 +11,7 @@ import traceback
 from pathlib import Path
 
 from benchmarks import plots, table
+from benchmarks.napari_peer import keep_screen_for_children
 from benchmarks.row import Row
 from benchmarks.rows import ORDER, chosen
 from benchmarks.scenes import Scenes
@@ -29,8 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
         rows = chosen(options.rows)
     except ValueError as error:
         parser.error(str(error))
-    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
-    os.environ.setdefault("EGL_PLATFORM", "surfaceless")
+    keep_screen_for_children()
     scenes = Scenes(options.quick)
     start = time.perf_counter()
     print(_machine() + (", QUICK: half of every edge" if options.quick else ""))

@@ -32,14 +32,31 @@ viewer.close()
 """
 
 
-def screen_environment() -> dict[str, str]:
-    """Return this process's environment without what binds GL to no screen."""
-    return {k: v for k, v in os.environ.items() if k not in ("PYOPENGL_PLATFORM", "EGL_PLATFORM")}
+SCREEN = "NAPARI_UNPACK_SCREEN"
+"""Where the display's name is kept from this process, in which VTK's GL and ours share EGL."""
+
+
+def keep_screen_for_children() -> None:
+    """Take the display away from this process, which draws offscreen, and remember it."""
+    display = os.environ.pop("DISPLAY", None)
+    if display:
+        os.environ[SCREEN] = display
+    os.environ["PYOPENGL_PLATFORM"], os.environ["EGL_PLATFORM"] = "egl", "surfaceless"
+
+
+def screen_environment() -> dict[str, str] | None:
+    """Return the environment for a process with windows, None where there is no screen."""
+    if SCREEN not in os.environ:
+        return None
+    offscreen = ("PYOPENGL_PLATFORM", "EGL_PLATFORM", SCREEN)
+    kept = {k: v for k, v in os.environ.items() if k not in offscreen}
+    return kept | {"DISPLAY": os.environ[SCREEN]}
 
 
 def napari_frame_ms(scenes: Scenes) -> float | None:
     """Return the time of one frame while the camera turns, None where there is no screen."""
-    if not os.environ.get("DISPLAY"):
+    environment = screen_environment()
+    if environment is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "packing.npz"
@@ -50,7 +67,7 @@ def napari_frame_ms(scenes: Scenes) -> float | None:
             text=True,
             timeout=180,
             check=False,
-            env=screen_environment(),
+            env=environment,
         )
     for line in done.stdout.splitlines():
         if line.startswith("seconds"):

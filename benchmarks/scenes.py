@@ -88,6 +88,14 @@ class Scenes:
         return colors.astype(np.float32)
 
     @cached_property
+    def vtk_ms(self) -> float:
+        """What VTK's ray caster for the CPU takes for a frame of `packing`."""
+        from benchmarks.row import best_ms
+        from benchmarks.vtk_peer import vtk_frame
+
+        return best_ms(vtk_frame(self), self.repeats)
+
+    @cached_property
     def session(self) -> Any:
         """A session on `packing`."""
         from napari_unpack.session import Session

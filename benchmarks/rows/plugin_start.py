@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
@@ -27,7 +26,8 @@ viewer.close()
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    if not os.environ.get("DISPLAY"):
+    environment = screen_environment()
+    if environment is None:
         return [Row.not_measured(WHAT, WORK, "no screen", GOAL)]
     best: tuple[float, float] | None = None
     for _ in range(1 if scenes.quick else 2):
@@ -37,7 +37,7 @@ def measure(scenes: Scenes) -> list[Row]:
             text=True,
             timeout=180,
             check=False,
-            env=screen_environment(),
+            env=environment,
         )
         lines = [line for line in done.stdout.splitlines() if line.startswith("seconds")]
         if not lines:
