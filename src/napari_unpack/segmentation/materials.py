@@ -226,7 +226,7 @@ def merge_basins(
     pairs, faces, slopes = _adjacency(basins, gradient, count)
     owner = np.arange(count + 1)
     for limit in (step / 4, step / 2, step):
-        _merge(pairs, faces, slopes, owner, sizes, sums, limit, 4 * noise)
+        _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise)
     _absorb_small(pairs, faces, owner, sizes, sums, smallest)
     roots = np.array([_find(owner, k) for k in range(count + 1)])
     present = np.zeros(count + 1, np.bool_)

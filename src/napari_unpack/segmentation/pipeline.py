@@ -17,7 +17,7 @@ from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
-from napari_unpack.segmentation.merging import absorb_small, fill_cavities, join_containers
+from napari_unpack.segmentation.merging import absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
@@ -108,7 +108,7 @@ def segment(
     if oracle is None:
         tell(0.8, "Joining parts")
         parts = join_parts(parts, density, size, scale, judge or default_affinity())
-    labels = absorb_small(join_containers(parts, size), size, smallest)
+    labels = absorb_small(parts, size, smallest)
     labels = rank_labels(fill_cavities(labels, size))
     if not labels.any():
         raise ValueError(

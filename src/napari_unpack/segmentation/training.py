@@ -117,7 +117,8 @@ def pair_examples(
         first, second = weight[one], weight[two]
         main = first.argmax(), second.argmax()
         agree = main[0] == main[1]
-        if main[0] and main[1]:
+        # Matter without a label, such as the bag's shell, belongs to nothing else.
+        if main[0] or main[1]:
             rows.append(row)
             same.append(bool(agree))
         if affinity is None:
