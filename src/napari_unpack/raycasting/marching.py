@@ -194,7 +194,7 @@ def march(  # type: ignore[no-untyped-def]
                     c = f[FACING + i]
                     s = min(f[STEEP + i] * steepness, one)
                     light = ambient + diffuse * (one - s + s * c)
-                    gloss = specular * s * shine[np.uint64(c * gleam)]
+                    gloss = specular * s * shine[np.uint64(c * gleam + half)]
                     j, part = np.uint64(entries[i]), f[PART + i]
                     n = j + np.uint64(1)
                     label = objects[i]

@@ -90,7 +90,7 @@ def tinted(
     look = _look(spacing, domain, len(table), shading)
     planes = clipping_planes(clipping)
     exponents, corrected = correction(rays, spacing)
-    shine = (np.linspace(0, 1, 1025) ** (shading or UNLIT).shininess).astype(np.float32)
+    shine = (np.linspace(0, 1, 4097) ** (shading or UNLIT).shininess).astype(np.float32)
     table = np.ascontiguousarray(table, np.float32)
     tints = np.ascontiguousarray(tints, np.float32)
 

@@ -1,0 +1,262 @@
+"""The API: what it accepts, what it refuses and in which words, and that it passes all on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from napari_unpack import imaging
+from napari_unpack.geometry.rays import cast_rays, voxel_from_world
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import View
+from napari_unpack.imaging.arguments import checked_labels, checked_volume
+from napari_unpack.imaging.backends import chosen
+from napari_unpack.raycasting import Bricks, tinted
+
+CPU = {"backend": "cpu"}
+
+
+class Fog:
+    """A transfer function: opacity 1/4 a voxel everywhere, white."""
+
+    domain = (0.0, 1.0)
+
+    def table(self, n: int = 2) -> np.ndarray:
+        return np.tile(np.array([1, 1, 1, 0.25], np.float32), (n, 1))
+
+
+def row_of(*ids: int, dtype=np.uint16) -> np.ndarray:
+    """Return a 3 x 3 x n volume with one label a layer along x, the direction of looking."""
+    return np.broadcast_to(np.array(ids, dtype), (3, 3, len(ids))).copy()
+
+
+def test_object_id_layers_in_order_and_of_any_shape() -> None:
+    ids = imaging.object_id_layers(row_of(0, 4, 4, 2, 9), layers=3, size=(15, 31), **CPU)
+    assert ids.shape == (3, 15, 31)
+    assert ids[:, 7, 15].tolist() == [4, 2, 9]
+    assert ids[:, 0, 0].tolist() == [0, 0, 0]
+
+
+def test_hidden_objects_are_as_air_everywhere() -> None:
+    labels = row_of(4, 2, 9)
+    ids = imaging.object_id_layers(labels, layers=2, size=(9, 9), hidden=[4], **CPU)
+    assert ids[:, 4, 4].tolist() == [2, 9]
+    ratios = imaging.occlusion_ratios(labels, hidden=(4,), size=(9, 9), **CPU)
+    assert ratios == {2: 0.0, 9: 1.0}
+    picked = imaging.pick(labels, labels, pixel=(4, 4), size=(9, 9), transfer_function=Fog(),
+                          hidden={2}, **CPU)  # fmt: skip
+    assert [i for i, _ in picked] == [4, 9]
+
+
+@pytest.mark.parametrize("definition", ["first_hit", "exact", "eq2", "listing"])
+def test_occlusion_ratios_of_a_row(definition) -> None:
+    # 4 is free; 2 is behind it; 4 again behind 2: only `exact` sees that, 1 of 3 samples.
+    labels = row_of(4, 4, 2, 4)
+    ratios = imaging.occlusion_ratios(labels, definition=definition, size=(20, 20), **CPU)
+    assert ratios == pytest.approx({2: 1.0, 4: 1 / 3 if definition == "exact" else 0.0})
+
+
+def test_first_hit_bbox_divides_by_the_area_of_the_boxs_front() -> None:
+    # A 4 x 4 x 1 plate at x = 6 behind a half plate: half of its front, 16 mm2, is hidden.
+    # Seen along +x at 0.1 mm a pixel.
+    labels = np.zeros((8, 8, 8), np.uint16)
+    labels[2:6, 2:6, 6] = 2
+    labels[2:4, 2:6, 3] = 1
+    view = View(direction=(0, 0, 1), height=20.0)
+    ratios = imaging.occlusion_ratios(
+        labels, view=view, definition="first_hit_bbox", size=(200, 200), **CPU
+    )
+    assert ratios == pytest.approx({1: 0.0, 2: 0.5}, abs=0.02)
+
+
+def test_occlusion_takes_a_direction_of_looking_and_drops_perspective() -> None:
+    labels = row_of(4, 2)
+    assert imaging.occlusion_ratios(labels, view=(0, 0, -1), **CPU) == {2: 0.0, 4: 1.0}
+    wide = imaging.occlusion(labels, view=View(fov=60.0), size=(40, 40), boxes=True, **CPU)
+    plain = imaging.occlusion(labels, view=View(), size=(40, 40), boxes=True, **CPU)
+    assert wide.samples.tolist() == plain.samples.tolist()
+    assert wide.front_area.tolist() == plain.front_area.tolist()
+    assert plain.blocks.tolist() == [[False, False], [True, False]]
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.int64, np.uint8, np.uint64])
+def test_labels_of_every_integer_type(dtype) -> None:
+    ids = imaging.object_id_layers(row_of(4, 2, dtype=dtype), size=(9, 9), **CPU)
+    assert ids[:, 4, 4].tolist() == [4, 2]
+
+
+def test_ids_above_uint16_are_compacted_and_come_back() -> None:
+    big = 7_000_000_000
+    labels = row_of(70_000, big, 70_000, dtype=np.int64)
+    ids = imaging.object_id_layers(labels, size=(9, 9), **CPU)
+    assert ids[:, 4, 4].tolist() == [70_000, big]
+    assert imaging.occlusion_ratios(labels, size=(9, 9), definition="exact", **CPU) == {
+        70_000: 0.5, big: 1.0,
+    }  # fmt: skip
+    assert imaging.object_id_layers(labels, size=(9, 9), hidden=[70_000], **CPU)[0, 4, 4] == big
+    fog = {"transfer_function": Fog(), "size": (9, 9), **CPU}
+    image = imaging.render(labels, labels, tints={big: (1, 0, 0)}, shading=None, **fog)
+    # 0.25 white, 0.1875 red, 0.140625 white.
+    np.testing.assert_allclose(image[4, 4], [0.578125, 0.390625, 0.390625, 0.578125], atol=1e-6)
+    assert [i for i, _ in imaging.pick(labels, labels, pixel=(4, 4), **fog)] == [70_000, big]
+    small = row_of(70_000, 80_000, dtype=np.int64)
+    counts = imaging.occlusion(small, size=(9, 9), **CPU)
+    assert counts.ids.tolist() == [70_000, 80_000]
+    assert counts.samples[80_000] == counts.samples.sum() / 2
+
+
+def test_render_tints_hides_and_leaves_the_unlabelled_untinted() -> None:
+    labels = row_of(0, 1, 2)
+    args = {"transfer_function": Fog(), "size": (9, 9), "shading": None, **CPU}
+    image = imaging.render(labels, labels, tints={2: (0, 1, 0, 0.5)}, hidden=[1], **args)
+    # 0: 0.25 white. 1: nothing. 2: 0.125 of the remaining 0.75 in green.
+    np.testing.assert_allclose(image[4, 4], [0.25, 0.34375, 0.25, 0.34375], atol=1e-6)
+    bare = imaging.render(labels, labels, hidden=[0, 1, 2], **args)
+    assert not bare.any()
+
+
+def test_pick_gives_the_strongest_first() -> None:
+    labels = row_of(5, 0, 3, 3, 3)
+    picked = imaging.pick(labels, labels, pixel=(4, 4), size=(9, 9), transfer_function=Fog(), **CPU)
+    # 5: 0.25; 0: 0.1875; 3: 0.5625 (1 - 0.75^3) = 0.3252.
+    assert [i for i, _ in picked] == [3, 5]
+    assert picked[0][1] == pytest.approx(0.5625 * (1 - 0.75**3))
+    assert imaging.pick(labels, labels, pixel=(0, 0), size=(9, 9),
+                        transfer_function=Fog(), **CPU) == []  # fmt: skip
+
+
+def test_nan_counts_as_the_lowest_density() -> None:
+    volume = row_of(5, 9, 7).astype(float)
+    volume[0, 0, 0], volume[1, 1, 1], volume[2, 2, 2] = np.nan, np.inf, -np.inf
+    found = checked_volume(volume)
+    assert found.dtype == np.float32
+    assert (found[0, 0, 0], found[1, 1, 1], found[2, 2, 2]) == (5, 9, 5)
+    assert np.isnan(volume[0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("dtype", "kept"),
+    [(np.uint8, np.uint16), (np.uint16, np.uint16), (np.int16, np.float32), (float, np.float32)],
+)
+def test_density_types(dtype, kept) -> None:
+    assert checked_volume(np.ones((2, 2, 2), dtype)).dtype == kept
+
+
+def test_fitting_arrays_are_not_copied() -> None:
+    array = row_of(1, 2)
+    assert checked_labels(array).array is array
+    assert checked_volume(array) is array
+
+
+ONES = np.ones((3, 3, 3), np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"labels": np.ones((3, 3), int)}, ValueError, "labels must be 3D"),
+        ({"labels": np.ones((0, 3, 3), int)}, ValueError, "labels must not be empty"),
+        ({"labels": -np.ones((3, 3, 3), int)}, ValueError, "labels must not be negative"),
+        ({"labels": np.ones((3, 3, 3))}, TypeError, "labels must be integers"),
+        ({"volume": np.ones((3, 3))}, ValueError, "volume must be 3D"),
+        ({"volume": np.ones((3, 3, 4))}, ValueError, "one shape"),
+        ({"volume": np.full((3, 3, 3), np.nan)}, ValueError, "finite"),
+        ({"volume": np.ones((3, 3, 3), complex)}, TypeError, "volume must hold real"),
+        ({"spacing": (1, 1)}, ValueError, "spacing"),
+        ({"spacing": (1, 0, 1)}, ValueError, "spacing"),
+        ({"spacing": (1, np.nan, 1)}, ValueError, "spacing"),
+        ({"size": (0, 4)}, ValueError, "size"),
+        ({"size": (4, 4, 4)}, ValueError, "size"),
+        ({"backend": "cuda"}, ValueError, "backend"),
+        ({"hidden": "12"}, TypeError, "hidden"),
+        ({"hidden": [1.5]}, TypeError, "hidden"),
+        ({"tints": {1: (1, 2, 0)}}, ValueError, "tints"),
+        ({"tints": {1: (1, 0)}}, ValueError, "tints"),
+        ({"step": 0.0}, ValueError, "step"),
+        ({"clipping": [[0, 0, 1]]}, ValueError, "clipping"),
+    ],
+)
+def test_bad_input_is_refused_by_name(arguments, error, message) -> None:
+    given = {"volume": ONES, "labels": ONES, "transfer_function": Fog(), "size": (4, 4), **CPU}
+    with pytest.raises(error, match=message):
+        imaging.render(**{**given, **arguments})
+
+
+def test_too_many_objects_layers_pixels_and_definitions() -> None:
+    with pytest.raises(ValueError, match="65,535 objects"):
+        checked_labels(np.arange(1, 70_001).reshape(10, 70, 100) * 2)
+    with pytest.raises(ValueError, match="layers"):
+        imaging.object_id_layers(ONES, layers=0, **CPU)
+    with pytest.raises(ValueError, match="pixel"):
+        imaging.pick(ONES, ONES, pixel=(4, 0), size=(4, 4), transfer_function=Fog(), **CPU)
+    with pytest.raises(ValueError, match="definition"):
+        imaging.occlusion_ratios(ONES, definition="guess", **CPU)
+
+
+def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None:
+    from napari_unpack.imaging import backends
+
+    class Driver:
+        def __init__(self, available: bool, software: bool) -> None:
+            self.available, self.is_software = lambda: available, lambda: software
+
+    for available, software, name in [
+        (False, False, "napari_unpack.raycasting"),
+        (True, True, "napari_unpack.raycasting"),
+        (True, False, "napari_unpack.rendering.gl_backend"),
+    ]:
+        monkeypatch.setattr(backends, "_offscreen", lambda a=available, s=software: Driver(a, s))
+        assert chosen("auto").__name__ == name
+    monkeypatch.setattr(backends, "_offscreen", lambda: Driver(False, False))
+    assert chosen("cpu").__name__ == "napari_unpack.raycasting"
+    with pytest.raises(ValueError, match="GL context"):
+        chosen("gl")
+
+
+def test_cast_tinted_puts_an_object_at_a_pose() -> None:
+    # A 2 mm cube around world (3, 3, 3), sent to 3 mm right of the middle, twice as large.
+    labels = np.zeros((8, 8, 8), np.uint16)
+    labels[2:4, 2:4, 2:4] = 1
+    camera = View(direction=(0, 0, 1), height=20.0).camera(labels.shape, (1, 1, 1))
+    pose = Pose(np.array([0.0, 0.0, 3.0]), camera.rotation, 2.0)
+    affine = voxel_from_world((1, 1, 1)) @ np.linalg.inv(
+        pose.world_from_world((2.5, 2.5, 2.5), camera)
+    )
+    tints = np.array([[0, 0, 0, 0], [1, 1, 1, 1]], np.float32)
+    # 40 pixels over 20 mm: 4 mm are 8 pixels, about column 19.5 + 6 and row 19.5.
+    image, depth = imaging.cast_tinted(
+        labels, labels, (1, 1, 1), camera, Fog(), tints, (40, 40), voxel_from_world=affine, **CPU
+    )
+    rows, cols = np.nonzero(image[..., 3])
+    assert (rows.min(), rows.max()) == (16, 23)
+    assert (cols.min(), cols.max()) == (22, 29)
+    # Enlarged, it still is two voxels thick: 1 - 0.75^2.
+    assert image[20, 25, 3] == pytest.approx(0.4375, abs=1e-3)
+    part, _ = imaging.cast_tinted(
+        labels, labels, (1, 1, 1), camera, Fog(), tints, (40, 40), voxel_from_world=affine,
+        window=(14, 20, 12, 11), bricks=Bricks.of(labels, labels), **CPU,
+    )  # fmt: skip
+    np.testing.assert_allclose(part, image[14:26, 20:31], atol=1e-6)
+    assert np.isinf(depth).all()
+
+
+def test_cast_doors_are_the_kernels_on_the_usual_rays() -> None:
+    rng = np.random.default_rng(0)
+    labels = rng.integers(0, 4, (9, 8, 7)).astype(np.uint16)
+    camera = View(direction=(0.3, 0.4, 0.6), fov=30.0).camera(labels.shape, (1, 2, 1))
+    tints = np.ones((4, 4), np.float32)
+    rays = cast_rays(camera, (11, 12), voxel_from_world((1, 2, 1)), 0.5)
+    expected = tinted(labels, labels, rays, (1, 2, 1), Fog().table(), (0, 1), tints, Shading())
+    found = imaging.cast_tinted(
+        labels, labels, (1, 2, 1), camera, Fog(), tints, (11, 12),
+        step_scale=0.5, shading=Shading(), **CPU,
+    )  # fmt: skip
+    np.testing.assert_allclose(found[0], expected[0], atol=1e-5)
+    visible = np.array([False, True, True, True])
+    ids = imaging.cast_ids(labels, (1, 2, 1), camera, visible, (11, 12), 2, **CPU)
+    assert ids.shape == (2, 11, 12)
+    counts = imaging.cast_occlusion(labels, (1, 2, 1), camera, visible, (11, 12), **CPU)
+    flat = imaging.occlusion(labels, (1, 2, 1), View(
+        direction=(0.3, 0.4, 0.6), height=camera.height), size=(11, 12), **CPU)  # fmt: skip
+    assert counts.samples.tolist() == flat.samples.tolist()

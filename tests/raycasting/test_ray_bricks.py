@@ -1,0 +1,87 @@
+"""Bricks: what they hold, what they call empty, and how far one may leap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import distance_transform_cdt
+
+from napari_unpack.raycasting import Bricks
+from napari_unpack.raycasting.bricks import leaps
+from napari_unpack.raycasting.threads import over_bands
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_ranges_and_objects_by_brute_force(dtype) -> None:
+    rng = np.random.default_rng(0)
+    shape = (17, 8, 30)
+    volume = rng.uniform(0, 4000, shape).astype(dtype)
+    labels = rng.integers(0, 3000, shape).astype(np.uint16)
+    labels[:8, :8, :8] = 7
+    bricks = Bricks.of(labels, volume)
+    assert bricks.low.shape == (3, 1, 4)
+    for number, (z, y, x) in enumerate(np.ndindex(3, 1, 4)):
+        own = tuple(slice(8 * i, 8 * i + 8) for i in (z, y, x))
+        wide = tuple(slice(max(8 * i - 1, 0), 8 * i + 9) for i in (z, y, x))
+        assert bricks.low[z, y, x] == volume[wide].min()
+        assert bricks.high[z, y, x] == volume[wide].max()
+        ids = bricks.ids[bricks.starts[number] : bricks.starts[number + 1]]
+        assert sorted(ids.tolist()) == np.unique(labels[own]).tolist()
+
+
+def test_a_brick_is_empty_by_density_or_by_tint() -> None:
+    volume = np.zeros((8, 8, 24), np.uint16)
+    labels = np.zeros((8, 8, 24), np.uint16)
+    volume[3, 3, 3], volume[:, :, 18:22] = 1000, 500
+    labels[:, :, 16:] = 1
+    table = np.ones((5, 4), np.float32)
+    table[:, 3] = [0, 0, 0, 0.5, 0.5]
+    bricks = Bricks.of(labels, volume)
+    tints = np.ones((2, 4), np.float32)
+    # The ramp begins at 1/2 of the domain: 500 of 1000. The second brick holds nothing.
+    assert bricks.occupied(table, (0, 1000), tints).ravel().tolist() == [True, False, True]
+    assert bricks.occupied(table, (0, 2000), tints).ravel().tolist()[1] is False
+    tints[1] = 0
+    assert bricks.occupied(table, (0, 1000), tints).ravel().tolist() == [True, False, False]
+    tints[0] = 0
+    assert not bricks.occupied(table, (0, 1000), tints).any()
+
+
+def test_inhabited_asks_only_for_visible_objects() -> None:
+    labels = np.zeros((8, 8, 16), np.uint16)
+    labels[0, 0, 0], labels[0, 0, 15] = 1, 2
+    bricks = Bricks.of(labels)
+    assert bricks.inhabited(np.array([False, True, False])).ravel().tolist() == [True, False]
+
+
+def test_leaps_are_the_chessboard_distance() -> None:
+    rng = np.random.default_rng(1)
+    occupied = rng.random((9, 12, 14)) < 0.01
+    assert occupied.any()
+    expected = distance_transform_cdt(~occupied, "chessboard")
+    np.testing.assert_array_equal(leaps(occupied), expected)
+
+
+def test_leaps_without_anything_occupied_reach_as_far_as_they_can() -> None:
+    assert (leaps(np.zeros((3, 4, 5), bool)) == 255).all()
+
+
+@pytest.mark.parametrize(("rows", "threads", "band"), [(1, 4, None), (37, 3, 5), (64, 2, None)])
+def test_bands_cover_every_row_once(rows, threads, band) -> None:
+    done = np.zeros(rows, int)
+
+    def work(own: list, first: int, last: int) -> None:
+        done[first:last] += 1
+        own.append((first, last))
+
+    states = over_bands(rows, work, list, threads, band)
+    assert (done == 1).all()
+    assert sum(len(own) for own in states) >= 1
+
+
+def test_an_error_in_a_band_is_raised() -> None:
+    def work(_: None, first: int, last: int) -> None:
+        raise RuntimeError(f"rows {first} to {last}")
+
+    with pytest.raises(RuntimeError, match="rows"):
+        over_bands(10, work, lambda: None, 2)
