@@ -17,12 +17,7 @@ def room(z, rows, x):
 
 
 def packing(shape=(70, 60, 90)):
-    return Packing(
-        np.zeros(shape, np.uint16),
-        np.zeros(shape, np.float32),
-        room(shape[0], shape[1], shape[2]),
-        np.ones(3),
-    )
+    return Packing.empty(shape, room(shape[0], shape[1], shape[2]), np.ones(3))
 
 
 def test_a_profile_is_what_is_seen_from_below_and_above():

@@ -93,7 +93,7 @@ def simulate_bag(
     report = progress or (lambda fraction, text: None)
     report(0.0, "Choosing what to pack")
     shell = Shell.around(size, table)
-    packing = Packing(np.zeros(size, np.uint16), np.zeros(size, np.float32), shell.room(size), mm)
+    packing = Packing.empty(size, shell.room(size), mm)
     orders = plan(rng, int(count), size, mm)
     for done, order in enumerate(orders):
         report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
@@ -106,7 +106,8 @@ def simulate_bag(
     volume = (scanner or Scanner()).scan(packing.density, rng)
     report(1.0, "The bag is packed")
     z, y, x = (float(s) for s in mm)
-    return Bag(volume, packing.labels, (z, y, x), _table(packing.records, packing.labels))
+    labels = packing.opened()
+    return Bag(volume, labels, (z, y, x), _table(packing.records, labels))
 
 
 def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:

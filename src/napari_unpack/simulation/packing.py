@@ -12,6 +12,7 @@ from napari_unpack.simulation.blueprint import Blueprint, Rotation
 from napari_unpack.simulation.clay import turned
 from napari_unpack.simulation.draping import drape, tailor
 from napari_unpack.simulation.nesting import Content, contents, room_of
+from napari_unpack.simulation.nestling import WALL, nestle, surface, walled
 from napari_unpack.simulation.planning import Order
 from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette
 from napari_unpack.simulation.stacking import Profile, Rest, Stack
@@ -41,7 +42,7 @@ class Packing:
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of uint16
-        IDs from 1 in the order of packing.
+        IDs from 1 in the order of packing; `WALL` outside the room until `opened`.
     density : (Z, Y, X) ndarray of float32
         CT number + 1000, before the scanner.
     stack : Stack
@@ -55,6 +56,20 @@ class Packing:
     stack: Stack
     spacing: NDArray[np.float64]
     records: list[Record] = field(default_factory=list)
+
+    @classmethod
+    def empty(
+        cls, shape: tuple[int, int, int], room: Stack, spacing: NDArray[np.float64]
+    ) -> Packing:
+        """Return an empty bag of a given room."""
+        labels = np.zeros(shape, np.uint16)
+        walled(labels, room)
+        return cls(labels, np.zeros(shape, np.float32), room, spacing)
+
+    def opened(self) -> NDArray[np.uint16]:
+        """Return the labels, 0 where there are no objects; nothing can be packed after."""
+        self.labels[self.labels == WALL] = 0
+        return self.labels
 
     @property
     def wall(self) -> float:
@@ -107,6 +122,7 @@ class Packing:
             if rest is None:
                 continue
             rest = self.stack.settle(profile, rest)
+            rest = nestle(self.labels, surface(raster.inside), rest)
             self.stack.load(profile, rest)
             parent = len(self.records) + 1
             self._put(raster.inside, raster.density, rest, parent)
