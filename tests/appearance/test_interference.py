@@ -56,6 +56,7 @@ def test_every_object_in_view_is_a_node_in_order_of_ids_and_the_background_is_no
     assert list(graph.nodes) == [3, 7]
     assert graph.number_of_edges() == 0
     assert interference(np.zeros((2, 4, 4), int)).number_of_nodes() == 0
+    assert interference(np.zeros((2, 0, 4), int)).number_of_nodes() == 0
 
 
 @settings(max_examples=80, deadline=None)
@@ -75,6 +76,32 @@ def test_it_agrees_with_the_distance_of_every_pair_of_pixels(ids, distance):
                 if squares.min() <= distance**2:
                     expected.add((a, b))
     assert edges(ids, distance) == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    arrays(np.int32, st.tuples(st.integers(1, 2), st.integers(1, 7), st.integers(1, 7)),
+           elements=st.integers(0, 3)),
+    st.sampled_from([0, 1, 1.5, 3]),
+)  # fmt: skip
+def test_the_contact_length_counts_border_pixels_near_the_other_object(ids, distance):
+    padded = np.pad(ids, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    inner = padded[:, 1:-1, 1:-1]
+    border = np.zeros(ids.shape, bool)
+    for moved in (
+        padded[:, :-2, 1:-1],
+        padded[:, 2:, 1:-1],
+        padded[:, 1:-1, :-2],
+        padded[:, 1:-1, 2:],
+    ):
+        border |= moved != inner
+    for a, b, weight in interference(ids, distance).edges(data="weight"):
+        expected = 0
+        for one, other in ((a, b), (b, a)):
+            targets = np.argwhere(ids == other)[:, 1:]
+            for place in np.argwhere(border & (ids == one))[:, 1:]:
+                expected += ((targets - place) ** 2).sum(axis=1).min() <= distance**2
+        assert weight == max(expected, 1)
 
 
 def test_bands_of_rows_do_not_count_a_pixel_twice_or_lose_one():

@@ -134,7 +134,7 @@ def test_a_knot_that_is_too_large_counts_as_nobody_free():
     ]
     session.undo()
     session.take_least_occluded = False
-    with pytest.raises(NobodyFreeError, match="Object 1 is blocked least \\(50.0% of it\\)"):
+    with pytest.raises(NobodyFreeError, match=r"Object 1 is blocked least \(50.0% of it\)"):
         session.unpack()
     assert session.unpackable() == ()
     assert states(session, 1, 2, 3) == ["PACKED"] * 3

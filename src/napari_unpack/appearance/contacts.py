@@ -44,22 +44,24 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     Li et al. 2012, section 4.2, eq. 1, exact. Two objects on one pixel in different layers are
     at distance 0 (notes/readings.md 5). Where the nearest pixels of two objects do not coincide,
     both lie on a border of their object in their layer: a step from one towards the other would
-    be nearer still. So only border pixels look around. O(pixels + border pixels x L x DT^2).
+    be nearer still. So only border pixels look around, and only at border pixels, of which a
+    disk of radius DT holds about DT. O(pixels + border pixels x L x DT).
     """
     stack = _checked(ids, distance, layers)
-    present = np.flatnonzero(np.bincount(stack.ravel()))
-    present = present[present > 0]
+    if stack.size == 0:
+        return nx.Graph()
+    top = int(stack.max()) + 1
+    present, starts, columns, labels = _borders(stack, top)
     graph = nx.Graph()
-    graph.add_nodes_from(int(i) for i in present)
-    if len(present) < 2:
+    graph.add_nodes_from(np.flatnonzero(present).tolist())
+    if len(graph) < 2:
         return graph
     halves = _half_widths(distance)
-    top, height = int(present[-1]) + 1, stack.shape[1]
 
     def work(band: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        return _scan(stack, halves, top, *band)  # type: ignore[no-any-return]
+        return _meet(stack, starts, columns, labels, halves, top, *band)  # type: ignore[no-any-return]
 
-    edges = np.linspace(0, height, 1 + 4 * (os.cpu_count() or 1)).astype(int)
+    edges = np.linspace(0, stack.shape[1], 1 + 4 * (os.cpu_count() or 1)).astype(int)
     bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for keys, counts in pool.map(work, bands):
@@ -97,55 +99,104 @@ def _half_widths(distance: float) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def _scan(ids, halves, top, first, last):  # type: ignore[no-untyped-def]
-    """Return the keys a * top + b, a < b, of pairs met in a band of rows, and their pixels."""
+def _borders(ids, top):  # type: ignore[no-untyped-def]
+    """List the border pixels row by row.
+
+    Returns which IDs are present (top,), where every row's list starts (L * H + 1,), and of all
+    border pixels the columns and IDs.
+    """
     layers, height, width = ids.shape
+    present = np.zeros(top, np.bool_)
+    starts = np.zeros(layers * height + 1, np.int64)
+    columns = np.empty(4096, np.int32)
+    labels = np.empty(4096, np.int32)
+    found = 0
+    for layer in range(layers):
+        for row in range(height):
+            if found + width > columns.size:
+                room = 2 * (found + width)
+                columns = np.concatenate((columns[:found], np.empty(room, np.int32)))
+                labels = np.concatenate((labels[:found], np.empty(room, np.int32)))
+            here = ids[layer, row]
+            above = ids[layer, max(row - 1, 0)]
+            below = ids[layer, min(row + 1, height - 1)]
+            left = here[0]
+            for col in range(width):
+                label = here[col]
+                right = here[min(col + 1, width - 1)]
+                if label != 0 and (
+                    left != label or right != label or above[col] != label or below[col] != label
+                ):
+                    columns[found] = col
+                    labels[found] = label
+                    found += 1
+                if label != left or col == 0:
+                    present[label] = True
+                left = label
+            starts[layer * height + row + 1] = found
+    present[0] = False
+    return present, starts, columns[:found].copy(), labels[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def _meet(ids, starts, columns, labels, halves, top, first, last):  # type: ignore[no-untyped-def]
+    """Return the keys a * top + b, a < b, of pairs met in a band of rows, and their pixels."""
+    layers, height = ids.shape[:2]
     reach = halves.size // 2
     keys = np.full(1024, -1, np.int64)
     counts = np.zeros(1024, np.int64)
     used = 0
     stamps = np.full(top, -1, np.int64)
     stamp = 0
-    above = below = 0
+    # Where each row's list has been left behind by the disk, which moves right only.
+    behind = np.empty((layers, halves.size), np.int64)
     for layer in range(layers):
         for row in range(first, last):
-            for col in range(width):
-                label = ids[layer, row, col]
-                if label == 0:
-                    continue
-                border = (
-                    (col > 0 and ids[layer, row, col - 1] != label)
-                    or (col + 1 < width and ids[layer, row, col + 1] != label)
-                    or (row > 0 and ids[layer, row - 1, col] != label)
-                    or (row + 1 < height and ids[layer, row + 1, col] != label)
-                )
-                if not border:
-                    for other_layer in range(layer + 1, layers):
-                        other = ids[other_layer, row, col]
-                        # Of overlapping interiors the edge counts, not the area.
-                        if other != 0 and other != label and (label != above or other != below):
-                            above, below = label, other
-                            pair = min(label, other) * top + max(label, other)
-                            keys, counts, used = _add(keys, counts, used, pair, 0)
-                    continue
+            keys, counts, used = _overlaps(ids, layer, row, top, keys, counts, used)
+            for other_layer in range(layers):
+                for k in range(halves.size):
+                    r = min(max(row + k - reach, 0), height - 1)
+                    behind[other_layer, k] = starts[other_layer * height + r]
+            for pixel in range(starts[layer * height + row], starts[layer * height + row + 1]):
+                col, label = columns[pixel], labels[pixel]
                 stamp += 1
                 stamps[label] = stamp
-                for r in range(max(row - reach, 0), min(row + reach + 1, height)):
-                    half = halves[r - row + reach]
-                    left, right = max(col - half, 0), min(col + half + 1, width)
-                    for other_layer in range(layers):
-                        before = label
-                        for c in range(left, right):
-                            other = ids[other_layer, r, c]
-                            if other == before:
-                                continue
-                            before = other
-                            if other != 0 and stamps[other] != stamp:
+                for other_layer in range(layers):
+                    other = ids[other_layer, row, col]
+                    if other != 0 and stamps[other] != stamp:
+                        stamps[other] = stamp
+                        pair = min(label, other) * top + max(label, other)
+                        keys, counts, used = _add(keys, counts, used, pair, 1)
+                    for k in range(max(0, reach - row), min(halves.size, height - row + reach)):
+                        end = starts[other_layer * height + row + k - reach + 1]
+                        near = behind[other_layer, k]
+                        while near < end and columns[near] < col - halves[k]:
+                            near += 1
+                        behind[other_layer, k] = near
+                        while near < end and columns[near] <= col + halves[k]:
+                            other = labels[near]
+                            near += 1
+                            if stamps[other] != stamp:
                                 stamps[other] = stamp
                                 pair = min(label, other) * top + max(label, other)
                                 keys, counts, used = _add(keys, counts, used, pair, 1)
     met = keys >= 0
     return keys[met], counts[met]
+
+
+@njit(cache=True, nogil=True)
+def _overlaps(ids, layer, row, top, keys, counts, used):  # type: ignore[no-untyped-def]
+    """Note the pairs that share a pixel of a row; of overlaps the edge counts, not the area."""
+    above = below = 0
+    for other_layer in range(layer + 1, ids.shape[0]):
+        for col in range(ids.shape[2]):
+            label, other = ids[layer, row, col], ids[other_layer, row, col]
+            if label != above or other != below:
+                above, below = label, other
+                if label != 0 and other != 0 and label != other:
+                    pair = min(label, other) * top + max(label, other)
+                    keys, counts, used = _add(keys, counts, used, pair, 0)
+    return keys, counts, used
 
 
 @njit(cache=True, nogil=True)
