@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.raycasting.bricks import Bricks, Density, leaps
-from napari_unpack.raycasting.lattice import clipping_planes, ray_numbers
-from napari_unpack.raycasting.marching import TILE, march
+from napari_unpack.raycasting.lattice import band_of, clipping_planes, ray_numbers
+from napari_unpack.raycasting.marching import march
 from napari_unpack.raycasting.opacity import correction
 from napari_unpack.raycasting.threads import over_bands
 
@@ -92,7 +92,8 @@ def tinted(
     exponents, corrected = correction(rays, spacing)
     shine = (np.linspace(0, 1, 4097) ** (shading or UNLIT).shininess).astype(np.float32)
     table = np.ascontiguousarray(table, np.float32)
-    tints = np.ascontiguousarray(tints, np.float32)
+    # Always a copy: numba compiles a kernel again for read-only arrays.
+    tints = np.array(tints, np.float32, order="C")
 
     def work(_: None, first: int, last: int) -> None:
         march(
@@ -100,9 +101,7 @@ def tinted(
             table, tints, look, exponents, corrected, shine, first, last, image, depth,
         )  # fmt: skip
 
-    over_bands(
-        rays.size[0], work, lambda: None, threads, band=max(4, min(TILE, -(-rays.size[0] // 32)))
-    )
+    over_bands(rays.size[0], work, lambda: None, threads, band=band_of(rays.size[0]))
     return image, depth
 
 
