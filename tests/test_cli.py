@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from napari_unpack.cli import app
+from napari_unpack.cli import Ticker, app
 from napari_unpack.io import Scan, load_labels, load_volume, save_scan
 
 
@@ -115,3 +115,13 @@ def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) 
         (Path("a.npz"), Path("b.npz"), Path("out"), 3),
         (None, None, Path("demo-output"), 0),
     ]
+
+
+def test_progress_is_one_line_a_step_and_not_one_a_count(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    tell = Ticker()
+    for i in range(100):
+        tell(0.3 + i / 10_000, f"Splitting: {i} objects")
+    tell(0.8, "Joining")
+    assert capsys.readouterr().err.splitlines() == [" 30%  Splitting: 0 objects", " 80%  Joining"]

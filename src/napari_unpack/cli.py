@@ -43,7 +43,7 @@ Look = Annotated[
     typer.Option("--view", metavar="Z Y X", help="Direction of looking."),
 ]
 Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
-BY_DEFAULT = (0.55, 0.35, 1.0)
+BY_DEFAULT = FROM_ABOVE
 
 
 def main() -> None:
@@ -65,14 +65,17 @@ def _told(command: Callable[..., None]) -> Callable[..., None]:
 
 
 class Ticker:
-    """Progress as plain lines on stderr, each at most every 5 %, or whenever the text changes."""
+    """Progress as plain lines on stderr: one a step, and one every 5 % of it.
+
+    What a text says after a colon is a count within a step and makes no new line.
+    """
 
     def __init__(self) -> None:
         self._last = ("", -1)
 
     def __call__(self, fraction: float, text: str) -> None:
         """Tell how far we are."""
-        now = (text, int(fraction * 20))
+        now = (text.split(":")[0], int(fraction * 20))
         if now != self._last:
             self._last = now
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
