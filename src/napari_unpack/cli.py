@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from napari_unpack.geometry.view import FROM_ABOVE
+
 app = typer.Typer(
     name="napari-unpack",
     help="See into packed things: segment a CT volume, tell every object apart, and unpack it.",

@@ -16,6 +16,12 @@ from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
 GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
 """Up in a CT scan as scanners lay it out: rows (y) grow downwards, towards the table."""
 
+FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
+"""Direction of looking into an open bag that lies on a table: a good first view."""
+
+STEEPEST = 0.97
+"""Beyond this cosine between looking and gravity, up in the picture is -z unless told."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -26,7 +32,7 @@ class View:
     direction : (3,) sequence of float
         Direction of looking, world (z, y, x). Need not be of unit length.
     up : (3,) sequence of float, optional
-        What is up in the picture. By default -y, or -z when looking along y.
+        What is up in the picture. By default -y, or -z when looking nearly along y.
     center : (3,) sequence of float, optional
         World point in the middle of the picture, mm. By default the middle of the volume.
     height : float, optional
@@ -118,7 +124,7 @@ class Camera:
         """Make a camera from a direction of looking and an up vector."""
         towards = -unit(direction, "direction")
         wanted = np.asarray(GRAVITY_UP if up is None else up, dtype=np.float64)
-        if up is None and np.linalg.norm(np.cross(towards, wanted)) < 1e-3:
+        if up is None and abs(towards @ wanted) > STEEPEST:
             wanted = np.array([-1.0, 0.0, 0.0])
         down = -(wanted - towards * (wanted @ towards))
         down /= np.linalg.norm(down)
