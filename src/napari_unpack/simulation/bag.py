@@ -98,9 +98,9 @@ def simulate_bag(
     for done, order in enumerate(orders):
         report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
         packing.add(order, rng)
-    for _ in range(4 * (count - len(packing.records))):
-        if len(packing.records) < count:
-            packing.add(trifle(rng, size, mm), rng)
+    in_vain = 0
+    while len(packing.records) < count and in_vain < 5:
+        in_vain += not packing.add(trifle(rng, size, mm), rng)
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
     volume = (scanner or Scanner()).scan(packing.density, rng)

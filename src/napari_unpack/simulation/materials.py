@@ -60,10 +60,10 @@ _TABLE = (
     Material("circuit board", 2300, 1.85),
     Material("glass", 2956, 2.50),
     Material("ceramic", 2750, 2.40),
-    Material("battery", 4200, 2.60),
+    Material("battery", 3600, 2.60),
     Material("aluminium", 3221, 2.70),
-    Material("copper strands", 9000, 4.00),
-    Material("steel sheet", 9000, 2.2),
+    Material("copper strands", 5200, 2.00),
+    Material("steel sheet", 5600, 1.4),
     Material("steel", 32000, 7.87),
     Material("brass", 32000, 8.50),
 )

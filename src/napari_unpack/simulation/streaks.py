@@ -15,7 +15,7 @@ def add_streaks(
     strength: float,
     noise: float,
     rng: np.random.Generator,
-    metal: float = 5000.0,
+    metal: float = 4800.0,
     views: int = 72,
 ) -> None:
     """Add the streaks of metal to every axial slice, in place.
