@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from widget_phantoms import add_bag, open_panel, pile_of_balls, press, stage_with
+from widget_phantoms import SMALL, add_bag, open_panel, pile_of_balls, press, stage_with
 
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -145,6 +145,7 @@ def test_a_refusal_leaves_the_open_stage_alone(
     make_napari_viewer_proxy: Viewers, qtbot: QtBot
 ) -> None:
     viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(*SMALL)
     panel = open_panel(viewer, qtbot)
     _, labels = add_bag(viewer)
     session = stage_with(panel, qtbot, labels)
@@ -215,16 +216,35 @@ def test_the_look_follows_naparis_theme(viewer: Any, panel: UnpackingWidget) -> 
 def test_the_simulated_bag_is_one_click_away(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from napari_unpack.widgets import sample_data
+    from napari_unpack.widgets import segment_section
 
     volume, labels = pile_of_balls()
     monkeypatch.setattr(
-        sample_data,
+        segment_section,
         "packed_bag",
-        lambda: [(labels, {"visible": False}, "labels"), (volume, {"name": "sample"}, "image")],
+        lambda progress: [
+            (labels, {"visible": False}, "labels"),
+            (volume, {"name": "sample"}, "image"),
+        ],
     )
     press(qtbot, panel.segment.sample)
+    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=5000)
     assert panel.segment.volume_box.layer.name == "sample"
     assert panel.segment.start.isEnabled()
     assert panel.segment.start.text() == "Segment"
     assert panel.segment.sample.isHidden()
+
+
+def test_the_sample_is_labels_unseen_and_above_them_the_volume_to_segment() -> None:
+    from napari_unpack.widgets.sample_data import COUNT, SHAPE, packed_bag
+
+    heard = []
+    (labels, about_labels, _), (volume, about_volume, kind) = packed_bag(
+        progress=lambda fraction, text: heard.append(fraction)
+    )
+    assert kind == "image"
+    assert labels.shape == volume.shape == SHAPE
+    assert len(np.unique(labels)) == COUNT + 1
+    assert about_labels["visible"] is False
+    assert about_volume["scale"] == about_labels["scale"]
+    assert heard

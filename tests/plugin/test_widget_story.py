@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
-from widget_phantoms import add_bag, open_panel, press, stage_with, states
+from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
 
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -18,7 +18,7 @@ Box = tuple[int, int, int, int]
 @pytest.fixture
 def viewer(make_napari_viewer_proxy: Viewers) -> Any:
     made = make_napari_viewer_proxy(show=True)
-    made.window.resize(1000, 700)
+    made.window.resize(*SMALL)
     return made
 
 
@@ -119,10 +119,6 @@ def test_segment_unpack_three_restore_one(
 
     press(qtbot, panel.unpack.back)
     _settle(panel, qtbot)
-    assert (
-        states(session)[out[-1]] == "PACKED"
-        or len([s for s in states(session).values() if s == "UNPACKED"]) == 2
-    )
     (returned,) = [i for i in out if states(session)[i] == "PACKED"]
     restored = _pictures(viewer, panel)
     back = _changed(unpacked["packed"], restored["packed"])
@@ -136,7 +132,8 @@ def test_segment_unpack_three_restore_one(
     _settle(panel, qtbot)
     again = _pictures(viewer, panel)
     for name in ("packed", "transition", "sprites"):
-        assert not _changed(start[name], again[name]).any(), name
+        # Windows of the packed picture that are cast anew may differ in a pixel of their rim.
+        assert _changed(start[name], again[name]).mean() < 1e-4, name
 
     panel.workbench.close()
     assert [layer.name for layer in viewer.layers] == ["expert", "bag", "bag objects"]
@@ -201,6 +198,7 @@ def test_keys_act_while_there_is_a_stage_and_are_given_back(
     from napari.utils.key_bindings import coerce_keybinding
 
     viewer = make_napari_viewer(show=True)
+    viewer.window.resize(*SMALL)
     mine = []
     viewer.bind_key("N", lambda _: mine.append("N"), overwrite=True)
     panel = open_panel(viewer, qtbot)
@@ -256,6 +254,8 @@ def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: Qt
     assert tuple(session.direction) == (0.0, -1.0, 0.0)
     panel.unpack.direction.setCurrentText("Towards me")
     assert session.direction is None
+    panel.color.mode.setCurrentText("Vivid")
+    assert session.tint_mode == "hsv"
     panel.color.preset.setCurrentText("Metal")
     panel.color.preset.activated.emit(panel.color.preset.currentIndex())
     assert session.transfer_function.points[-1][0] == 12000

@@ -77,11 +77,33 @@ def test_every_fact_is_shown_in_the_units_of_its_title(table: ObjectTable) -> No
     # Object 5 is 2 x 3 x 5 voxels: 2, 6 and 25 mm, 300 mm^3.
     row = _shown(table, Column.NAME).index("Shoe")
     cells = {column: table.rows.index(row, column).data(DISPLAY) for column in Column}
-    assert cells[Column.VOLUME] == "0.3"
+    title = table.rows.headerData(Column.VOLUME, Qt.Orientation.Horizontal, DISPLAY)
+    assert (cells[Column.VOLUME], title) == ("300", "mm³")
     assert cells[Column.SIZE] == "25 × 6 × 2"
     assert cells[Column.DENSITY] == "1001"
     assert cells[Column.CONFIDENCE] == "–"
     assert cells[Column.STATE] == "packed"
+
+
+def test_larger_objects_are_measured_in_cubic_centimetres(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    session.objects["volume_mm3"] = [123456.0, 2340.0, 10.0]
+    table.objects.load(session)
+    title = table.rows.headerData(Column.VOLUME, Qt.Orientation.Horizontal, DISPLAY)
+    assert title == "cm³"
+    assert sorted(_shown(table, Column.VOLUME)) == ["0.0", "123", "2.3"]
+
+
+def test_swatches_wear_the_tints_of_the_picture(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    swatch = table.objects.index(0, Column.SWATCH)
+    color = swatch.data(Qt.ItemDataRole.DecorationRole)
+    assert color.getRgb()[:3] == (255, 0, 0)
+    session.tint_mode = "perceptual"
+    table.objects.refresh()
+    assert swatch.data(Qt.ItemDataRole.DecorationRole).getRgb()[:3] != (255, 0, 0)
 
 
 def test_names_sort_as_people_count_and_volumes_as_numbers(table: ObjectTable) -> None:

@@ -8,7 +8,7 @@ import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from widget_phantoms import add_bag, open_panel, press, stage_with, states
+from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
 
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -18,7 +18,9 @@ Viewers = Callable[..., Any]
 
 @pytest.fixture
 def viewer(make_napari_viewer_proxy: Viewers) -> Any:
-    return make_napari_viewer_proxy(show=True)
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(*SMALL)
+    return made
 
 
 @pytest.fixture

@@ -11,10 +11,13 @@ from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 SIDE = 48
 CENTERS = ((14, 34, 14), (14, 34, 34), (34, 34, 14), (34, 34, 34), (24, 17, 24), (24, 15, 42))
 RADIUS = 10.2
+DENSITIES = (600, 3000, 1350, 900, 4500, 2000)
+SMALL = (900, 600)
+"""A window: wide enough for sprites, small for a software rasteriser."""
 
 
 def pile_of_balls() -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Six balls that touch, one on top of four and one beside it: densities and true labels."""
+    """Make six balls that touch, one upon four and one beside it: densities and true labels."""
     grid = np.indices((SIDE,) * 3).astype(np.float64)
     volume = np.full((SIDE,) * 3, 20, dtype=np.uint16)
     labels = np.zeros((SIDE,) * 3, dtype=np.uint16)
@@ -23,7 +26,7 @@ def pile_of_balls() -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
         offset = grid - np.array(center).reshape(3, 1, 1, 1)
         inside = (np.einsum("izyx,izyx->zyx", offset, offset) < radius**2) & (labels == 0)
         labels[inside] = k + 1
-        volume[inside] = 900 + 150 * k
+        volume[inside] = DENSITIES[k]
     return volume, labels
 
 

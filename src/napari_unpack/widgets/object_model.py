@@ -59,7 +59,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class _Facts:
-    """What never changes about an object."""
+    """What never changes about an object; volume in cm³, edges in mm."""
 
     id: int
     volume: float
@@ -92,6 +92,7 @@ class ObjectModel(QAbstractTableModel):
         self._facts: list[_Facts] = []
         self._rows: dict[int, int] = {}
         self._live: list[_Live] = []
+        self._tiny = False
         self._free: frozenset[int] = frozenset()
 
     def load(self, session: Any) -> None:
@@ -107,6 +108,7 @@ class ObjectModel(QAbstractTableModel):
         self._rows = {facts.id: row for row, facts in enumerate(self._facts)}
         self._free = frozenset()
         self._live = self._look()
+        self._tiny = bool(self._facts) and max(f.volume for f in self._facts) < 1.0
         self.endResetModel()
 
     def refresh(self, free: Iterable[int] | None = None) -> None:
@@ -165,6 +167,8 @@ class ObjectModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return None
         title, tip = TITLES[Column(section)]
+        if section == Column.VOLUME and self._tiny:
+            title, tip = "mm³", "Volume in cubic millimetres."
         if role == Qt.ItemDataRole.DisplayRole:
             return title
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -189,6 +193,8 @@ class ObjectModel(QAbstractTableModel):
         row, column = index.row(), Column(index.column())
         facts, live = self._facts[row], self._live[row]
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
+            if column == Column.VOLUME:
+                return _amount(facts.volume * (1000 if self._tiny else 1))
             return _text(facts, live, column)
         if role == SORT:
             return _sort_key(facts, live, column)
@@ -231,8 +237,6 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
         return live.name
     if column == Column.STATE:
         return live.words
-    if column == Column.VOLUME:
-        return f"{facts.volume:.1f}" if facts.volume < 100 else f"{facts.volume:.0f}"
     if column == Column.SIZE:
         return " × ".join(f"{edge:.0f}" for edge in facts.edges)
     if column == Column.DENSITY:
@@ -240,6 +244,10 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.CONFIDENCE:
         return "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
     return ""
+
+
+def _amount(volume: float) -> str:
+    return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
 
 
 def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:

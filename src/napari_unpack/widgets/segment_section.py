@@ -11,9 +11,10 @@ from napari.layers import Image, Labels
 from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
 from napari_unpack.widgets import notices
-from napari_unpack.widgets.job import Cancelled, Job, Outcome
+from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
 from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
 from napari_unpack.widgets.prepare import Prepared, prepare
+from napari_unpack.widgets.sample_data import LayerData, packed_bag
 from napari_unpack.widgets.section import Section, button, column, form, label
 from napari_unpack.widgets.settings import preferences
 from napari_unpack.widgets.sources import Volume, labels_of, same_shape, volume_of
@@ -125,6 +126,7 @@ class SegmentSection(Section):
         image = self.volume_box.layer
         self.start.setEnabled(image is not None and not self.job.running)
         self.sample.setVisible(image is None or not _is_volume(image))
+        self.sample.setEnabled(not self.job.running)
         for field in (self.volume_box, self.labels_box):
             field.setEnabled(image is not None and not self.job.running)
         session = self._bench.session
@@ -151,11 +153,14 @@ class SegmentSection(Section):
             labels = None if layer is None else labels_of(layer, volume)
             self._order = _Order(image, layer, volume)
             self._then = then
-            self.job.start(partial(prepare, volume, labels, {}))
-            self._show_progress(0.0, "Starting")
-            self.waiting.show()
-            self.cancel.setEnabled(True)
-            self._refresh()
+            self._begin(partial(prepare, volume, labels, {}))
+
+    def _begin(self, work: Callable[[Progress], Any]) -> None:
+        self.job.start(work)
+        self.cancel.setEnabled(True)
+        self._show_progress(0.0, "Starting")
+        self.waiting.show()
+        self._refresh()
 
     def _cancel(self) -> None:
         self.cancel.setEnabled(False)
@@ -176,8 +181,7 @@ class SegmentSection(Section):
             self._refresh()
 
     def _conclude(self, outcome: Outcome) -> None:
-        order = self._order
-        if isinstance(outcome.error, Cancelled) or order is None:
+        if isinstance(outcome.error, Cancelled):
             return
         if isinstance(outcome.error, notices.EXPECTED):
             notices.warn(notices.sentence(outcome.error))
@@ -185,7 +189,10 @@ class SegmentSection(Section):
         if outcome.error is not None:
             raise outcome.error
         with notices.spoken():
-            self._put_on_stage(order, outcome.result)
+            if self._order is None:
+                self._show_layers(outcome.result)
+                return
+            self._put_on_stage(self._order, outcome.result)
             self.fold.setChecked(True)
             if self._then is not None:
                 self._then()
@@ -219,11 +226,12 @@ class SegmentSection(Section):
         )
 
     def _add_sample(self) -> None:
-        from napari_unpack.widgets.sample_data import packed_bag
+        if not self.job.running:
+            self._begin(lambda progress: packed_bag(progress=progress))
 
-        with notices.spoken():
-            for data, settings, kind in packed_bag():
-                getattr(self._bench.viewer, f"add_{kind}")(data, **settings)
+    def _show_layers(self, layers: list[LayerData]) -> None:
+        for data, settings, kind in layers:
+            getattr(self._bench.viewer, f"add_{kind}")(data, **settings)
 
     def end(self) -> None:
         """Stop all work and all listening, for good."""
