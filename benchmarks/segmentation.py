@@ -62,6 +62,20 @@ def by_kind(bag: Any, found: Labels) -> dict[str, tuple[int, int]]:
     return kinds
 
 
+def train(path: str, seeds: range, shape: tuple[int, int, int], count: int) -> None:
+    """Train the affinity of pairs on simulated bags, following the truth."""
+    from napari_unpack.segmentation.affinity import fit_affinity
+    from napari_unpack.segmentation.training import pair_examples
+
+    examples = []
+    for seed in seeds:
+        bag = simulate_bag(seed=seed, shape=shape, count=count)
+        examples.append(pair_examples(bag.volume, bag.labels, tuple(bag.spacing)))
+    rows, same = (np.concatenate(part) for part in zip(*examples, strict=True))
+    fit_affinity(rows, same).save(path)
+    print(f"{path}: {len(rows)} pairs of {len(seeds)} bags, {same.mean():.0%} one object")
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
@@ -69,7 +83,12 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--shape", type=int, nargs=3, default=(160, 176, 256))
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--peers", action="store_true", help="run the watershed grid too")
+    parser.add_argument("--train", metavar="FILE", help="train an affinity and stop")
     options = parser.parse_args(argv)
+    if options.train:
+        seeds = range(options.first, options.first + options.seeds)
+        train(options.train, seeds, tuple(options.shape), options.count)
+        return
     methods: dict[str, Callable[..., Labels]] = {
         "components": components,
         "ours": lambda volume, spacing: segment(volume, spacing).labels,

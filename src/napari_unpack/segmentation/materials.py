@@ -95,7 +95,7 @@ def material_parts(
     noise = _noise(lifted, mask)
     smooth = _mean_of_neighbours(_mean_of_neighbours(lifted, mask), mask)
     gradient = _gradient(smooth, mask)
-    floor = 1.5 * float(np.median(gradient[mask]))
+    floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
     basins = flood(_minima(levels, mask), mask, levels)
