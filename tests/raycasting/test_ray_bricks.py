@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import distance_transform_cdt
 
 from napari_unpack.raycasting import Bricks
-from napari_unpack.raycasting.bricks import leaps
+from napari_unpack.raycasting.bricks import leaps, strides
 from napari_unpack.raycasting.threads import over_bands
 
 
@@ -85,3 +85,32 @@ def test_an_error_in_a_band_is_raised() -> None:
 
     with pytest.raises(RuntimeError, match="rows"):
         over_bands(10, work, lambda: None, 2)
+
+
+def test_owners_tell_full_empty_and_mixed_bricks() -> None:
+    labels = np.zeros((8, 8, 40), np.uint16)
+    labels[:, :, :8] = 3
+    labels[:, :, 16:24] = 2
+    labels[0, 0, 24] = 3
+    labels[0, 0, 32] = 2
+    bricks = Bricks.of(labels)
+    shown = np.array([False, True, False, True])
+    # All 3; nothing; only 2, which is hidden; 3 among air; hidden 2 among air.
+    assert bricks.owners(shown).ravel().tolist() == [3, 0, 0, -1, 0]
+    # To the next that differs: 3|0 touch, and the mixed brick is two from the second.
+    assert strides(bricks.owners(shown)).ravel().tolist() == [1, 1, 1, 0, 1]
+
+
+def test_strides_are_the_chessboard_distance_to_another_owner() -> None:
+    rng = np.random.default_rng(2)
+    owners = np.zeros((9, 11, 12), np.int32)
+    owners[2:8, 3:10, 4:11] = 5
+    owners[4:6, :4, :3] = 7
+    owners[rng.random(owners.shape) < 0.005] = -1
+    found = strides(owners)
+    for owner in (0, 5, 7):
+        own = owners == owner
+        expected = distance_transform_cdt(own, "chessboard")
+        np.testing.assert_array_equal(found[own], expected[own])
+    assert not found[owners == -1].any()
+    assert (strides(np.zeros((3, 3, 3), np.int32)) == 255).all()

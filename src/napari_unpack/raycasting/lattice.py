@@ -18,6 +18,9 @@ FAR = 1.0e9
 BRICK = 8
 """Voxels along the edge of a brick (bricks.py)."""
 
+TILE = 32
+"""Pixels along the edge of a tile: the voxels behind one stay in the processor's cache."""
+
 
 def clipping_planes(clipping: ArrayLike | None) -> NDArray[np.float64]:
     """Return clipping planes as an (N, 2, 3) array of (point, normal), voxels.
@@ -35,6 +38,11 @@ def clipping_planes(clipping: ArrayLike | None) -> NDArray[np.float64]:
             f"clipping must be (N, 2, 3): a point and a normal a plane, got {planes.shape}"
         )
     return planes
+
+
+def band_of(height: int) -> int:
+    """Return how many rows one band of a picture has: a row of tiles, fewer in small pictures."""
+    return max(4, min(TILE, -(-height // 32)))
 
 
 def ray_numbers(rays: Rays) -> tuple[NDArray[np.float64], float, float]:

@@ -28,6 +28,7 @@ from napari_unpack.raycasting.chunks import (
     read_edge,
 )
 from napari_unpack.raycasting.lattice import (
+    TILE,
     leap,
     per_voxel,
     position,
@@ -38,9 +39,6 @@ from napari_unpack.raycasting.opacity import family_of
 
 OPAQUE = 0.99
 """A ray ends once its alpha reaches this; the GLSL twin stops at the same."""
-
-TILE = 32
-"""Pixels along the edge of a tile: the voxels behind one stay in the processor's cache."""
 
 
 @njit(cache=True, nogil=True, forceinline=True)

@@ -10,11 +10,15 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, leaps
+from napari_unpack.raycasting.bricks import Bricks, strides
 from napari_unpack.raycasting.lattice import (
+    BRICK,
+    TILE,
+    band_of,
     clipping_planes,
     leap,
     per_voxel,
+    position,
     ray_numbers,
     ray_of,
     sample_range,
@@ -44,7 +48,7 @@ def id_layers(
     layers : int
         How many objects of a ray to list.
     bricks : Bricks, optional
-        Of these labels; saves visiting empty space, changes nothing.
+        Of these labels; saves visiting what is uniform, changes nothing.
     clipping : (N, 2, 3) array_like, optional
         Planes (point, normal) in voxels; what lies behind one is cut away.
     threads : int, optional
@@ -62,25 +66,29 @@ def id_layers(
     """
     table, step, near = ray_numbers(rays)
     out = np.zeros((layers, *rays.size), np.int32)
-    distance = np.zeros((0, 0, 0), np.uint8)
+    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
     if bricks is not None:
-        distance = leaps(bricks.inhabited(visible))
+        owners = bricks.owners(visible)
+        distance = strides(owners)
     planes = clipping_planes(clipping)
 
     def work(_: None, first: int, last: int) -> None:
-        _cast(labels, table, step, near, planes, visible, distance, first, last, out)
+        _cast(labels, table, step, near, planes, visible, owners, distance, first, last, out)
 
-    over_bands(rays.size[0], work, lambda: None, threads)
+    over_bands(rays.size[0], work, lambda: None, threads, band_of(rays.size[0]))
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cast(labels, table, step, near, planes, visible, distance, first, last, out):  # type: ignore[no-untyped-def]
+def _cast(labels, table, step, near, planes, visible, owners, distance, first, last, out):  # type: ignore[no-untyped-def]
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     skip = distance.size > 0
-    for row in range(first, last):
-        for col in range(out.shape[2]):
+    height, width = last - first, out.shape[2]
+    for tile in range(0, width, TILE):
+        columns = min(TILE, width - tile)
+        for pixel in range(height * columns):
+            row, col = first + pixel // columns, tile + pixel % columns
             pz, py, px, dz, dy, dx = ray_of(table, row, col)
             k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
             found = 0
@@ -88,18 +96,19 @@ def _cast(labels, table, step, near, planes, visible, distance, first, last, out
             free = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             while k < end:
-                t = (k + 0.5) * step
-                z = int(pz + t * dz + 0.5)
-                y = int(py + t * dy + 0.5)
-                x = int(px + t * dx + 0.5)
+                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                # Where all bricks around belong to one, its samples need no visit.
+                count, label = 1, -1
                 if skip and k >= free:
-                    d = distance[z >> 3, y >> 3, x >> 3]
-                    free = leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
+                    b, r, c = z // BRICK, y // BRICK, x // BRICK
+                    d = distance[b, r, c]
+                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
                     if d > 0:
-                        k = free
-                        continue
-                label = int(labels[z, y, x])
-                k += 1
+                        count, label = free - k, int(owners[b, r, c])
+                if label < 0:
+                    label = int(labels[z, y, x])
+                k += count
                 if label == previous:
                     continue
                 previous = label

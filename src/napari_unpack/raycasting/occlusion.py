@@ -8,11 +8,15 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, leaps
+from napari_unpack.raycasting.bricks import Bricks, strides
 from napari_unpack.raycasting.lattice import (
+    BRICK,
+    TILE,
+    band_of,
     clipping_planes,
     leap,
     per_voxel,
+    position,
     ray_numbers,
     ray_of,
     sample_range,
@@ -41,7 +45,7 @@ def occlusion_counts(
     visible : (M,) ndarray of bool
         By ID, M above every label; `visible[0]` False. Hidden objects are as air.
     bricks : Bricks, optional
-        Of these labels; saves visiting empty space, changes nothing.
+        Of these labels; saves visiting what is uniform, changes nothing.
     threads : int, optional
         Workers, by default one a core.
 
@@ -64,20 +68,23 @@ def occlusion_counts(
         blocks = np.zeros((len(candidates),) * 2, np.bool_)
     else:
         blocks = np.zeros((0, 0), np.bool_)
-    distance = np.zeros((0, 0, 0), np.uint8)
+    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
     if bricks is not None:
-        distance = leaps(bricks.inhabited(visible))
+        owners = bricks.owners(visible)
+        distance = strides(owners)
     planes = clipping_planes(None)
     width = rays.size[1]
 
     def work(counts: NDArray[np.int64], first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
         _count(
-            labels, table, step, near, planes, visible, distance,
+            labels, table, step, near, planes, visible, owners, distance,
             first, last, width, slots, counts, blocks,
         )  # fmt: skip
 
-    parts = over_bands(rays.size[0], work, lambda: np.zeros((5, size), np.int64), threads)
+    parts = over_bands(
+        rays.size[0], work, lambda: np.zeros((5, size), np.int64), threads, band_of(rays.size[0])
+    )
     counts = np.sum(parts, axis=0)
     ids = np.flatnonzero(counts[0])
     met = slots[ids]
@@ -89,7 +96,7 @@ def occlusion_counts(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(  # type: ignore[no-untyped-def]
-    labels, table, step, near, planes, visible, distance,
+    labels, table, step, near, planes, visible, owners, distance,
     first_row, last_row, width, slots, counts, blocks,
 ):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
@@ -98,8 +105,11 @@ def _count(  # type: ignore[no-untyped-def]
     tabulate = blocks.size > 0
     stamps = np.full(visible.shape[0], -1, np.int64)
     seen = np.empty(visible.shape[0], np.int64)
-    for row in range(first_row, last_row):
-        for col in range(width):
+    height = last_row - first_row
+    for tile in range(0, width, TILE):
+        columns = min(TILE, width - tile)
+        for pixel in range(height * columns):
+            row, col = first_row + pixel // columns, tile + pixel % columns
             pz, py, px, dz, dy, dx = ray_of(table, row, col)
             k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
             stamp = row * width + col
@@ -110,20 +120,21 @@ def _count(  # type: ignore[no-untyped-def]
             free = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             while k < end:
-                t = (k + 0.5) * step
-                z = int(pz + t * dz + 0.5)
-                y = int(py + t * dy + 0.5)
-                x = int(px + t * dx + 0.5)
+                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                # Where all bricks around belong to one, its samples need no visit.
+                count, label = 1, -1
                 if skip and k >= free:
-                    d = distance[z >> 3, y >> 3, x >> 3]
-                    free = leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
+                    b, r, c = z // BRICK, y // BRICK, x // BRICK
+                    d = distance[b, r, c]
+                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
                     if d > 0:
-                        k = free
-                        continue
-                label = int(labels[z, y, x])
-                k += 1
+                        count, label = free - k, int(owners[b, r, c])
+                if label < 0:
+                    label = int(labels[z, y, x])
+                k += count
                 if label == current:
-                    run += 1
+                    run += count
                     continue
                 _flush(counts, current, run, met, seen, blocked)
                 run = 0
@@ -131,7 +142,7 @@ def _count(  # type: ignore[no-untyped-def]
                 if not visible[label]:
                     continue
                 current = label
-                run = 1
+                run = count
                 if stamps[label] != stamp:
                     stamps[label] = stamp
                     seen[met] = label
