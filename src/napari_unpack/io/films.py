@@ -80,7 +80,7 @@ def movie(
             f"size, fps and seconds must be positive, got {size!r}, {fps!r} and {seconds!r}"
         )
     with written_whole(target) as temporary:
-        writing = _mp4 if suffix == ".mp4" else _gif
+        writing = mp4_writer if suffix == ".mp4" else _gif
         with writing(temporary, even, fps) as write:
             filmed = twin(session)
             camera = framed(filmed, even)
@@ -136,7 +136,8 @@ def _frames(
 
 
 @contextmanager
-def _mp4(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open an H.264 film; what it yields takes (H, W, 3) uint8 frames of an even size."""
     import imageio_ffmpeg
 
     writer = imageio_ffmpeg.write_frames(

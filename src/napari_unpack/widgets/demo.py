@@ -15,7 +15,6 @@ from typing import Any
 SHAPE = (256, 192, 256)
 COUNT = 30
 WINDOW = (1480, 940)
-FILMED_FLIGHTS = 8
 
 
 class Steps:

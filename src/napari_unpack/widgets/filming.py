@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Picture = NDArray[np.uint8]
-FPS = 20
+FPS = 16
 FLIGHT_SECONDS = 0.9
-FLIGHTS = 10
-TURN = (0.0, 24.0)
+FLIGHTS = 9
 
 
 class SteppedClock:
@@ -98,14 +97,10 @@ def picture(viewer: Any, stage: Any) -> Picture:
 
 
 def write_film(frames: list[Picture], path: Path) -> None:
-    """Write frames as an H.264 film; odd edges are cut, as video wants."""
-    import imageio_ffmpeg
+    """Write frames as an H.264 film; an odd edge is cut off, as video wants."""
+    from napari_unpack.io.films import mp4_writer
 
     height, width = (n // 2 * 2 for n in frames[0].shape[:2])
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=FPS, quality=7, macro_block_size=2, ffmpeg_log_level="error"
-    )
-    writer.send(None)
-    for frame in frames:
-        writer.send(np.ascontiguousarray(frame[:height, :width]))
-    writer.close()
+    with mp4_writer(path, (height, width), FPS) as write:
+        for frame in frames:
+            write(frame[:height, :width])
