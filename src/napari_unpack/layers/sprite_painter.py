@@ -13,9 +13,14 @@ from napari_unpack.layers.shots import Sprite
 from napari_unpack.session.pictures import sprite_patch
 
 
-def resolution(pixels_per_mm: float) -> float:
+PIXELS_PER_VOXEL = 6.0
+"""No sprite is finer than this: more pixels show nothing more."""
+
+
+def resolution(pixels_per_mm: float, finest: float = np.inf) -> float:
     """Round a resolution up to the next half octave, so that small zooms cast nothing."""
-    return float(2 ** (np.ceil(2 * np.log2(max(pixels_per_mm, 1e-6))) / 2))
+    wanted = min(max(pixels_per_mm, 1e-6), finest)
+    return float(2 ** (np.ceil(2 * np.log2(wanted)) / 2))
 
 
 class SpritePainter:
@@ -79,11 +84,12 @@ class SpritePainter:
             Of the view, in pivot space.
         """
         self._wanted, self._shown = dict(poses), shown
-        fine = resolution(pixels_per_mm)
+        voxel = float(np.min(self._session.spacing))
         for object_id in list(self._made):
             if object_id not in poses:
                 del self._made[object_id]
         for object_id, pose in poses.items():
+            fine = resolution(pixels_per_mm, PIXELS_PER_VOXEL / (voxel * pose.scale))
             key = self._key(object_id, pose, fine)
             have = self._made.get(object_id)
             if have is not None and not np.array_equal(have[1].pose.center, pose.center):

@@ -153,7 +153,9 @@ class Stage:
         viewer.canvas.background_color_override = (*BACKGROUND, 1.0)
         for layer in self.layers:
             viewer.add_layer(layer)
-            layer.frame_changed.connect(self._on_frame)
+        self.packed.frame_changed.connect(self._on_frame)
+        self.transition.frame_changed.connect(self._on_other_frame)
+        self.sprites.frame_changed.connect(self._on_other_frame)
         viewer.layers.selection.active = self.packed
         self._connect()
         self.frame_bag()
@@ -288,8 +290,9 @@ class Stage:
         for signal, slot in self._wires():
             signal.disconnect(slot, missing_ok=True)
         self.viewer.layers.events.removed.disconnect(self._on_removed)
-        for layer in self.layers:
-            layer.frame_changed.disconnect(self._on_frame, missing_ok=True)
+        self.packed.frame_changed.disconnect(self._on_frame, missing_ok=True)
+        self.transition.frame_changed.disconnect(self._on_other_frame, missing_ok=True)
+        self.sprites.frame_changed.disconnect(self._on_other_frame, missing_ok=True)
         if self._pointer is not None:
             self._pointer.close()
             self._pointer = None
@@ -309,6 +312,11 @@ class Stage:
             self.session.look(frame.camera)
             self._projector.look(frame)
             self._at_rest.moved()
+
+    def _on_other_frame(self, frame: Frame) -> None:
+        # In a grid of views every layer has its own; the bag's is the one that counts.
+        if not self.packed.visible:
+            self._on_frame(frame)
 
     def _on_states(self) -> None:
         self._projector.states_changed()

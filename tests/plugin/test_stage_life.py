@@ -1,0 +1,134 @@
+"""The stage comes and goes: everything of the user's is as it was, and nothing breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+from napari_unpack.layers.stage import Stage
+from napari_unpack.session import ObjectState
+
+
+def test_the_users_layers_and_view_come_back_exactly(
+    make_napari_viewer_proxy, bag, session, qtbot
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(bag[0], scale=(1.5, 1.5, 1.5), visible=False)
+    labels = viewer.add_labels(bag[1], scale=(1.5, 1.5, 1.5))
+    viewer.add_points([[1, 2, 3]], name="mine")
+    viewer.layers.selection = {viewer.layers["mine"], viewer.layers[0]}
+    viewer.dims.ndisplay = 3
+    viewer.scene.camera.center, viewer.scene.camera.zoom = (9, 8, 7), 2.5
+    viewer.scene.camera.angles, viewer.scene.camera.perspective = (10, 20, 30), 12
+    viewer.dims.ndisplay = 2
+    viewer.scene.camera.center, viewer.scene.camera.zoom = (0, 30, 40), 5.5
+    before = _state(viewer)
+    stage = Stage(viewer, session, [image, labels])
+    stage.open()
+    assert stage.is_open
+    assert [layer.name for layer in viewer.layers][-3:] == ["Packed", "Transition", "Sprites"]
+    assert not viewer.layers[1].visible
+    assert viewer.layers["mine"].visible
+    assert viewer.dims.ndisplay == 3
+    stage.close()
+    stage.close()
+    assert _state(viewer) == before
+    assert not session.animated
+
+
+def _state(viewer):
+    camera = viewer.scene.camera
+    return (
+        [(layer.name, layer.visible) for layer in viewer.layers],
+        sorted(layer.name for layer in viewer.layers.selection),
+        viewer.dims.ndisplay,
+        tuple(np.round(camera.center, 6)),
+        round(camera.zoom, 6),
+        tuple(np.round(camera.angles, 6)),
+        camera.perspective,
+        str(camera.orientation),
+        str(viewer.canvas.background_color),
+        len(viewer.mouse_move_callbacks),
+        len(viewer.mouse_drag_callbacks),
+        len(viewer.mouse_double_click_callbacks),
+    )
+
+
+def test_removing_one_of_our_layers_takes_the_stage_down(staged) -> None:
+    viewer, stage = staged
+    heard = []
+    stage.events.closed.connect(lambda: heard.append(True))
+    viewer.layers.remove("Sprites")
+    assert not stage.is_open
+    assert len(viewer.layers) == 0
+    assert heard == [True]
+
+
+def test_the_stage_stands_on_the_users_layer(make_napari_viewer_proxy, bag, session) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(
+        bag[0], scale=(3, 3, 3), translate=(10, 20, 30), rotate=(0.0, 0.0, 30.0)
+    )
+    stage = Stage(viewer, session, [image])
+    np.testing.assert_allclose(stage.packed.translate, [10, 20, 30])
+    np.testing.assert_allclose(
+        stage.packed.data_to_world((3, 4, 5)), image.data_to_world((3, 4, 5))
+    )
+    stretched = viewer.add_image(bag[0], scale=(3, 1, 1))
+    np.testing.assert_allclose(Stage(viewer, session, [stretched]).packed.scale, [1.5] * 3)
+
+
+def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session, qtbot) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    stage = Stage(viewer, session)
+    stage.open()
+    stage.settle(30)
+    stage.unpack(2)
+    qtbot.wait(60)
+    viewer.close()
+    qtbot.wait(100)
+    stage.close()
+    assert not session.flights
+    assert sum(s is ObjectState.UNPACKED for s in session.states.values()) == 2
+
+
+def test_two_dimensions_a_tiny_window_and_two_viewers_break_nothing(
+    make_napari_viewer_proxy, session, bag, qtbot
+) -> None:
+    from napari_unpack.session import Session
+
+    first, second = make_napari_viewer_proxy(show=True), make_napari_viewer_proxy(show=True)
+    one, two = Stage(first, session), Stage(second, Session(*bag))
+    one.events.message.connect(pytest.fail)
+    two.events.message.connect(pytest.fail)
+    one.open()
+    two.open()
+    one.unpack(1)
+    first.dims.ndisplay = 2
+    qtbot.wait(50)
+    assert canvas(first).std(axis=(0, 1)).max() < 1.0
+    first.dims.ndisplay = 3
+    first.canvas.size = (1, 1)
+    qtbot.wait(50)
+    first.canvas.size = (400, 500)
+    two.unpack(1)
+    one.finish()
+    two.finish()
+    assert one.settle(30)
+    assert two.settle(30)
+    one.close()
+    assert canvas(second).std(axis=(0, 1)).max() > 5.0
+    two.close()
+
+
+def test_the_layers_can_be_reordered_hidden_and_shown_in_a_grid(staged, qtbot) -> None:
+    viewer, stage = staged
+    stage.events.message.connect(pytest.fail)
+    stage.unpack(1)
+    viewer.layers.move(len(viewer.layers) - 1, 0)
+    viewer.canvas.grid.enabled = True
+    qtbot.wait(50)
+    viewer.canvas.grid.enabled = False
+    stage.finish()
+    assert stage.settle(30)

@@ -1,0 +1,153 @@
+"""What the stage shows, and how little it casts to show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+from napari_unpack.session import ObjectState
+
+
+def settled_passes(stage) -> int:
+    assert stage.settle(30)
+    return stage.packed_passes
+
+
+def moved(before: np.ndarray, after: np.ndarray) -> bool:
+    return bool(np.abs(before - after).max() > 8)
+
+
+def sprite_pixels(stage) -> np.ndarray:
+    """Return rows first, last and columns first, last of the sprite as the frame has it."""
+    (sprite,) = stage.sprites.sprites.values()
+    place = sprite.card(None).place
+    low = np.array(place.center) - np.array([0, *place.half])
+    high = np.array(place.center) + np.array([0, *place.half])
+    camera, size = stage.frame.camera, stage.frame.size
+    return np.concatenate([camera.pixels(low, size), camera.pixels(high, size)])
+
+
+def test_the_bag_is_drawn_where_its_boxes_project_to(staged, session) -> None:
+    viewer, stage = staged
+    picture = canvas(viewer)
+    rows, cols = np.nonzero((picture - picture[0, 0]).max(axis=2) > 40)
+    corners = np.concatenate([session.boxes.corners(i, session.spacing) for i in session.ids])
+    pixels = stage.frame.camera.project(corners, stage.frame.size)
+    seen = [rows.min(), rows.max(), cols.min(), cols.max()]
+    expected = np.stack([pixels.min(axis=0), pixels.max(axis=0)], axis=1).ravel()
+    np.testing.assert_allclose(seen, expected, atol=5)
+
+
+def test_nothing_is_cast_for_mouse_sprites_or_other_layers(staged, qtbot) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    viewer.add_points([[3, 3, 3]])
+    stage.unpack(1)
+    stage.finish()
+    passes = settled_passes(stage)
+    viewer.layers["Points"].visible = False
+    viewer.layers["Sprites"].visible = False
+    viewer.layers["Sprites"].visible = True
+    stage.packed.visible = False
+    stage.packed.visible = True
+    sprite = next(iter(stage.sprites.sprites))
+    stage.point_at(sprite)
+    stage.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
+    stage.turned(sprite)
+    assert settled_passes(stage) == passes
+
+
+def test_camera_hue_and_transfer_function_each_cast_anew(staged, session) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    passes = settled_passes(stage)
+    viewer.scene.camera.zoom *= 1.1
+    after_zoom = settled_passes(stage)
+    assert passes < after_zoom <= passes + 3
+    session.accept_hues({7: 0.123}, undoable=False)
+    after_hue = settled_passes(stage)
+    assert after_hue == after_zoom + 1
+    function = session.transfer_function
+    session.transfer_function = type(function)([(d, a / 2) for d, a in function.points])
+    assert after_hue < settled_passes(stage) <= after_hue + 2
+
+
+def test_an_object_that_leaves_recasts_its_window_to_the_same_picture(staged) -> None:
+    _, stage = staged
+    stage.recolor_at_rest = False
+    stage.settle(30)
+    stage.unpack(1)
+    stage.finish()
+    passes = settled_passes(stage)
+    patched = stage.packed.shot.patch
+    stage.session.events.transfer_function.emit(stage.session.transfer_function)
+    assert settled_passes(stage) > passes
+    np.testing.assert_allclose(stage.packed.shot.patch.rgba, patched.rgba, atol=2e-3)
+
+
+@pytest.mark.parametrize("fov", [0, 30])
+def test_sprites_stay_while_the_bag_turns_and_pans_and_grow_with_zoom(staged, fov) -> None:
+    viewer, stage = staged
+    viewer.scene.camera.perspective = fov
+    stage.unpack(1)
+    stage.finish()
+    stage.settle(30)
+    before, bag = sprite_pixels(stage), canvas(viewer)
+    viewer.scene.camera.angles = (20, 40, 60)
+    viewer.scene.camera.center = tuple(np.add(viewer.scene.camera.center, (0, 9, 6)))
+    stage.settle(30)
+    assert moved(bag, canvas(viewer))
+    np.testing.assert_allclose(sprite_pixels(stage), before, atol=1.0)
+    viewer.scene.camera.zoom *= 0.8
+    stage.settle(30)
+    middle = (np.array([*stage.frame.size, *stage.frame.size]) - 1) / 2
+    np.testing.assert_allclose(sprite_pixels(stage) - middle, (before - middle) * 0.8, atol=1.5)
+
+
+def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbot) -> None:
+    viewer, stage = staged
+    at_rest = canvas(viewer)
+    landed, frames = [], []
+    stage.events.landed.connect(landed.append)
+    stage.events.frame.connect(lambda: frames.append(sorted(stage.transition.shots)))
+    (out,) = stage.unpack(1)
+    assert session.states[out] is ObjectState.FLYING_OUT
+    qtbot.waitUntil(lambda: bool(frames), timeout=10000)
+    assert frames[0] == [out]
+    assert moved(at_rest, canvas(viewer))
+    qtbot.waitUntil(lambda: not stage.flying, timeout=10000)
+    assert landed == [out]
+    assert stage.settle(30)
+    assert set(stage.sprites.sprites) == {out}
+    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=5000)
+    unpacked = canvas(viewer)
+    assert moved(at_rest, unpacked)
+    stage.restore(1)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=10000)
+    assert stage.settle(30)
+    assert not stage.sprites.sprites
+
+
+def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
+    staged, session, qtbot
+) -> None:
+    _, stage = staged
+    (out,) = stage.unpack(1)
+    stage.finish()
+    stage.settle(30)
+    before = session.poses[out].rotation.copy()
+    stage.inspect(out)
+    assert stage.inspected == out
+    qtbot.wait(500)
+    stage.settle(30)
+    height = stage.transition.shots[out].patch.rgba.shape[0]
+    assert height > 0.35 * min(stage.frame.size)
+    quarter = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])
+    stage.turn(out, quarter)
+    stage.turned(out)
+    stage.leave()
+    qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=10000)
+    np.testing.assert_allclose(session.poses[out].rotation, quarter @ before, atol=1e-9)
+    assert stage.settle(30)
+    assert set(stage.sprites.sprites) == {out}
