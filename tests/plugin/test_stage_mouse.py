@@ -1,0 +1,82 @@
+"""The mouse on the stage, with real events on the canvas."""
+
+from __future__ import annotations
+
+import numpy as np
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
+
+from napari_unpack.layers import compat
+from napari_unpack.session import ObjectState
+
+
+def native(viewer):
+    return compat.native_canvas(viewer).native
+
+
+def logical(stage, pivot_point) -> QPoint:
+    """Return where a point of pivot space is on the canvas widget (device pixels are one)."""
+    row, col = stage.frame.camera.pixels(np.asarray(pivot_point, dtype=float), stage.frame.size)
+    return QPoint(round(col), round(row))
+
+
+def packed_point(stage, session, object_id) -> QPoint:
+    center = session.boxes.center(object_id, session.spacing)
+    row, col = stage.frame.camera.project(center, stage.frame.size)
+    return QPoint(round(col), round(row))
+
+
+def drag(widget, start: QPoint, way: QPoint, qtbot) -> None:
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
+    for part in (0.3, 0.6, 1.0):
+        QTest.mouseMove(widget, start + QPoint(round(way.x() * part), round(way.y() * part)))
+        qtbot.wait(30)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + way)
+    qtbot.wait(30)
+
+
+def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    session.rename(3, "Red ball")
+    (out,) = stage.unpack(1)
+    stage.finish()
+    assert stage.settle(30)
+    widget = native(viewer)
+    front = next(i for i in session.unpackable() if i != out)
+    at_front = packed_point(stage, session, front)
+
+    QTest.mouseMove(widget, at_front + QPoint(1, 1))
+    QTest.mouseMove(widget, at_front)
+    qtbot.wait(60)
+    name = str(session.objects["name"][front])
+    qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=3000)
+
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at_front)
+    qtbot.waitUntil(lambda: session.selected == frozenset({front}), timeout=3000)
+
+    at_sprite = logical(stage, session.poses[out].center)
+    angles, held = viewer.scene.camera.angles, session.poses[out].rotation.copy()
+    drag(widget, at_sprite, QPoint(0, 40), qtbot)
+    qtbot.waitUntil(lambda: not np.allclose(session.poses[out].rotation, held), timeout=3000)
+    assert viewer.scene.camera.angles == angles
+    assert viewer.scene.camera.mouse_pan
+
+    drag(widget, at_front, QPoint(40, 25), qtbot)
+    qtbot.waitUntil(lambda: viewer.scene.camera.angles != angles, timeout=3000)
+
+    zoom = viewer.scene.camera.zoom
+    QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=at_sprite)
+    qtbot.waitUntil(lambda: session.states[out] is ObjectState.INSPECTED, timeout=3000)
+    assert viewer.scene.camera.zoom == zoom
+    qtbot.wait(450)
+    QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(5, 5))
+    qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=5000)
+    assert viewer.scene.camera.zoom == zoom
+
+
+def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:
+    viewer, _ = staged
+    zoom = viewer.scene.camera.zoom
+    QTest.mouseDClick(native(viewer), Qt.MouseButton.LeftButton, pos=QPoint(6, 6))
+    qtbot.waitUntil(lambda: viewer.scene.camera.zoom > 1.5 * zoom, timeout=3000)
