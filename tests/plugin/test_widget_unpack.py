@@ -94,7 +94,7 @@ def test_where_nobody_is_free_the_setting_decides(
     session.most_in_group = 1
     panel.unpack.least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    qtbot.waitUntil(lambda: "Every object is blocked" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "Every object is blocked from here: turn" in panel.unpack.news.text(), timeout=10000)
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)

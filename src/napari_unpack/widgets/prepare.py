@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,8 @@ def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Pro
         If the volume or the labels cannot be used, or nothing was found.
     """
     progress(0.0, "Reading the volume")
+    # Loaded here, the modules of the stage do not hold up the window later.
+    importlib.import_module("napari_unpack.layers.stage")
     density = np.asarray(volume.data)
     objects = None
     found = None

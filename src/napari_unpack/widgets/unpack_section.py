@@ -125,6 +125,7 @@ class UnpackSection(Section):
     def _set_policy(self, least: bool) -> None:
         if self._bench.session is not None:
             self._bench.session.take_least_occluded = least
+            self._refresh()
 
     def _toggle_inspection(self) -> None:
         session = self._bench.session
@@ -163,5 +164,9 @@ class UnpackSection(Section):
         if self._free is None or packed == 0:
             return ""
         if not self._free:
-            return "Every object is blocked in this direction: turn the bag, or choose another."
+            return (
+                "Every object is blocked from here; the least blocked leaves next."
+                if self._bench.session.take_least_occluded
+                else "Every object is blocked from here: turn the bag, or choose a direction."
+            )
         return f"{len(self._free)} of {packed} {'is' if len(self._free) == 1 else 'are'} free now."
