@@ -54,9 +54,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
 
     Notes
     -----
-    Otsu's threshold (1979) on densities clipped to their 99.5th percentile, since few metal
-    voxels would pull it up; then once more below it and above the background's own noise, to
-    keep thin and light things such as cloth.
+    Otsu's threshold (1979) on densities clipped to their 97th percentile, or a higher one where
+    less than 3 % is matter: a percent of metal would pull it up until cloth and plastic vanish.
     """
     samples = _samples(np.asarray(volume))
     if samples.size == 0:
@@ -64,18 +63,18 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     lowest, highest = float(samples.min()), float(samples.max())
     if not highest > lowest:
         raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
-    top = float(np.percentile(samples, 99.5))
-    if top <= lowest:
-        top = highest
-    threshold = _otsu(np.minimum(samples, top))
-    matter = samples[samples > threshold]
-    body = float(np.median(np.minimum(matter, top))) if matter.size else top
-    background = samples[samples <= threshold]
-    air = float(np.median(background))
-    noise = 1.4826 * float(np.median(np.abs(background - air)))
-    foot = min(max(air + 4.0 * noise, air + 0.25 * (threshold - air)), 0.8 * threshold + 0.2 * air)
+    air, noise = _level(samples[samples <= np.median(samples)])
+    # Metal pulls Otsu's threshold up, so the densest are clipped, but never matter altogether.
+    tops = np.percentile(samples, (97, 99, 99.5, 99.9, 100))
+    top = float(next((t for t in tops if t > air + max(10 * noise, 0.0)), highest))
+    clipped = np.minimum(samples, top)
+    threshold = _otsu(clipped)
+    matter = clipped[clipped > threshold]
+    body = float(np.median(matter)) if matter.size else top
+    air, noise = _level(clipped[clipped <= threshold])
+    foot = min(max(air + 4.0 * noise, air + 0.45 * (threshold - air)), 0.8 * threshold + 0.2 * air)
     surface = max(threshold, foot + 0.25 * (body - foot))
-    return Ramp(lowest, foot, surface, max(body, surface), max(top, highest * 0.5 + top * 0.5))
+    return Ramp(lowest, foot, surface, max(body, surface), max(top, (highest + top) / 2))
 
 
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -83,6 +82,12 @@ def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     thinned = volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
     values = thinned.astype(np.float64).ravel()
     return values[np.isfinite(values)]
+
+
+def _level(background: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the background's typical density and its noise."""
+    air = float(np.median(background))
+    return air, 1.4826 * float(np.median(np.abs(background - air)))
 
 
 def _otsu(values: NDArray[np.float64]) -> float:
