@@ -56,8 +56,6 @@ class Stage:
 
     Attributes
     ----------
-    backend : {"auto", "cpu", "gl"}
-        Who casts. "auto" is GL on graphics hardware, else the CPU.
     recolor_at_rest : bool
         Choose hues anew when the camera comes to rest.
     events : StageEvents
@@ -67,7 +65,7 @@ class Stage:
         self.viewer = compat.unwrap(viewer)
         self.session = session
         self.sources = tuple(compat.unwrap(layer) for layer in sources)
-        self.backend, self.recolor_at_rest = "auto", True
+        self._backend, self.recolor_at_rest = "auto", True
         self.events = StageEvents()
         self._borrowed: Borrowed | None = None
         self._before = False, "auto"
@@ -119,6 +117,19 @@ class Stage:
     def packed_passes(self) -> int:
         """Castings of the packed picture so far."""
         return self._projector.bag.passes
+
+    @property
+    def backend(self) -> str:
+        """Who casts: "auto", "cpu" or "gl". In the viewer all three are the CPU so far."""
+        return self._backend
+
+    @backend.setter
+    def backend(self, backend: str) -> None:
+        if backend not in ("auto", "cpu", "gl"):
+            raise ValueError(f'backend must be "auto", "cpu" or "gl", got {backend!r}')
+        self._backend = backend
+        if backend == "gl":
+            self.events.message.emit("Pictures in the viewer are cast on the CPU all the same.")
 
     @property
     def seconds(self) -> float:
