@@ -16,9 +16,7 @@ from napari_unpack.layers.view_camera import (
 
 def test_an_orthographic_matrix_gives_height_centre_and_axes() -> None:
     # Looking along +z with x right and y down; 2 / 0.02 = 100 mm are visible.
-    matrix = np.array(
-        [[0.01, 0, 0, -0.3], [0, -0.02, 0, 0.8], [0, 0, 0.001, 0.0], [0, 0, 0, 1.0]]
-    )
+    matrix = np.array([[0.01, 0, 0, -0.3], [0, -0.02, 0, 0.8], [0, 0, 0.001, 0.0], [0, 0, 0, 1.0]])
     camera = camera_from_render(matrix, (5.0, 40.0, 30.0))
     np.testing.assert_allclose(camera.rotation, [[-1, 0, 0], [0, 1, 0], [0, 0, -1]], atol=1e-12)
     assert camera.height == pytest.approx(100.0)

@@ -12,7 +12,6 @@ from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.shots import Sprite
 from napari_unpack.session.pictures import sprite_patch
 
-
 PIXELS_PER_VOXEL = 6.0
 """No sprite is finer than this: more pixels show nothing more."""
 
