@@ -59,7 +59,8 @@ class Projector:
         self._flights = FlightPainter(session, jobs, self._show_moving, _caster)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
         self._director = Director(session, self._small.has, lambda _: self.bag.settled)
-        self._clock = Clock(self._tick, session.clock)
+        # Asked anew each time: a film exchanges the session's clock for one it steps itself.
+        self._clock = Clock(self._tick, lambda: session.clock())
 
     @property
     def settled(self) -> bool:
@@ -107,6 +108,10 @@ class Projector:
         self.bag.recast()
         self._small.look_changed()
         self._show_sprites()
+
+    def catch_up(self) -> None:
+        """Do now what the next tick of the clock would do."""
+        self._tick(self._clock.now())
 
     def land(self, object_id: int) -> None:
         """End a flight."""

@@ -231,6 +231,22 @@ class Stage:
         napari_camera.set_view_direction(tuple(direction), tuple(up))
         napari_camera.zoom = zoom
 
+    def step(self, seconds: float = 10.0) -> bool:
+        """Show this very moment of the session's clock; for films, whose clock stands still.
+
+        Parameters
+        ----------
+        seconds : float
+            Wait at most so long for the pictures.
+
+        Returns
+        -------
+        bool
+            Whether every picture is right.
+        """
+        self._projector.catch_up()
+        return self.settle(seconds)
+
     def settle(self, seconds: float = 10.0) -> bool:
         """Wait until every picture is full and right, handling events meanwhile.
 

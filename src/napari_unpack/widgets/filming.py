@@ -91,7 +91,7 @@ def flight(viewer: Any, panel: Any, clock: SteppedClock) -> Iterator[Picture]:
 
 def picture(viewer: Any, stage: Any) -> Picture:
     """Return what the canvas shows once every picture in it is full and right, (H, W, 3)."""
-    stage.settle(20.0)
+    stage.step(20.0)
     shot: Picture = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
     return shot
 
