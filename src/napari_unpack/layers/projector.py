@@ -110,8 +110,9 @@ class Projector:
         self._show_sprites()
 
     def catch_up(self) -> None:
-        """Do now what the next tick of the clock would do."""
+        """Do what the next tick of the clock would do, and tick no more by itself."""
         self._tick(self._clock.now())
+        self._clock.stop()
 
     def land(self, object_id: int) -> None:
         """End a flight."""

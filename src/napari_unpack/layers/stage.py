@@ -378,4 +378,6 @@ class Stage:
         )
 
     def _settled(self) -> bool:
-        return not (self._jobs.busy or self._at_rest.waiting) and self._projector.settled
+        # What is asked at rest waits until everybody has landed.
+        resting = self._at_rest.waiting and not self.flying
+        return not (self._jobs.busy or resting) and self._projector.settled
