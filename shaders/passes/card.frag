@@ -16,7 +16,6 @@
 // test:     tests/rendering/test_cards.py
 
 #include "lib/no_depth.glsl"
-#include "lib/silhouette.glsl"
 
 uniform sampler2D u_picture;
 uniform sampler2D u_depth;
@@ -26,12 +25,11 @@ uniform float u_t;
 uniform float u_t_origin;
 uniform vec4 u_z_of_t;
 uniform float u_opacity;
-uniform float u_decorated;
 
 varying vec2 v_uv;
 
 void main() {
-    vec4 color = picture_at(u_picture, v_uv);
+    vec4 color = texture2D(u_picture, v_uv);
     float t = u_t;
     bool solid = color.a * u_opacity >= 0.5;
     if (u_has_depth > 0.5) {
@@ -43,8 +41,6 @@ void main() {
     }
     if (solid != (u_core > 0.5))
         discard;
-    if (u_decorated > 0.5)
-        color += (1.0 - color.a) * silhouette(u_picture, v_uv);
     color *= u_opacity;
     if (color.a <= 0.0)
         discard;

@@ -4,7 +4,6 @@
 //
 // in:  a_corner       corner of the quad, 0 or 1: right, down the picture
 //      u_clip_*       the picture's top left corner and its two edges, clip space
-//      u_margin       room for outline and shadow around the picture, as a fraction of its edges
 // out: v_uv           texture coordinates, (0, 0) the picture's top left corner
 // cpu twin: rendering/visuals/places.py (Place.frame)
 // test:     tests/rendering/test_cards.py
@@ -14,12 +13,11 @@ attribute vec2 a_corner;
 uniform vec4 u_clip_origin;
 uniform vec4 u_clip_right;
 uniform vec4 u_clip_down;
-uniform vec2 u_margin;
 
 varying vec2 v_uv;
 
 void main() {
-    v_uv = mix(-u_margin, 1.0 + u_margin, a_corner);
+    v_uv = a_corner;
     vec4 corner = u_clip_origin + v_uv.x * u_clip_right + v_uv.y * u_clip_down;
     // Depth is the fragment shader's; z = 0 keeps the near and far planes from cutting the card.
     gl_Position = vec4(corner.xy, 0.0, corner.w);

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import canvas
 
+from napari_unpack.layers.shots import RESTING
 from napari_unpack.session import ObjectState
 
 
@@ -21,9 +22,10 @@ def moved(before: np.ndarray, after: np.ndarray) -> bool:
 def sprite_pixels(stage) -> np.ndarray:
     """Return rows first, last and columns first, last of the sprite as the frame has it."""
     (sprite,) = stage.sprites.sprites.values()
-    place = sprite.card(None).place
-    low = np.array(place.center) - np.array([0, *place.half])
-    high = np.array(place.center) + np.array([0, *place.half])
+    place = sprite.card(RESTING).place
+    half = np.array([0, *place.half]) - RESTING.margin * sprite.mm
+    half[0] = 0
+    low, high = np.array(place.center) - half, np.array(place.center) + half
     camera, size = stage.frame.camera, stage.frame.size
     return np.concatenate([camera.pixels(low, size), camera.pixels(high, size)])
 

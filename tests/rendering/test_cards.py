@@ -171,25 +171,6 @@ def test_a_sprite_stands_where_its_pivot_point_is_projected(view):
     np.testing.assert_allclose(lit.mean(0), found.mean(0), atol=0.8)
 
 
-def test_outline_and_shadow_surround_the_picture_and_leave_it_alone(view):
-    from napari_unpack.rendering.visuals.cards import Silhouette
-    from napari_unpack.rendering.visuals.pictures import Picture
-
-    disc = np.zeros((24, 24, 4), np.float32)
-    row, col = np.indices((24, 24)) - 11.5
-    disc[np.hypot(row, col) < 7] = (1, 0, 0, 1)
-    edge = Silhouette(outline=(0, 0, 1, 1), outline_width=2.0, shadow=(0, 1, 0, 1))
-    node = add_cards(view, [card(Picture(disc), sprite(0.0, half=12.0))])
-    bare = view.canvas.render().astype(int)
-    node.cards = [card(Picture(disc), sprite(0.0, half=12.0), silhouette=edge)]
-    decorated = view.canvas.render().astype(int)
-    inside = bare[..., 0] == 255
-    assert inside.sum() > 50
-    np.testing.assert_array_equal(decorated[inside], bare[inside])
-    assert ((decorated[..., 2] > 200) & ~inside).sum() > 20
-    assert (decorated[..., 1] > 20).sum() > 20
-
-
 def test_a_picture_is_uploaded_when_it_changes_and_not_when_its_card_moves(view):
     picture = plain(RED)
     node = add_cards(view, [card(picture, sprite(0.0))])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.picture_place import picture_place, sprite_place
-from napari_unpack.rendering.visuals.cards import Card, Silhouette
+from napari_unpack.rendering.visuals.cards import Card
 from napari_unpack.rendering.visuals.pictures import Picture
+from napari_unpack.rendering.visuals.silhouettes import Silhouette, decorated
 from napari_unpack.session.pictures import Patch
+
+RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
+CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
 
 FRONT = -0.999
 """Depth of what is before everything else, normalised device coordinates."""
@@ -65,34 +69,48 @@ class Sprite:
     ----------
     patch : Patch
         Of `session.pictures.sprite_patch`.
-    picture : Picture
-        The same, for the graphics card.
     pose : Pose
         Where it waits and how it is turned.
     mm : float
         Size of a pixel, mm.
+    pictures : dict
+        The same for the graphics card, by the silhouette laid under it.
     """
 
     patch: Patch
-    picture: Picture
     pose: Pose
     mm: float
+    pictures: dict[Silhouette, Picture] = field(default_factory=dict)
 
     @classmethod
     def of(cls, patch: Patch, pose: Pose, mm: float) -> Sprite | None:
         """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
         if patch.is_empty:
             return None
-        return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), pose, mm)
+        sprite = cls(patch, pose, mm)
+        sprite.picture(RESTING)
+        return sprite
 
     def moved(self, pose: Pose) -> Sprite:
         """Return the same picture elsewhere."""
         return replace(self, pose=pose)
 
-    def card(self, silhouette: Silhouette | None, opacity: float = 1.0) -> Card:
+    def picture(self, silhouette: Silhouette) -> Picture:
+        """Return its picture with a silhouette, made at the first call (some milliseconds)."""
+        if silhouette not in self.pictures:
+            m = silhouette.margin
+            depth = np.pad(self.patch.depth, m, constant_values=np.inf)
+            rgba = to_bytes(decorated(self.patch.rgba, silhouette))
+            self.pictures[silhouette] = Picture(rgba, depth)
+        return self.pictures[silhouette]
+
+    def card(self, silhouette: Silhouette, opacity: float = 1.0) -> Card:
         """Return its card."""
         z, y, x = (float(v) for v in self.pose.center)
-        return Card(self.picture, sprite_place(self.patch, (z, y, x), self.mm), opacity, silhouette)
+        place = sprite_place(self.patch, (z, y, x), self.mm)
+        margin = silhouette.margin * self.mm
+        half = place.half[0] + margin, place.half[1] + margin
+        return Card(self.picture(silhouette), replace(place, half=half), opacity)
 
     def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Return whether a point of its plane lies on its rectangle, widened by mm."""

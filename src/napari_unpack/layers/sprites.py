@@ -9,12 +9,9 @@ import numpy as np
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
-from napari_unpack.layers.shots import Sprite
+from napari_unpack.layers.shots import CHOSEN, RESTING, Sprite
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.visuals.cards import Card, Silhouette
-
-RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
-CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
+from napari_unpack.rendering.visuals.cards import Card
 
 
 class SpriteLayer(PictureLayer):
@@ -48,8 +45,9 @@ class SpriteLayer(PictureLayer):
     def show(self, sprites: Mapping[int, Sprite]) -> None:
         """Show these and nothing else; a sprite that stays the same keeps its card."""
         same = [i for i, s in sprites.items() if i in self._cards and self._sprites.get(i) is s]
-        kept = {i: self._cards[i] for i in same}
-        self._sprites, self._cards = dict(sprites), kept
+        if len(same) == len(self._sprites) == len(sprites):
+            return
+        self._sprites, self._cards = dict(sprites), {i: self._cards[i] for i in same}
         if sprites:
             self.set_picture(next(reversed(self._sprites.values())).patch.rgba)
         self.repaint()

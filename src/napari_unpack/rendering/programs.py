@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from vispy import gloo
+from vispy.gloo.context import GLShared
 
 from napari_unpack.rendering.framebuffer import current_context
 from napari_unpack.rendering.shader_source import ShaderSource, load
@@ -13,6 +15,21 @@ from napari_unpack.rendering.shader_source import ShaderSource, load
 
 class ShaderError(RuntimeError):
     """A shader that this machine's driver does not accept."""
+
+
+class Programs:
+    """Passes compiled once a GL context, for all that draw there."""
+
+    def __init__(self) -> None:
+        self._made: WeakKeyDictionary[GLShared, dict[object, gloo.Program]] = WeakKeyDictionary()
+
+    def here(self, fragment: str, defines: Mapping[str, object] | None = None) -> gloo.Program:
+        """Return the program of the current context; see `compiled`."""
+        made = self._made.setdefault(current_context().shared, {})
+        key = fragment, *sorted((defines or {}).items())
+        if key not in made:
+            made[key] = compiled(fragment, defines)
+        return made[key]
 
 
 def compiled(

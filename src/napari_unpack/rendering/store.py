@@ -57,6 +57,12 @@ class VolumeStore:
             self._made[shared] = VolumeTextures(self._labels, self._volume, self._largest)
         return self._made[shared]
 
+    def delete(self) -> None:
+        """Free the textures in every context; they are sent again where they are asked for."""
+        for textures in self._made.values():
+            textures.delete()
+        self._made.clear()
+
     def set_labels(self, labels: NDArray[np.uint16]) -> None:
         """Take over other labels of the same shape; the density stays where it is.
 

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering.framebuffer import Target
-from napari_unpack.rendering.programs import compiled
+from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.tables import IdTable, TransferTable
 from napari_unpack.rendering.textures import VolumeTextures
 from napari_unpack.rendering.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
@@ -57,6 +56,11 @@ class Look:
 class TintedPass:
     """The tinted pass of one GL context: its program and small tables.
 
+    Parameters
+    ----------
+    programs : Programs, optional
+        Compiled shaders shared with other passes.
+
     Attributes
     ----------
     passes : int
@@ -66,9 +70,9 @@ class TintedPass:
     channels = (4, 1)
     """Attachments it draws into: premultiplied RGBA, and t where alpha first reached 1/2."""
 
-    def __init__(self) -> None:
+    def __init__(self, programs: Programs | None = None) -> None:
         self.passes = 0
-        self._programs: dict[bool, gloo.Program] = {}
+        self._programs = programs or Programs()
         self.tints = IdTable()
         self._table = TransferTable()
         self.leaps = Leaps()
@@ -113,9 +117,7 @@ class TintedPass:
         scale = textures.density_scale
         floor = max(light.gradient_floor * (high - low), 1e-12)
         shaded = light.diffuse > 0 or light.specular > 0
-        if shaded not in self._programs:
-            self._programs[shaded] = compiled("tinted_volume.frag", {"SHADED": 1} if shaded else {})
-        program = self._programs[shaded]
+        program = self._programs.here("tinted_volume.frag", {"SHADED": 1} if shaded else {})
         assign(
             program,
             ray_uniforms(rays, textures)

@@ -26,23 +26,6 @@ from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
 
 WHOLE_SCREEN = ScreenPlace()
-RGBA = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class Silhouette:
-    """A soft outline and a drop shadow around a card; lengths in pixels of its picture."""
-
-    outline: RGBA = (1.0, 1.0, 1.0, 0.85)
-    outline_width: float = 1.5
-    shadow: RGBA = (0.0, 0.0, 0.0, 0.5)
-    shadow_offset: tuple[float, float] = (2.0, 3.0)
-    shadow_size: float = 7.0
-
-    @property
-    def margin(self) -> float:
-        """How far it reaches beyond the picture."""
-        return max(self.outline_width, self.shadow_size + max(map(abs, self.shadow_offset)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +41,11 @@ class Card:
         On the screen (the packed bag, an object's box) or in pivot space (a sprite).
     opacity : float
         Of this card.
-    silhouette : Silhouette, optional
-        Outline and shadow.
     """
 
     picture: Picture
     place: Place = WHOLE_SCREEN
     opacity: float = 1.0
-    silhouette: Silhouette | None = None
 
 
 class CardsVisual(Visual):  # type: ignore[misc]
@@ -176,9 +156,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
 
     def _set(self, card: Card, overall: float, core: bool) -> None:
         color, depth = card.picture.textures()
-        height, width = card.picture.size
         origin, right, down = card.place.frame(self._clip_from_pivot)
-        margin = 0.0 if card.silhouette is None else card.silhouette.margin
         values: dict[str, Any] = {
             "u_picture": color,
             "u_depth": self._blank if depth is None else depth,
@@ -191,19 +169,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
             "u_clip_origin": origin,
             "u_clip_right": right,
             "u_clip_down": down,
-            "u_margin": (margin / width, margin / height),
-            "u_decorated": float(card.silhouette is not None),
         }
-        if card.silhouette is not None or "u_texel" not in self._program:
-            edge = card.silhouette or Silhouette()
-            values |= {
-                "u_texel": (1.0 / width, 1.0 / height),
-                "u_outline": edge.outline,
-                "u_outline_width": edge.outline_width,
-                "u_shadow": edge.shadow,
-                "u_shadow_offset": edge.shadow_offset,
-                "u_shadow_size": edge.shadow_size,
-            }
         for name, value in values.items():
             self._program[name] = value
 

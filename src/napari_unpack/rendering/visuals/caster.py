@@ -11,6 +11,7 @@ from vispy.gloo.context import GLShared
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.framebuffer import Targets, current_context
+from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tinted_pass import Look, TintedPass
 from napari_unpack.rendering.visuals.pictures import Picture
@@ -54,6 +55,8 @@ class TintedCaster:
     ----------
     store : VolumeStore
         The volumes, shared with other casters.
+    programs : Programs, optional
+        Compiled shaders, shared likewise.
 
     Attributes
     ----------
@@ -70,8 +73,9 @@ class TintedCaster:
     when a layer moves to another canvas, it starts afresh.
     """
 
-    def __init__(self, store: VolumeStore) -> None:
+    def __init__(self, store: VolumeStore, programs: Programs | None = None) -> None:
         self.store = store
+        self._programs = programs or Programs()
         self.picture: Picture | None = None
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
@@ -121,7 +125,7 @@ class TintedCaster:
         if self.picture is not None and inputs.same_as(self._last):
             return self.picture
         if self._pass is None:
-            self._pass = TintedPass()
+            self._pass = TintedPass(self._programs)
         target = self._targets.get(rays.size)
         self._pass.draw(target, self.store.here(), rays, look, occupied, jitter, clipping)
         self._last = inputs
