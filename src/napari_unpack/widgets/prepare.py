@@ -15,6 +15,9 @@ TOLERANCE = 0.003
 """Share of an object that may be blocked and it still counts as free: labels of real scans are
 ragged by a voxel here and there (notes on the paper's figure 7: 0.3 % at most)."""
 
+GENTLE = 20.0
+"""Field of view in degrees at first: enough that what flies towards the viewer is seen to."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -81,7 +84,7 @@ def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Pro
     from napari_unpack.session import Session
 
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
-    session.view = View(direction=FROM_ABOVE)
+    session.view = View(direction=FROM_ABOVE, fov=GENTLE)
     session.tolerance = TOLERANCE
     progress(1.0, "Opening the stage")
     return Prepared(session, found)
