@@ -141,6 +141,7 @@ class PictureLayer(Layer):
     ) -> None:
         self.spacing = np.asarray(spacing, dtype=np.float64)
         self._frame: Any = None
+        self._drawing = False
         self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
         self._points = np.zeros((0, 3))
         self._point_state: dict[str, Any] = {}
@@ -156,13 +157,17 @@ class PictureLayer(Layer):
     def cards_at(self, frame: Any) -> Sequence[Any]:
         """Return the cards to draw, called at every draw; see `rendering.visuals.cards`."""
         if not frame.same_as(self._frame):
-            self._frame = frame
-            self.frame_changed.emit(frame)
+            self._frame, self._drawing = frame, True
+            try:
+                self.frame_changed.emit(frame)
+            finally:
+                self._drawing = False
         return ()
 
     def repaint(self) -> None:
-        """Ask to be drawn again."""
-        self.events.refresh()
+        """Ask to be drawn again; what is shown while it is drawn is seen at once."""
+        if not self._drawing:
+            self.events.refresh()
 
     @property
     def data(self) -> NDArray[np.float64]:
@@ -177,10 +182,11 @@ class PictureLayer(Layer):
         """Set what the layer is as a Points layer: centres in voxels, and Points arguments."""
         self._points, self._point_state = np.asarray(points, dtype=float), state
 
-    def set_picture(self, rgba: NDArray[np.float32]) -> None:
+    def set_picture(self, rgba: NDArray[np.float32] | None) -> None:
         """Set the picture whose small copy stands in the layer list, premultiplied (H, W, 4)."""
-        self._thumbnail_source = rgba
-        self._update_thumbnail()
+        if rgba is not None:
+            self._thumbnail_source = rgba
+            self._update_thumbnail()
 
     @property
     def _type_string(self) -> str:

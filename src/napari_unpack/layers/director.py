@@ -10,8 +10,8 @@ import numpy as np
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import Pose, packed_pose
-from napari_unpack.layers.flight_painter import Moving
 from napari_unpack.layers.inspection import Inspection, inspection_of
+from napari_unpack.layers.moving import Moving
 from napari_unpack.layers.view_camera import Frame
 
 

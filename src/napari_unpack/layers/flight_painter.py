@@ -3,38 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.layers.moving import Moving
 from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.studio import Studio
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.pictures import object_patch
 
 FRAME_SECONDS = 0.04
+GL_FRAME_SECONDS = 0.008
 COARSEST = 0.4
-
-
-@dataclass(frozen=True, eq=False)
-class Moving:
-    """One object to be cast where it is now.
-
-    Parameters
-    ----------
-    pose : Pose
-        Where, in the pivot space of the camera.
-    in_front : bool
-        Draw it before everything else instead of where it is.
-    sharp : bool
-        It does not move: cast all its pixels.
-    """
-
-    pose: Pose
-    in_front: bool = False
-    sharp: bool = False
 
 
 class FlightPainter:
@@ -48,8 +32,8 @@ class FlightPainter:
         With the lane "quick".
     show : callable
         Given {id: Shot}; the newest picture of everything that was asked for last.
-    backend : callable
-        Returns the backend to cast with.
+    studio : Studio
+        Casts on the canvas where it is active; else a worker thread does, on the CPU.
 
     Attributes
     ----------
@@ -61,11 +45,11 @@ class FlightPainter:
         self,
         session: Any,
         jobs: Jobs,
-        show: Callable[[dict[int, Shot]], None],
-        backend: Callable[[], str],
+        show: Callable[[Mapping[int, Shot | LiveShot]], None],
+        studio: Studio,
     ) -> None:
         self.frames = 0
-        self._session, self._jobs, self._show, self._backend = session, jobs, show, backend
+        self._session, self._jobs, self._show, self._studio = session, jobs, show, studio
         self._share = 1.0
         self._wanted: tuple[int, ...] = ()
 
@@ -81,6 +65,9 @@ class FlightPainter:
             self._jobs.drop("moving")
             self._show({})
             return
+        if self._studio.active:
+            self._expose(moving, frame)
+            return
         asked, share = dict(moving), self._share
         self._jobs.ask("quick", "moving", lambda: self._work(asked, frame, share), self._done)
 
@@ -88,11 +75,8 @@ class FlightPainter:
         self, moving: Mapping[int, Moving], frame: Frame, share: float
     ) -> tuple[dict[int, Shot], float, bool]:
         began = perf_counter()
-        backend = self._backend()
         shots = {
-            object_id: cast_moving(
-                self._session, object_id, m, frame.camera, frame.size, share, backend
-            )
+            object_id: cast_moving(self._session, object_id, m, frame.camera, frame.size, share)
             for object_id, m in moving.items()
         }
         sharp = any(m.sharp for m in moving.values())
@@ -102,10 +86,32 @@ class FlightPainter:
     def _done(self, result: tuple[dict[int, Shot], float, bool]) -> None:
         shots, seconds, sharp = result
         if not sharp:
-            change = (FRAME_SECONDS / max(seconds, 1e-3)) ** 0.5
-            self._share = min(1.0, max(COARSEST, self._share * min(max(change, 0.75), 1.15)))
+            self._adapt(seconds, FRAME_SECONDS)
         self.frames += 1
         self._show({i: s for i, s in shots.items() if i in self._wanted})
+
+    def _expose(self, moving: Mapping[int, Moving], frame: Frame) -> None:
+        budget = GL_FRAME_SECONDS / len(moving)
+        sharp = any(m.sharp for m in moving.values())
+        shots = self._studio.moving(
+            moving,
+            frame.camera,
+            lambda m: detail(m, frame.size, self._share),
+            lambda seconds: None if sharp else self._adapt(seconds, budget),
+        )
+        self.frames += 1
+        self._show(shots)
+
+    def _adapt(self, seconds: float, wanted: float) -> None:
+        change = (wanted / max(seconds, 1e-4)) ** 0.5
+        self._share = min(1.0, max(COARSEST, self._share * min(max(change, 0.75), 1.15)))
+
+
+def detail(moving: Moving, size: tuple[int, int], share: float) -> tuple[tuple[int, int], float]:
+    """Return the size of the whole picture, and the step in voxel edges, to cast an object with."""
+    part = 1.0 if moving.sharp else share
+    small = max(1, round(size[0] * part)), max(1, round(size[1] * part))
+    return small, 1.0 if moving.sharp else 1.25
 
 
 def cast_moving(
@@ -115,12 +121,9 @@ def cast_moving(
     camera: Camera,
     size: tuple[int, int],
     share: float,
-    backend: str,
 ) -> Shot | None:
     """Cast one object where it is now; for worker threads."""
-    part = 1.0 if moving.sharp else share
-    small = max(1, round(size[0] * part)), max(1, round(size[1] * part))
-    step = 1.0 if moving.sharp else 1.25
-    patch = object_patch(session, object_id, moving.pose, camera, small, step, backend)
+    small, step = detail(moving, size, share)
+    patch = object_patch(session, object_id, moving.pose, camera, small, step, "cpu")
     shot = Shot.of(patch.trimmed(), camera, small)
     return replace(shot, in_front=True) if shot is not None and moving.in_front else shot

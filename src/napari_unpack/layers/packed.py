@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
+from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.visuals.cards import Card
@@ -22,22 +23,22 @@ class PackedLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shot: Shot | None = None
+        self._shot: Shot | LiveShot | None = None
         self._cards: tuple[Card, ...] = ()
         self._cards_for: Camera | None = None
         self.dimming = 1.0
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shot(self) -> Shot | None:
+    def shot(self) -> Shot | LiveShot | None:
         """What is shown."""
         return self._shot
 
-    def show(self, shot: Shot | None) -> None:
+    def show(self, shot: Shot | LiveShot | None) -> None:
         """Show another picture."""
         self._shot, self._cards_for = shot, None
-        if shot is not None:
-            self.set_picture(shot.patch.rgba)
+        if shot is not None and self.frame is not None and shot.size == self.frame.size:
+            self.set_picture(shot.thumbnail)
         self.repaint()
 
     def dim(self, factor: float) -> None:
@@ -51,7 +52,8 @@ class PackedLayer(PictureLayer):
         if self._shot is None:
             return ()
         if self._cards_for is not self.frame.camera:
-            self._cards = (self._shot.card(frame.camera, self.dimming),)
+            card = self._shot.card(frame.camera, self.dimming)
+            self._cards = () if card is None else (card,)
             self._cards_for = self.frame.camera
         return self._cards
 

@@ -11,8 +11,10 @@ from qtpy.QtCore import QTimer
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.clock import stop
 from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.packed_window import recast_objects
 from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.studio import Studio
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.picture_cache import Crop, PictureCache
 from napari_unpack.session.pictures import packed_patch
@@ -20,6 +22,10 @@ from napari_unpack.session.pictures import packed_patch
 MOVING_RAYS = 384
 FEWEST_RAYS = 160
 FRAME_SECONDS = 0.085
+GL_FRAME_SECONDS = 0.012
+GL_RAYS_STEP = 32
+"""On the graphics card the rays change in such steps, so that few frame buffers are made."""
+
 REST_MS = 120
 
 
@@ -34,8 +40,10 @@ class PackedPainter:
         With the lanes "quick" (while something moves) and "fine" (at rest).
     show : callable
         Given a `Shot`, or None where nothing of the bag is in view.
-    backend : callable
-        Returns the backend to cast with.
+    studio : Studio
+        Casts on the canvas where it is active; else a worker thread does, on the CPU.
+    visible : callable
+        Returns whether the layer is drawn at all.
 
     Attributes
     ----------
@@ -46,18 +54,22 @@ class PackedPainter:
     -----
     While the camera moves the picture has about 384 rays on its short side, as many as keep ten
     frames a second, then all of them once the camera rests. The picture before stays until the
-    next one is there. An object that leaves or comes back recasts its own window alone.
+    next one is there. An object that leaves or comes back recasts its own window alone, but on
+    the graphics card all of it.
     """
 
     def __init__(
         self,
         session: Any,
         jobs: Jobs,
-        show: Callable[[Shot | None], None],
-        backend: Callable[[], str],
+        show: Callable[[Shot | LiveShot | None], None],
+        studio: Studio,
+        visible: Callable[[], bool],
     ) -> None:
         self.passes = 0
-        self._session, self._jobs, self._show, self._backend = session, jobs, show, backend
+        self._session, self._jobs, self._show = session, jobs, show
+        self._studio, self._visible = studio, visible
+        self._live: LiveShot | None = None
         self._frame: Frame | None = None
         self._state = 0
         self._shot: Shot | None = None
@@ -73,7 +85,8 @@ class PackedPainter:
     @property
     def settled(self) -> bool:
         """Whether the picture is full and right for what the canvas shows."""
-        return self._frame is None or self._is_fine()
+        drawn = self._live is None or self._live.ready or not self._visible()
+        return self._frame is None or (self._is_fine() and drawn)
 
     def crop(self) -> Crop:
         """Return the whole volume as the kernels want it."""
@@ -93,6 +106,11 @@ class PackedPainter:
         if self._frame is not None:
             self._ask_coarse()
 
+    def change_caster(self) -> None:
+        """Cast again since the studio has become active, or is so no more."""
+        self._shot, self._live, self._rays = None, None, float(MOVING_RAYS)
+        self.recast()
+
     def refine(self) -> None:
         """Cast again since colours have changed, without a coarse picture between."""
         self._state += 1
@@ -109,8 +127,13 @@ class PackedPainter:
         frame, shot = self._frame, self._shot
         if frame is None:
             return
-        whole = shot is not None and self._finest is not None
-        if not whole or self._finest != (frame, before):
+        if self._finest != (frame, before):
+            self._ask_coarse()
+            return
+        if self._studio.active:
+            self._ask_fine()
+            return
+        if shot is None:
             self._ask_coarse()
             return
         touched = frozenset(self._touched)
@@ -134,7 +157,7 @@ class PackedPainter:
         self.passes += 1
         if shot is None:
             return None
-        return recast_objects(self._session, self.crop(), shot, touched, self._backend())
+        return recast_objects(self._session, self.crop(), shot, touched, "cpu")
 
     def _patched(
         self, shot: Shot | None, touched: frozenset[int], wanted: tuple[Frame, int]
@@ -153,10 +176,15 @@ class PackedPainter:
         self._finest = None
         self._touched.clear()
         self._rest.start()
-        short = min(frame.size)
-        share = min(1.0, self._rays / short)
+        rays = self._rays
+        if self._studio.active:
+            rays = rays // GL_RAYS_STEP * GL_RAYS_STEP
+        share = min(1.0, rays / min(frame.size))
         size = max(1, round(frame.size[0] * share)), max(1, round(frame.size[1] * share))
         step = 1.0 if share == 1.0 else 1.5
+        if self._studio.active:
+            self._expose(frame, size, step, adapts=True)
+            return
         self._jobs.ask(
             "quick",
             "packed",
@@ -168,9 +196,9 @@ class PackedPainter:
         self, result: tuple[Shot | None, float], frame: Frame, state: int, whole: bool
     ) -> None:
         shot, seconds = result
-        change = (FRAME_SECONDS / max(seconds, 1e-3)) ** 0.5
-        self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
-        self._rays = min(self._rays, max(MOVING_RAYS, min(frame.size)))
+        if self._studio.active:
+            return
+        self._adapt(seconds, FRAME_SECONDS, frame)
         if self._finest is not None and self._finest[0] is self._frame:
             return
         self._shot = shot
@@ -185,6 +213,9 @@ class PackedPainter:
             return
         self._touched.clear()
         self._rest.stop()
+        if self._studio.active:
+            self._expose(frame, frame.size, 1.0, adapts=False)
+            return
         self._jobs.ask(
             "fine",
             "packed",
@@ -201,15 +232,35 @@ class PackedPainter:
         self._shot, self._finest = shot, (frame, state)
         self._show(shot)
 
+    def _expose(self, frame: Frame, size: tuple[int, int], step: float, adapts: bool) -> None:
+        """Have the picture cast when the canvas is drawn next."""
+        whole = size == frame.size
+        if whole:
+            self._finest = (frame, self._state)
+            self._rest.stop()
+        self._shot = None
+        self._live = self._studio.packed(
+            frame.camera, size, step, lambda seconds: self._exposed(seconds, frame, adapts)
+        )
+        self._show(self._live)
+
+    def _exposed(self, seconds: float, frame: Frame, adapts: bool) -> None:
+        self.passes += 1
+        if adapts:
+            self._adapt(seconds, GL_FRAME_SECONDS, frame)
+
+    def _adapt(self, seconds: float, wanted: float, frame: Frame) -> None:
+        change = (wanted / max(seconds, 1e-4)) ** 0.5
+        self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
+        self._rays = min(self._rays, max(MOVING_RAYS, min(frame.size)))
+
     def _cast(self, frame: Frame, size: tuple[int, int], step: float) -> tuple[Shot | None, float]:
         self.passes += 1
         began = perf_counter()
-        shot = cast_packed(self._session, frame.camera, size, step, self._backend())
+        shot = cast_packed(self._session, frame.camera, size, step)
         return shot, perf_counter() - began
 
 
-def cast_packed(
-    session: Any, camera: Camera, size: tuple[int, int], step: float, backend: str
-) -> Shot | None:
+def cast_packed(session: Any, camera: Camera, size: tuple[int, int], step: float) -> Shot | None:
     """Cast the packed picture; for worker threads."""
-    return Shot.of(packed_patch(session, camera, size, step, backend), camera, size)
+    return Shot.of(packed_patch(session, camera, size, step, "cpu"), camera, size)

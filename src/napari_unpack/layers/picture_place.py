@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.visuals.places import PivotPlace
@@ -35,15 +36,35 @@ class PicturePlace(PivotPlace):
         return -float(self.center[0])
 
 
+class Placed(Protocol):
+    """A rectangle of a picture: a `Patch`, or one that is still to be cast."""
+
+    @property
+    def row(self) -> int:
+        """First row of the whole picture."""
+
+    @property
+    def col(self) -> int:
+        """First column of the whole picture."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+
+    @property
+    def plane(self) -> float:
+        """Depth t of what has none of its own, mm."""
+
+
 def picture_place(
-    patch: Patch, made_for: Camera, size: tuple[int, int], seen_by: Camera
+    patch: Placed, made_for: Camera, size: tuple[int, int], seen_by: Camera
 ) -> PicturePlace:
     """Place a patch of a picture where it belongs under the camera that looks now.
 
     Parameters
     ----------
-    patch : Patch
-        Pixels and where they are in the whole picture.
+    patch : Patch or Window
+        Where the pixels are in the whole picture.
     made_for : Camera
         The camera the picture was cast for.
     size : (int, int)
@@ -61,7 +82,7 @@ def picture_place(
     picture follows at once, while the new one is being cast. A turn it cannot follow.
     """
     mm = made_for.height / size[0]
-    height, width = patch.rgba.shape[:2]
+    height, width = patch.size
     towards, down, right = seen_by.rotation @ (made_for.center - seen_by.center)
     return PicturePlace(
         center=(

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
+
+from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.clock import Clock
 from napari_unpack.layers.director import Director
 from napari_unpack.layers.flight_painter import FlightPainter
 from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.packed_painter import PackedPainter
 from napari_unpack.layers.picking import pick_packed
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.sprite_painter import SpritePainter
 from napari_unpack.layers.sprites import SpriteLayer
+from napari_unpack.layers.studio import Studio
 from napari_unpack.layers.tables import set_table
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.picture_cache import Crop
 
 DIMMED = 0.16
 """Opacity of everything else during an inspection."""
@@ -38,6 +43,8 @@ class Projector:
         Called after a picture of moving objects was shown.
     landed : callable
         Given the ID of an object whose flight has ended.
+    failed : callable
+        Given a sentence when GL fails and the CPU takes over.
     """
 
     def __init__(
@@ -49,14 +56,17 @@ class Projector:
         jobs: Jobs,
         drawn: Callable[[], None],
         landed: Callable[[int], None],
+        failed: Callable[[str], None],
     ) -> None:
         self.session = session
         self.packed, self.transition, self.sprites = packed, transition, sprites
         self.frame: Frame | None = None
         self._drawn, self._landed = drawn, landed
         self._packed_ids: frozenset[int] = frozenset()
-        self.bag = PackedPainter(session, jobs, packed.show, _caster)
-        self._flights = FlightPainter(session, jobs, self._show_moving, _caster)
+        self._jobs, self._failed = jobs, failed
+        self.studio = Studio(session, self._gl_failed)
+        self.bag = PackedPainter(session, jobs, packed.show, self.studio, lambda: packed.visible)
+        self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
         self._director = Director(session, self._small.has, lambda _: self.bag.settled)
         # Asked anew each time: a film exchanges the session's clock for one it steps itself.
@@ -78,9 +88,21 @@ class Projector:
         one = self._director.inspection
         return 0 if one is None or one.leaving else one.object_id
 
+    def open(self) -> None:
+        """Make ready in a worker what the first pictures need."""
+        self._jobs.ask("fine", "volume", self.bag.crop, self._supply)
+
+    def cast_with(self, backend: str) -> None:
+        """Choose who casts, "auto", "cpu" or "gl"."""
+        before, self.studio.wanted = self.studio.active, backend
+        self._caster_changed(before)
+
     def look(self, frame: Frame) -> None:
-        """Follow the canvas."""
+        """Follow the canvas, which is being drawn."""
+        before = self.studio.active
+        self.studio.enter()
         self.frame = frame
+        self._caster_changed(before)
         self.bag.look(frame)
         self._draw_moving()
         self._show_sprites()
@@ -171,6 +193,7 @@ class Projector:
         """Show nothing new."""
         self._clock.stop()
         self.bag.close()
+        self.studio.close()
         self.frame = None
 
     def _follow_inspection(self) -> None:
@@ -210,7 +233,27 @@ class Projector:
             if moving or self.transition.shots:
                 self._flights.cast(moving, self.frame)
 
-    def _show_moving(self, shots: dict[int, Shot]) -> None:
+    def _supply(self, crop: Crop) -> None:
+        before = self.studio.active
+        self.studio.supply(crop)
+        self._caster_changed(before)
+
+    def _caster_changed(self, before: bool) -> None:
+        if self.studio.active != before:
+            self.bag.change_caster()
+            self._draw_moving()
+
+    def _gl_failed(self, words: str) -> None:
+        # The canvas is being drawn: what follows waits until it is done.
+        QTimer.singleShot(0, self._without_gl)
+        self._failed(words)
+
+    def _without_gl(self) -> None:
+        if self.frame is not None:
+            self.bag.change_caster()
+            self._draw_moving()
+
+    def _show_moving(self, shots: Mapping[int, Shot | LiveShot]) -> None:
         self.transition.show(shots)
         self._show_sprites()
         self._drawn()
@@ -249,5 +292,5 @@ def mark(sprites: SpriteLayer, selected: Iterable[int], pointed: int) -> None:
 
 
 def _caster() -> str:
-    # In the viewer GL needs the canvas's own context, which worker threads do not have.
+    # Sprites are cast once, in worker threads, which have no GL context.
     return "cpu"

@@ -53,6 +53,16 @@ class Shot:
             return None
         return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), camera, size)
 
+    @property
+    def thumbnail(self) -> NDArray[np.float32]:
+        """(h, w, 4) pixels for the layer list."""
+        return self.patch.rgba
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is cast; it always is."""
+        return True
+
     def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
         """Return the card that shows it where it belongs under a camera."""
         place = picture_place(self.patch, self.camera, self.size, seen_by)

@@ -21,6 +21,7 @@ from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.sprites import SpriteLayer
+from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame, napari_view
 from napari_unpack.session.pictures import BACKGROUND
@@ -65,7 +66,7 @@ class Stage:
         self.viewer = compat.unwrap(viewer)
         self.session = session
         self.sources = tuple(compat.unwrap(layer) for layer in sources)
-        self._backend, self.recolor_at_rest = "auto", True
+        self.recolor_at_rest = True
         self.events = StageEvents()
         self._borrowed: Borrowed | None = None
         self._before = False, "auto"
@@ -84,6 +85,7 @@ class Stage:
             self._jobs,
             self.events.frame.emit,
             self.events.landed.emit,
+            self.events.message.emit,
         )
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest)
         self._pointer: Pointer | None = None
@@ -120,16 +122,19 @@ class Stage:
 
     @property
     def backend(self) -> str:
-        """Who casts: "auto", "cpu" or "gl". In the viewer all three are the CPU so far."""
-        return self._backend
+        """Who casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware)."""
+        return self._projector.studio.wanted
 
     @backend.setter
     def backend(self, backend: str) -> None:
-        if backend not in ("auto", "cpu", "gl"):
+        if backend not in BACKENDS:
             raise ValueError(f'backend must be "auto", "cpu" or "gl", got {backend!r}')
-        self._backend = backend
-        if backend == "gl":
-            self.events.message.emit("Pictures in the viewer are cast on the CPU all the same.")
+        self._projector.cast_with(backend)
+
+    @property
+    def casts_with(self) -> str:
+        """Who casts the bag and what moves now, "cpu" or "gl"."""
+        return "gl" if self._projector.studio.active else "cpu"
 
     @property
     def seconds(self) -> float:
@@ -169,6 +174,7 @@ class Stage:
         self.sprites.frame_changed.connect(self._on_other_frame)
         viewer.layers.selection.active = self.packed
         self._connect()
+        self._projector.open()
         self.frame_bag()
         self._on_states()
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
+from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.visuals.cards import Card
@@ -21,25 +22,27 @@ class TransitionLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shots: dict[int, Shot] = {}
+        self._shots: dict[int, Shot | LiveShot] = {}
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shots(self) -> dict[int, Shot]:
+    def shots(self) -> dict[int, Shot | LiveShot]:
         """What is shown, by object."""
         return dict(self._shots)
 
-    def show(self, shots: dict[int, Shot]) -> None:
+    def show(self, shots: Mapping[int, Shot | LiveShot]) -> None:
         """Show these and nothing else."""
+        fresh = shots.keys() - self._shots.keys()
         self._shots = dict(shots)
-        for shot in list(shots.values())[:1]:
-            self.set_picture(shot.patch.rgba)
+        for object_id in list(fresh)[:1]:
+            self.set_picture(shots[object_id].thumbnail)
         self.repaint()
 
     def cards_at(self, frame: Frame) -> Sequence[Card]:
         """Return a card for each object in the air."""
         super().cards_at(frame)
-        return [shot.card(frame.camera) for shot in self._shots.values()]
+        cards = (shot.card(frame.camera) for shot in self._shots.values())
+        return [card for card in cards if card is not None]
 
 
 register(

@@ -140,6 +140,46 @@ class Targets:
         self._kept.clear()
 
 
+def renderer() -> str:
+    """Return what the current context's driver calls itself."""
+    from OpenGL import GL
+
+    current_context().flush_commands()
+    name = GL.glGetString(GL.GL_RENDERER)
+    return name.decode() if isinstance(name, bytes) else str(name)
+
+
+def forget_complaints() -> None:
+    """Drop the GL errors that others have left behind."""
+    from vispy.gloo import gl
+
+    current_context().flush_commands()
+    while gl.glGetError():
+        continue
+
+
+def finish() -> None:
+    """Wait until all is drawn.
+
+    Raises
+    ------
+    MemoryError
+        If the graphics card has not had enough memory.
+    RuntimeError
+        If the driver complains of anything else.
+    """
+    from OpenGL import GL
+    from vispy.gloo import gl
+
+    current_context().flush_commands()
+    gl.glFinish()
+    complaint = int(gl.glGetError())
+    if complaint == GL.GL_OUT_OF_MEMORY:
+        raise MemoryError("it is out of memory")
+    if complaint:
+        raise RuntimeError(f"GL error {complaint:#06x}")
+
+
 def current_context() -> GLContext:
     """Return the context to draw in; raise `RuntimeError` if no canvas is current."""
     canvas = get_current_canvas()

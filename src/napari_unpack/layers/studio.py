@@ -1,0 +1,273 @@
+"""Ray casting in the canvas's own GL context: who decides on it, and what it keeps there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.boxes import box_corners
+from napari_unpack.geometry.rays import Rays
+from napari_unpack.geometry.view import Camera
+from napari_unpack.imaging.casting import TABLE_ENTRIES, rays_for
+from napari_unpack.layers.live_shots import LiveShot, Window
+from napari_unpack.layers.moving import Moving
+from napari_unpack.rendering import framebuffer
+from napari_unpack.rendering.offscreen import is_software_renderer
+from napari_unpack.rendering.programs import Programs
+from napari_unpack.rendering.store import VolumeStore
+from napari_unpack.rendering.tinted_pass import Look
+from napari_unpack.rendering.visuals.caster import TintedCaster
+from napari_unpack.rendering.visuals.pictures import Picture
+from napari_unpack.session.picture_cache import Crop
+from napari_unpack.session.picture_patch import window_of
+from napari_unpack.session.pictures import LIGHT
+
+FRINGE = 2
+"""Voxels around an object's box that its fringe reaches; see geometry.halo."""
+
+BACKENDS = ("auto", "cpu", "gl")
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A look, and which bricks it leaves empty."""
+
+    function: Any
+    look: Look
+    occupied: NDArray[np.bool_]
+
+
+class Studio:
+    """Casts with shaders where the canvas's driver is worth it.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    failed : callable
+        Given a sentence when GL turns out not to serve; the CPU has taken over by then.
+
+    Attributes
+    ----------
+    wanted : {"auto", "cpu", "gl"}
+        Who should cast; "auto" takes GL on graphics hardware and the CPU where the driver is a
+        software rasteriser, which our own kernels outrun.
+
+    Notes
+    -----
+    One density and one label texture serve all pictures. Pictures stay on the graphics card, and
+    rays are cast only when something they depend on has changed (`TintedCaster`).
+    """
+
+    def __init__(self, session: Any, failed: Callable[[str], None]) -> None:
+        self.wanted = "auto"
+        self._session, self._failed = session, failed
+        self._renderer: str | None = None
+        self._broken = False
+        self._crop: Crop | None = None
+        self._store: VolumeStore | None = None
+        self._programs = Programs()
+        self._casters: dict[object, TintedCaster] = {}
+        self._known: dict[object, _Known] = {}
+        self._places: dict[int, int] = {}
+
+    @property
+    def active(self) -> bool:
+        """Whether GL casts, as far as is known by now."""
+        if self.wanted == "cpu" or self._broken or self._crop is None or self._renderer is None:
+            return False
+        return self.wanted == "gl" or not is_software_renderer(self._renderer)
+
+    @property
+    def uploads(self) -> int:
+        """Volume textures sent so far."""
+        return 0 if self._store is None else self._store.uploads
+
+    def enter(self) -> None:
+        """Look at the driver; to be called while the canvas draws."""
+        if self._renderer is None:
+            self._renderer = framebuffer.renderer()
+
+    def supply(self, crop: Crop) -> None:
+        """Take over the whole volume, made ready in a worker thread."""
+        if crop is not self._crop:
+            self._free()
+            self._crop, self._store = crop, VolumeStore(crop.labels, crop.volume)
+
+    def packed(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        done: Callable[[float], None],
+    ) -> LiveShot | None:
+        """Return the picture of what is packed, to be cast when it is drawn.
+
+        Parameters
+        ----------
+        camera : Camera
+            Where one looks from.
+        size : (int, int)
+            Height and width of the picture, pixels.
+        step : float
+            Distance of samples, smallest voxel edges.
+        done : callable
+            Given the seconds it took once it was cast.
+
+        Returns
+        -------
+        LiveShot or None
+            None where the bag is out of view.
+        """
+        shape = np.asarray(self._session.labels.shape)
+        tints = self._session.packed_tints
+        ends = np.zeros(3), shape - 1.0
+        return self._shot("packed", ends, None, camera, size, step, tints, done)
+
+    def moving(
+        self,
+        moving: Mapping[int, Moving],
+        camera: Camera,
+        sizes: Callable[[Moving], tuple[tuple[int, int], float]],
+        done: Callable[[float], None],
+    ) -> dict[int, LiveShot]:
+        """Return pictures of objects where they are now, without those out of view.
+
+        Parameters
+        ----------
+        moving : {id: Moving}
+        camera, done
+            As for `packed`.
+        sizes : callable
+            Given a Moving: size of the whole picture and step.
+        """
+        self._places = {i: k for i, k in self._places.items() if i in moving}
+        free = iter(k for k in range(len(moving)) if k not in self._places.values())
+        shots = {}
+        for object_id, one in moving.items():
+            place = self._places.setdefault(object_id, -1)
+            if place < 0:
+                place = self._places[object_id] = next(free)
+            shot = self._object(object_id, place, one, camera, *sizes(one), done)
+            if shot is not None:
+                shot.in_front = one.in_front
+                shots[object_id] = shot
+        return shots
+
+    def close(self) -> None:
+        """Free what is on the graphics card; the context need not be current."""
+        self._free()
+        self._crop = None
+
+    def _object(
+        self,
+        object_id: int,
+        place: int,
+        moving: Moving,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        done: Callable[[float], None],
+    ) -> LiveShot | None:
+        session = self._session
+        row = session.boxes.index(object_id)
+        low = np.maximum(session.boxes.lower[row] - FRINGE, 0)
+        high = np.minimum(session.boxes.upper[row] + FRINGE, session.labels.shape)
+        center = session.boxes.center(object_id, np.asarray(session.spacing, dtype=np.float64))
+        moved = moving.pose.world_from_world(center, camera)
+        return self._shot(
+            place,
+            (low.astype(float), high - 1.0),
+            moved,
+            camera,
+            size,
+            step,
+            lambda: session.solo_tints(object_id),
+            done,
+        )
+
+    def _shot(
+        self,
+        key: object,
+        ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+        moved: Matrix | None,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        tints: Callable[[], NDArray[np.float32]],
+        done: Callable[[float], None],
+    ) -> LiveShot | None:
+        if self._crop is None:
+            return None
+        spacing = np.asarray(self._session.spacing, dtype=np.float64)
+        pivot, affine = camera.pivot_from_world(), self._crop.voxel_from_world
+        if moved is not None:
+            pivot, affine = pivot @ moved, affine @ np.linalg.inv(moved)
+        corners = box_corners(ends[0] - 0.5, ends[1] + 0.5) * spacing
+        found = window_of(transform_points(pivot, corners), camera, size)
+        if found is None:
+            return None
+        plane = -float(transform_points(pivot, (ends[0] + ends[1]) / 2 * spacing)[0])
+        window = Window.around(found, plane)
+
+        def develop() -> Picture | None:
+            part = window.row, window.col, *window.size
+            rays = rays_for(camera, size, spacing, affine, step, part)
+            return self._cast(key, rays, tints(), done)
+
+        return LiveShot(window, camera, size, develop)
+
+    def _cast(
+        self, key: object, rays: Rays, tints: NDArray[np.float32], done: Callable[[float], None]
+    ) -> Picture | None:
+        if self._store is None or self._crop is None or not self.active:
+            return None
+        known = self._look(self._crop, key, tints)
+        caster = self._casters.get(key)
+        if caster is None:
+            caster = self._casters[key] = TintedCaster(self._store, self._programs)
+        passes, began = caster.passes, perf_counter()
+        # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
+        try:
+            framebuffer.forget_complaints()
+            picture = caster.cast(rays, known.look, known.occupied)
+            if caster.passes > passes:
+                framebuffer.finish()
+        except Exception as error:
+            self._broken = True
+            self._failed(
+                f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
+            )
+            return None
+        if caster.passes > passes:
+            done(perf_counter() - began)
+        return picture
+
+    def _look(self, crop: Crop, key: object, tints: NDArray[np.float32]) -> _Known:
+        function, known = self._session.transfer_function, self._known.get(key)
+        if (
+            known is None
+            or known.function is not function
+            or not np.array_equal(known.look.tints, tints)
+        ):
+            spacing = np.asarray(self._session.spacing, dtype=np.float64)
+            table = function.table(TABLE_ENTRIES)
+            look = Look(spacing, table, function.domain, tints, LIGHT)
+            occupied = crop.bricks.occupied(table, function.domain, tints)
+            known = self._known[key] = _Known(function, look, occupied)
+        return known
+
+    def _free(self) -> None:
+        for caster in self._casters.values():
+            caster.close()
+        self._casters.clear()
+        self._known.clear()
+        if self._store is not None:
+            self._store.delete()
+            self._store = None

@@ -1,0 +1,181 @@
+"""The stage drawn with shaders on the canvas, here by a software rasteriser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+from napari_unpack.layers import compat, studio
+from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.rendering.programs import ShaderError
+from napari_unpack.session import ObjectState
+
+
+@pytest.fixture
+def by_gl(staged):
+    """Return (viewer, stage), cast with shaders; no GL error may be left."""
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    heard = []
+    stage.events.message.connect(heard.append)
+    stage.backend = "gl"
+    assert stage.settle(60)
+    assert stage.casts_with == "gl"
+    yield viewer, stage
+    assert heard == []
+    assert no_error(viewer)
+
+
+def no_error(viewer) -> bool:
+    scene_canvas = compat.native_canvas(viewer)
+    if scene_canvas is None:
+        return True
+    from OpenGL import GL
+
+    scene_canvas.set_current()
+    scene_canvas.context.flush_commands()
+    return GL.glGetError() == GL.GL_NO_ERROR
+
+
+def settled_passes(stage) -> int:
+    assert stage.settle(30)
+    return stage.packed_passes
+
+
+def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbot) -> None:
+    viewer, stage = by_gl
+    session.clock = lambda: 100.0
+    stage.unpack(2)
+    session.clock = lambda: 100.15
+    pictures = {}
+    for backend in ("cpu", "gl"):
+        stage.backend = backend
+        for _ in range(3):
+            stage.step(20)
+        assert stage.casts_with == backend
+        assert isinstance(stage.packed.shot, LiveShot) == (backend == "gl")
+        assert sorted(stage.transition.shots) == sorted(session.flights)
+        pictures[backend] = canvas(viewer)
+    assert pictures["cpu"].std() > 10
+    difference = np.abs(pictures["gl"] - pictures["cpu"]).max(axis=2)
+    # Outlines of what moves are cast on pixels of another size; all else is the same.
+    assert np.quantile(difference, 0.97) <= 3.0
+    assert difference.mean() < 0.8
+    stage.finish()
+    assert stage.settle(30)
+
+
+def test_the_bag_at_rest_is_the_cpus_picture(by_gl) -> None:
+    viewer, stage = by_gl
+    shown = canvas(viewer)
+    stage.backend = "cpu"
+    assert stage.settle(30)
+    wanted = canvas(viewer)
+    assert np.abs(wanted - wanted[0, 0]).max() > 100
+    difference = np.abs(shown - wanted).max(axis=2)
+    # A few samples on the faces of voxels fall to the other side.
+    assert np.quantile(difference, 0.999) <= 2.0
+    assert difference.max() <= 12.0
+
+
+def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
+    by_gl, session
+) -> None:
+    viewer, stage = by_gl
+    viewer.add_points([[3, 3, 3]])
+    passes = settled_passes(stage)
+    viewer.layers["Points"].visible = False
+    stage.packed.visible = False
+    stage.packed.visible = True
+    stage.point_at(3)
+    canvas(viewer)
+    assert settled_passes(stage) == passes
+    viewer.scene.camera.zoom *= 1.1
+    after_zoom = settled_passes(stage)
+    assert passes < after_zoom <= passes + 3
+    session.accept_hues({7: 0.123}, undoable=False)
+    after_hue = settled_passes(stage)
+    assert after_hue == after_zoom + 1
+    function = session.transfer_function
+    session.transfer_function = type(function)([(d, a / 2) for d, a in function.points])
+    after_look = settled_passes(stage)
+    assert after_hue < after_look <= after_hue + 2
+    stage.unpack(1)
+    stage.finish()
+    assert after_look < settled_passes(stage) <= after_look + 2
+
+
+def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> None:
+    _, stage = by_gl
+    (out,) = stage.unpack(1)
+    qtbot.waitUntil(lambda: isinstance(stage.transition.shots.get(out), LiveShot), timeout=5000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert stage.settle(30)
+    assert set(stage.sprites.sprites) == {out}
+    assert session.states[out] is ObjectState.UNPACKED
+    assert stage._projector.studio.uploads == 2
+
+
+def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbot) -> None:
+    viewer, stage = by_gl
+    viewer.window.resize(620, 500)
+    qtbot.wait(50)
+    assert stage.settle(30)
+    assert stage.packed.shot.size == stage.frame.size
+    stage.frame_bag()
+    assert stage.settle(30)
+    before = canvas(viewer)
+    stage.close()
+    assert no_error(viewer)
+    again = type(stage)(viewer, session)
+    again.backend, again.recolor_at_rest = "gl", False
+    again.open()
+    assert again.settle(60)
+    assert again.casts_with == "gl"
+    assert np.abs(canvas(viewer) - before).mean() < 1.0
+    viewer.layers.remove("Transition")
+    assert not again.is_open
+    assert no_error(viewer)
+
+
+@pytest.mark.parametrize(
+    ("problem", "words"),
+    [(ShaderError, "tinted_volume.frag:3: no"), (MemoryError, "it is out of memory")],
+)
+def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
+    staged, monkeypatch, problem, words, qtbot
+) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    wanted = canvas(viewer)
+    heard = []
+    stage.events.message.connect(heard.append)
+
+    def refuse(*_args, **_kwargs) -> None:
+        raise problem(words)
+
+    monkeypatch.setattr(studio.TintedCaster, "cast", refuse)
+    stage.backend = "gl"
+    qtbot.waitUntil(lambda: bool(heard), timeout=10000)
+    assert stage.settle(30)
+    assert stage.casts_with == "cpu"
+    stage.unpack(1)
+    stage.finish()
+    stage.restore(1)
+    stage.finish()
+    assert stage.settle(30)
+    assert len(heard) == 1
+    assert words in heard[0]
+    np.testing.assert_allclose(canvas(viewer), wanted, atol=3)
+
+
+def test_auto_takes_gl_on_hardware_and_the_cpu_on_a_software_rasteriser(
+    staged, monkeypatch
+) -> None:
+    _, stage = staged
+    assert stage.backend == "auto"
+    assert stage.casts_with == "cpu"
+    monkeypatch.setattr(studio, "is_software_renderer", lambda name: name == "")
+    stage.backend = "auto"
+    assert stage.casts_with == "gl"
