@@ -15,13 +15,19 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
+from napari_unpack.segmentation.crumpled import bundle_folds
+from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.merging import absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
 from napari_unpack.segmentation.supports import find_supports
+
+# Times the median density of matter.
+LIGHT = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,7 @@ def segment(
     threshold: float | None = None,
     smallest: float = 500.0,
     supports: bool = True,
+    shell: bool = True,
     step: float = 0.16,
     rule: SplitRule | None = None,
     judge: Affinity | None = None,
@@ -72,6 +79,8 @@ def segment(
         Objects below this are dropped or joined to a neighbour, mm^3.
     supports : bool
         Leave out the scanner's table.
+    shell : bool
+        Leave out the bag itself.
     step : float
         Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
@@ -101,6 +110,7 @@ def segment(
         tell,
         threshold=threshold,
         supports=supports,
+        shell=shell,
         step=step,
         rule=limits,
         oracle=oracle,
@@ -128,6 +138,7 @@ def split_parts(
     *,
     threshold: float | None = None,
     supports: bool = True,
+    shell: bool = True,
     step: float = 0.16,
     rule: SplitRule | None = None,
     oracle: Oracle | None = None,
@@ -142,7 +153,7 @@ def split_parts(
         Voxel size z y x, mm.
     tell : callable
         Progress.
-    threshold, supports, step, rule, oracle
+    threshold, supports, shell, step, rule, oracle
         As for `segment`.
 
     Returns
@@ -156,6 +167,9 @@ def split_parts(
     tell(0.0, "Finding matter")
     levels = _levels(density, threshold)
     matter = peel(foreground(density, levels), density, levels.air)
+    section = measured_section(density)
+    if section is not None:
+        matter &= section
     if supports:
         matter &= ~find_supports(matter, spacing)
     tell(0.1, "Finding materials")
@@ -165,7 +179,11 @@ def split_parts(
     tell(0.25, "Finding components")
     regions = _components(materials, density, spacing, limits.smallest)
     found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.5 * f, text))
-    return _label(found, density.shape), scale
+    parts = _label(found, density.shape)
+    if shell:
+        skin = find_shell(parts, spacing)
+        parts[skin[parts]] = 0
+    return bundle_folds(parts, density, spacing, levels.air + LIGHT * 4 * scale.knee), scale
 
 
 def join_parts(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.pads import pad_and_beyond
 
 
 def find_supports(
@@ -40,7 +41,8 @@ def find_supports(
     -----
     A table or belt is a prism along the direction of travel: seen along that axis it is a set of
     pixels that are matter in nearly every slice, and packed things are not. Along each axis the
-    persistent pixels are grouped, kept where nine in ten are thin and the group is wide, and
+    persistent pixels are grouped, kept where nine in ten are thin and the group is wide, joined
+    by what else is prismatic inside them (a foam core), by a pad and all beyond (see `pads`), and
     grown a little into their partial-volume rim. Three passes over the volume. A tilted or short
     support is not found by this; it is left to splitting.
     """
@@ -52,12 +54,22 @@ def find_supports(
         if length < width or extent < 1.5 * width:
             continue
         plane = (spacing[others[0]], spacing[others[1]])
-        section = _thin_and_wide(
-            matter.mean(axis=axis, dtype=np.float32), persistence, plane, thickness, width
-        )
+        share = matter.mean(axis=axis, dtype=np.float32)
+        section = _thin_and_wide(share, persistence, plane, thickness, width)
         if section.any():
+            section = _with_cores(section, share)
+            section |= _beyond(section, share, plane)
             found |= np.expand_dims(section, axis)
     return found & matter if found.any() else found
+
+
+def _beyond(
+    section: NDArray[np.bool_], share: NDArray[np.float32], spacing: tuple[float, float]
+) -> NDArray[np.bool_]:
+    rows, columns = (np.flatnonzero(section.any(axis=a)) for a in (1, 0))
+    if np.ptp(columns) * spacing[1] >= np.ptp(rows) * spacing[0]:
+        return pad_and_beyond(share, section, spacing)
+    return pad_and_beyond(share.T, section.T, spacing[::-1]).T
 
 
 def _thin_and_wide(
@@ -83,3 +95,24 @@ def _thin_and_wide(
     return np.asarray(
         binary_dilation(keep[pieces], np.ones((3, 3)), iterations=4, mask=share >= persistence / 2)
     )
+
+
+def _with_cores(
+    section: NDArray[np.bool_], share: NDArray[np.float32], doubt: float = 0.2
+) -> NDArray[np.bool_]:
+    """Add the holes of a support's cross-section that are the same in nearly every slice."""
+    import cc3d
+    from scipy.ndimage import binary_closing, binary_dilation
+
+    walls = binary_closing(np.pad(section, 4), np.ones((3, 3)), iterations=3)[4:-4, 4:-4]
+    holes, count = cc3d.connected_components(~walls, connectivity=4, return_N=True)
+    changes = np.minimum(share, 1 - share)
+    rim = np.zeros(count + 1, np.bool_)
+    for edge in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
+        rim[edge] = True
+    pixels = np.maximum(np.bincount(holes.reshape(-1), minlength=count + 1), 1)
+    mean = np.bincount(holes.reshape(-1), changes.reshape(-1), count + 1) / pixels
+    core = ~rim & (mean <= doubt)
+    core[0] = False
+    cores = binary_dilation(core[holes], np.ones((3, 3)), iterations=2)
+    return np.asarray(section | (cores & walls) | core[holes])

@@ -1,0 +1,70 @@
+"""What surrounds the packed things: field of view, pad, shell; and folds that are one bundle."""
+
+import numpy as np
+from phantoms import ball, box
+
+from napari_unpack.segmentation.crumpled import bundle_folds
+from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.shells import find_shell
+from napari_unpack.segmentation.supports import find_supports
+
+
+def test_the_rim_of_a_round_field_of_view_is_not_measured():
+    rng = np.random.default_rng(0)
+    volume = rng.uniform(1, 50, (4, 64, 64))
+    y, x = np.indices((64, 64)) - 31.5
+    radius = np.hypot(y, x)
+    volume[:, radius > 32] = 0
+    section = measured_section(volume)
+    assert not section[radius > 28.1].any()
+    assert section[radius <= 28].all()
+
+
+def test_a_volume_that_is_measured_to_its_corners_has_no_round_field_of_view():
+    volume = np.random.default_rng(0).uniform(0, 50, (4, 64, 64))
+    assert measured_section(volume) is None
+    # Matter in the middle alone is not a round field of view either.
+    assert measured_section(np.pad(volume[:, 16:48, 16:48], ((0, 0), (16, 16), (16, 16)))) is None
+
+
+def test_a_pad_between_table_and_bag_goes_with_the_table():
+    matter = np.zeros((80, 120, 200), bool)
+    matter[:, 100:104, 10:190] = True
+    pad = np.zeros_like(matter)
+    for z in range(80):
+        # The outline wanders by a voxel from slice to slice.
+        pad[z, 90 + z % 2, 12:188] = True
+    bag = box(matter.shape, (15, 40, 60), (65, 86, 140))
+    found = find_supports(matter | pad | bag, (2.0, 2.0, 2.0))
+    assert found[matter].all()
+    assert found[pad].mean() > 0.95
+    # Two voxels of margin at most.
+    assert found[bag].mean() < 2.1 / 46
+
+
+def test_the_skin_around_many_things_is_a_shell_and_a_box_around_nothing_is_not():
+    labels = np.zeros((60, 60, 60), np.int32)
+    skin = box(labels.shape, (5, 5, 5), (55, 55, 55)) & ~box(labels.shape, (8, 8, 8), (52, 52, 52))
+    labels[skin] = 1
+    for name, center in enumerate([(20, 20, 20), (20, 20, 40), (20, 40, 20), (40, 40, 40)], 2):
+        labels[ball(labels.shape, center, 8)] = name
+    found = find_shell(labels, (1.0, 1.0, 1.0))
+    assert found.tolist() == [False, True, False, False, False, False]
+    labels[labels > 1] = 0
+    assert not find_shell(labels, (1.0, 1.0, 1.0)).any()
+
+
+def test_light_folds_a_voxel_apart_are_one_bundle_and_a_solid_among_them_is_not():
+    parts = np.zeros((40, 40, 40), np.int32)
+    for name, y in enumerate(range(4, 36, 2), 1):
+        parts[4:36, y, 4:30] = name
+    parts[5:35, 5:35, 32:39] = 50
+    density = np.where(parts == 50, 1000, 200)
+    bundled = bundle_folds(parts, density, (1.0, 1.0, 1.0), light=400)
+    assert len(np.unique(bundled[(parts > 0) & (parts < 50)])) == 1
+    assert (bundled[parts == 50] == 50).all()
+    np.testing.assert_array_equal(bundled > 0, parts > 0)
+    # Where folds are rare they are sheets, and each stays what it is.
+    np.testing.assert_array_equal(
+        bundle_folds(parts, density, (1.0, 1.0, 1.0), light=400, prevalence=0.9), parts
+    )
