@@ -32,6 +32,16 @@ def test_the_8_by_8_case_worked_out_by_hand():
     assert interference(ids, 3).edges[1, 2]["weight"] == 4
 
 
+def test_ids_beyond_every_table_are_kept_apart_by_name():
+    # Two halves of a picture that touch along a line of three pixels on both sides.
+    ids = np.zeros((2, 3, 6), np.int64)
+    ids[0, :, :3], ids[0, :, 3:] = 7_000_000_000, 70_000
+    graph = interference(ids, 1)
+    assert list(graph.nodes) == [70_000, 7_000_000_000]
+    assert graph.edges[70_000, 7_000_000_000]["weight"] == 6
+    assert list(interference(ids[:1, :, :3], 1).nodes) == [7_000_000_000]
+
+
 def test_touching_is_a_distance_of_one_pixel():
     ids = np.array([[1, 1, 2, 2]])
     assert edges(ids, 0) == set()

@@ -11,6 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+MOST_IDS = 65_536
+"""From this ID on, IDs are renumbered for the time being."""
+
 
 def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None) -> nx.Graph:
     """Join the objects that come near one another in a view.
@@ -47,13 +50,13 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     be nearer still. So only border pixels look around, and only at border pixels, of which a
     disk of radius DT holds about DT. O(pixels + border pixels x L x DT).
     """
-    stack = _checked(ids, distance, layers)
+    stack, names = _compacted(_checked(ids, distance, layers))
     if stack.size == 0:
         return nx.Graph()
     top = int(stack.max()) + 1
     present, starts, columns, labels = _borders(stack, top)
     graph = nx.Graph()
-    graph.add_nodes_from(np.flatnonzero(present).tolist())
+    graph.add_nodes_from(_named(np.flatnonzero(present), names))
     if len(graph) < 2:
         return graph
     halves = _half_widths(distance)
@@ -65,8 +68,8 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for keys, counts in pool.map(work, bands):
-            for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
-                a, b = divmod(key, top)
+            ends = _named(keys // top, names), _named(keys % top, names)
+            for a, b, count in zip(*ends, counts.tolist(), strict=True):
                 before = graph.edges[a, b]["weight"] if graph.has_edge(a, b) else 0
                 graph.add_edge(a, b, weight=before + count)
     for _, _, data in graph.edges(data=True):
@@ -74,7 +77,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     return graph
 
 
-def _checked(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.int32]:
+def _checked(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.integer]:
     stack = np.asarray(ids)
     if stack.ndim == 2:
         stack = stack[None]
@@ -88,7 +91,23 @@ def _checked(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.
         raise ValueError(f"distance must be a number of pixels >= 0, got {distance!r}")
     if layers is not None and layers < 1:
         raise ValueError(f"layers must be at least 1, got {layers!r}")
-    return np.ascontiguousarray(stack[:layers], dtype=np.int32)
+    return stack[:layers]
+
+
+def _compacted(
+    stack: NDArray[np.integer],
+) -> tuple[NDArray[np.int32], NDArray[np.integer] | None]:
+    """Return the stack for the kernels, whose tables have a row an ID, and the IDs' names."""
+    if stack.size == 0 or int(stack.max()) < MOST_IDS:
+        return np.ascontiguousarray(stack, dtype=np.int32), None
+    names = np.unique(stack)
+    if names[0] != 0:
+        names = np.concatenate([np.zeros(1, names.dtype), names])
+    return np.searchsorted(names, stack).astype(np.int32), names
+
+
+def _named(rows: NDArray[np.integer], names: NDArray[np.integer] | None) -> list[int]:
+    return [int(i) for i in (rows if names is None else names[rows])]
 
 
 def _half_widths(distance: float) -> NDArray[np.int64]:
