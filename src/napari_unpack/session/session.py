@@ -163,7 +163,8 @@ class Session(SessionSight):
         answer = self._known_answer(packed)
         if answer.blocking is None:
             raise ValueError(
-                "reveal needs the table of blockers, which 4,097 objects are too many for"
+                "reveal needs the table of blockers, which only the rule 'exact' has, and only up "
+                f"to 4,096 objects; got the rule {self.rule!r} and {len(packed)} packed objects"
             )
         return self.unpack(answer.blocking.among(packed).needed(object_id))
 
@@ -264,10 +265,10 @@ class Session(SessionSight):
     def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
         """Return the queue, filled where it was dry or for another D, and the answer used."""
         packed, direction = self._packed(situation), self.unpack_direction
-        if situation.queue.serves(direction) and packed.issuperset(situation.queue.ids):
+        if situation.queue.serves(direction, packed):
             return situation.queue, self._answer
         if not packed:
-            return situation.queue.refilled((), direction), self._answer
+            return situation.queue.refilled((), direction, packed), self._answer
         answer = self._known_answer(packed)
         groups = answer.groups(packed, self.most_in_group)
         if not groups:
@@ -277,7 +278,7 @@ class Session(SessionSight):
         if least:
             groups = [(answer.least_occluded(packed),)]
         depths = self.bag.depths(direction)
-        return situation.queue.refilled(groups, direction, depths, least), answer
+        return situation.queue.refilled(groups, direction, packed, depths, least), answer
 
     def _take_next(self, count: int) -> tuple[Situation, Group]:
         situation = replace(self._situation, inspected=None)

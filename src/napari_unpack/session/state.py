@@ -105,7 +105,8 @@ class Situation:
     def with_back(self, ids: Iterable[int]) -> Situation:
         """Return the situation after objects have gone back, the first given at the head."""
         back = tuple(ids)
-        kept = {i: berth for i, berth in self.out.items() if i not in back}
+        returned = set(back)
+        kept = {i: berth for i, berth in self.out.items() if i not in returned}
         return replace(self, out=kept, queue=self.queue.put_back(back))
 
     def with_hidden(self, ids: Iterable[int]) -> Situation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,8 @@ class Queue:
         the queue is asked again: another object put back later may stand in front of them.
     least_occluded : bool
         True when nobody was free and the only entry is the least occluded object.
+    packed : frozenset of int
+        Who was in the bag when it was filled. Who comes in later may stand in front of others.
 
     Notes
     -----
@@ -37,15 +39,23 @@ class Queue:
     direction: tuple[float, float, float] | None = None
     restored: tuple[int, ...] = ()
     least_occluded: bool = False
+    packed: frozenset[int] = frozenset()
 
     @property
     def ids(self) -> tuple[int, ...]:
         """Every object in the queue, the next one first."""
         return tuple(i for group in self.groups for i in group)
 
-    def serves(self, direction: Iterable[float]) -> bool:
-        """Tell whether it was asked for this D and has something left and no restored object."""
+    def serves(self, direction: Iterable[float], packed: Collection[int]) -> bool:
+        """Tell whether the next one may leave without asking again.
+
+        It must have been filled for this D with all who are packed now in the bag, and hold
+        something, all of it packed, and no restored object.
+        """
         if self.direction is None or not self.groups or self.restored:
+            return False
+        inside = frozenset(packed)
+        if not (inside <= self.packed and inside.issuperset(self.ids)):
             return False
         return bool(np.allclose(self.direction, tuple(direction), rtol=0.0, atol=1e-6))
 
@@ -65,13 +75,15 @@ class Queue:
     def put_back(self, ids: Iterable[int]) -> Queue:
         """Return the queue with restored objects at its head, the first given foremost."""
         new = tuple(ids)
-        rest = tuple(i for i in self.restored if i not in new)
+        anew = set(new)
+        rest = tuple(i for i in self.restored if i not in anew)
         return replace(self, restored=new + rest, least_occluded=False)
 
     def refilled(
         self,
         groups: Iterable[Group],
         direction: Iterable[float],
+        packed: Iterable[int],
         rank: dict[int, float] | None = None,
         least_occluded: bool = False,
     ) -> Queue:
@@ -83,6 +95,8 @@ class Queue:
             All that can leave along the direction now.
         direction : (3,) iterable of float
             The D they were asked for.
+        packed : iterable of int
+            Who is in the bag now.
         rank : dict of int to float, optional
             Smaller leaves earlier; a group counts as its smallest. Without it, by ID.
         least_occluded : bool
@@ -103,4 +117,4 @@ class Queue:
 
         ready = tuple(sorted((tuple(sorted(g)) for g in groups), key=key))
         z, y, x = (float(v) for v in direction)
-        return Queue(ready, (z, y, x), (), least_occluded)
+        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed))
