@@ -68,6 +68,8 @@ def test_orthographic_keeps_all_but_the_perspective() -> None:
         ({"direction": (0, 0, np.nan)}, "direction"),
         ({"direction": (0, 1)}, "direction"),
         ({"up": (0, 0, 2)}, "up"),
+        ({"center": (1, 2)}, "center"),
+        ({"center": (1, 2, np.inf)}, "center"),
         ({"fov": 170.0}, "fov"),
         ({"fov": -1.0}, "fov"),
         ({"height": 0.0}, "height"),

@@ -194,6 +194,28 @@ def test_too_many_objects_layers_pixels_and_definitions() -> None:
         imaging.occlusion_ratios(ONES, definition="guess", **CPU)
 
 
+@pytest.mark.parametrize("view", [(1, 2), 5, (0, 0, 0), (0, np.nan, 1)])
+def test_a_direction_of_looking_that_is_none_is_refused_by_name(view) -> None:
+    with pytest.raises(ValueError, match="view must"):
+        imaging.occlusion_ratios(ONES, view=view, **CPU)
+
+
+def test_pictures_take_views_only() -> None:
+    for function in (imaging.object_id_layers, imaging.render, imaging.pick):
+        volume = () if function is imaging.object_id_layers else (np.arange(27).reshape(3, 3, 3),)
+        with pytest.raises(TypeError, match="view must be a View"):
+            function(*volume, ONES, view=(0, 0, 1), **CPU)
+
+
+def test_the_largest_ids_keep_every_digit_and_larger_ones_are_refused() -> None:
+    # 2^55 + 1 is no float64, and without a background 0 joins the list of IDs.
+    big = 2**55 + 1
+    ids = imaging.object_id_layers(np.full((3, 3, 3), big, np.uint64), size=(5, 5), **CPU)
+    assert int(ids[0, 2, 2]) == big
+    with pytest.raises(ValueError, match="labels must be below"):
+        checked_labels(np.full((3, 3, 3), 2**63, np.uint64))
+
+
 def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None:
     from napari_unpack.imaging import backends
 

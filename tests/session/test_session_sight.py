@@ -178,6 +178,14 @@ def test_a_view_is_settled_and_a_camera_is_taken_over():
     assert len(heard) == 2
 
 
+def test_what_is_no_view_is_refused_and_changes_nothing():
+    session = session_of(stack_of_plates(2))
+    before = session.view, session.camera
+    with pytest.raises(TypeError, match="view must be a View"):
+        session.view = (0.0, 0.0, 1.0)
+    assert (session.view, session.camera) == before
+
+
 def test_facts_are_measured_where_nobody_gave_them():
     labels = np.zeros((4, 4, 4), np.uint16)
     labels[0, 0, 0:2] = 2

@@ -57,6 +57,12 @@ class View:
                     f"up must not be parallel to direction, got up={self.up!r}, "
                     f"direction={self.direction!r}"
                 )
+        if self.center is not None:
+            center = np.asarray(self.center, dtype=np.float64)
+            if center.shape != (3,) or not np.isfinite(center).all():
+                raise ValueError(
+                    f"center must be three finite numbers of mm (z, y, x), got {self.center!r}"
+                )
         if not 0.0 <= self.fov < 170.0:
             raise ValueError(f"fov must be in [0, 170) degrees, got {self.fov!r}")
         if self.height is not None and not (np.isfinite(self.height) and self.height > 0):

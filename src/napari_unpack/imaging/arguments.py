@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.view import View
+
 MOST_IDS = 65_536
 """As many IDs as uint16 labels tell apart, the background among them."""
 
@@ -95,7 +97,7 @@ def checked_labels(labels: ArrayLike) -> Labels:
     TypeError
         If the labels are not integers.
     ValueError
-        If they are not 3D, empty, negative, or hold more than 65,535 objects.
+        If they are not 3D, empty, negative, above int64, or hold more than 65,535 objects.
     """
     array = np.asarray(labels)
     if array.dtype != np.bool_ and not np.issubdtype(array.dtype, np.integer):
@@ -106,9 +108,11 @@ def checked_labels(labels: ArrayLike) -> Labels:
     top = int(array.max())
     if top < MOST_IDS:
         return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)
+    if top > np.iinfo(np.int64).max:
+        raise ValueError(f"labels must be below 2**63, got {top}; renumber them")
     names, compact = np.unique(array, return_inverse=True)
     if names[0] != 0:
-        names, compact = np.concatenate([[0], names]), compact + 1
+        names, compact = np.concatenate([np.zeros(1, names.dtype), names]), compact + 1
     if len(names) > MOST_IDS:
         raise ValueError(f"labels must hold at most 65,535 objects, got {len(names) - 1}")
     fitting = compact.reshape(array.shape).astype(np.uint16)
@@ -163,6 +167,15 @@ def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:
     if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
         raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
     return mm
+
+
+def checked_view(view: View | None) -> View:
+    """Check a view, the default one for None; raise TypeError otherwise."""
+    if view is None:
+        return View()
+    if not isinstance(view, View):
+        raise TypeError(f"view must be a View, such as View(direction=(0, 0, 1)), got {view!r}")
+    return view
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:

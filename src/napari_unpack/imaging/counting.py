@@ -9,10 +9,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging.arguments import Labels, checked_labels, checked_size, checked_spacing
+from napari_unpack.imaging.arguments import (
+    Labels,
+    checked_labels,
+    checked_size,
+    checked_spacing,
+    checked_view,
+)
 from napari_unpack.imaging.casting import cast_occlusion
 from napari_unpack.imaging.pictures import step_scale
 from napari_unpack.unpacking.occlusion import Definition, ratios
@@ -123,12 +130,10 @@ def _counted(
     boxes: bool,
 ) -> OcclusionCounts:
     mm, pixels = checked_spacing(spacing), checked_size(size)
-    if view is None:
-        view = View()
-    elif not isinstance(view, View):
-        z, y, x = view
+    if view is not None and not isinstance(view, View):
+        z, y, x = unit(view, "view")
         view = View(direction=(float(z), float(y), float(x)))
-    camera = view.orthographic().camera(given.array.shape, mm)
+    camera = checked_view(view).orthographic().camera(given.array.shape, mm)
     counts: OcclusionCounts = cast_occlusion(
         given.array, mm, camera, given.visible(hidden), pixels,
         step_scale=step_scale(step, mm), backend=backend,

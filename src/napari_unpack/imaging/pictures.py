@@ -13,6 +13,7 @@ from napari_unpack.imaging.arguments import (
     checked_labels,
     checked_size,
     checked_spacing,
+    checked_view,
     checked_volume,
 )
 from napari_unpack.imaging.backends import chosen
@@ -69,7 +70,7 @@ def object_id_layers(
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
     if int(layers) != layers or layers < 1:
         raise ValueError(f"layers must be a positive integer, got {layers!r}")
-    camera = (view or View()).camera(given.array.shape, mm)
+    camera = checked_view(view).camera(given.array.shape, mm)
     ids = cast_ids(
         given.array, mm, camera, given.visible(hidden), pixels, int(layers),
         step_scale=step_scale(step, mm), backend=backend,
@@ -137,7 +138,7 @@ def render(
     """
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
     density = checked_volume(volume, given.array.shape)
-    camera = (view or View()).camera(given.array.shape, mm)
+    camera = checked_view(view).camera(given.array.shape, mm)
     scale = step_scale(step, mm)
     image, _ = cast_tinted(
         density, given.array, mm, camera, transfer_function or default_for(density),
@@ -193,7 +194,7 @@ def pick(
     row, col = int(pixel[0]), int(pixel[1])
     if not (0 <= row < pixels[0] and 0 <= col < pixels[1]):
         raise ValueError(f"pixel must lie inside a picture of {pixels}, got {(row, col)}")
-    camera = (view or View()).camera(given.array.shape, mm)
+    camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     look = transfer_function or default_for(density)
     shares = contributions(

@@ -29,6 +29,9 @@ from napari_unpack.unpacking import Flight, Slots, arrange
 if TYPE_CHECKING:
     import pandas as pd
 
+VEIL = (0.8, 0.8, 0.8, 0.06)
+"""Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
+
 
 class SessionCore:
     """What a session knows, and how it passes from one situation to the next.
@@ -87,6 +90,7 @@ class SessionCore:
         self.seconds = 1.2
         self.backend = "auto"
         self._tint_mode: Mode = "perceptual"
+        self._show_unlabelled = False
         self.events = SessionEvents()
         self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
         self._ids = tuple(int(i) for i in self.boxes.ids)
@@ -165,14 +169,30 @@ class SessionCore:
             self.events.hues.emit(self.hues)
 
     @property
+    def show_unlabelled(self) -> bool:
+        """Whether matter that belongs to no object shows, as a veil; not undoable.
+
+        Setting it is told as a change of the transfer function: all must be cast anew.
+        """
+        return self._show_unlabelled
+
+    @show_unlabelled.setter
+    def show_unlabelled(self, shown: bool) -> None:
+        if bool(shown) != self._show_unlabelled:
+            self._show_unlabelled, self._tints = bool(shown), None
+            self.events.transfer_function.emit(self._situation.transfer_function)
+
+    @property
     def view(self) -> View:
         """The view as it was asked for."""
         return self._view
 
     @view.setter
     def view(self, view: View) -> None:
-        self._view = view
+        if not isinstance(view, View):
+            raise TypeError(f"view must be a View, got {view!r}")
         self._camera = view.camera(self.labels.shape, self.spacing)
+        self._view = view
         self.events.view.emit(self._camera)
 
     @property
@@ -226,11 +246,16 @@ class SessionCore:
         return self._slots[1]
 
     def packed_tints(self) -> NDArray[np.float32]:
-        """Return the (M, 4) float32 tints of what is packed; zero for all else. Read-only."""
+        """Return the (M, 4) float32 tints of what is packed; zero for all else. Read-only.
+
+        Row 0, matter without a label, is zero unless `show_unlabelled`.
+        """
         if self._tints is None:
             hues = self._situation.hues
             shown = {i: hues[i] for i, state in self.states.items() if state.value == "packed"}
             self._tints = tints_of(shown, self._ids[-1], mode=self.tint_mode)
+            if self._show_unlabelled:
+                self._tints[0] = VEIL
             self._tints.flags.writeable = False
         return self._tints
 
