@@ -125,6 +125,15 @@ def test_a_little_metal_does_not_make_the_rest_transparent():
     assert TransferFunction.default_for(volume).opacity_at(1050) >= 0.25
 
 
+def test_a_speck_between_the_voxels_looked_at_is_contrast_too():
+    # 110^3 voxels are thinned to every second one along each axis: the speck is not among them.
+    volume = np.zeros((110, 110, 110), np.uint8)
+    volume[55, 55, 55] = 9
+    function = TransferFunction.default_for(volume)
+    assert function.opacity_at(0) == 0.0
+    assert function.opacity_at(9) > 0.1
+
+
 @pytest.mark.parametrize("volume", [np.full((3, 3, 3), 7), np.full((3, 3, 3), np.nan)])
 def test_there_is_no_default_for_a_volume_without_contrast(volume):
     with pytest.raises(ValueError, match="volume must"):

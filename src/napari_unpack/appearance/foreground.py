@@ -58,6 +58,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     less than 3 % is matter: a percent of metal would pull it up until cloth and plastic vanish.
     """
     samples = _samples(np.asarray(volume))
+    if samples.size == 0 or samples.min() == samples.max():
+        samples = np.concatenate([samples, _extremes(np.asarray(volume))])
     if samples.size == 0:
         raise ValueError("volume must hold finite densities, got none")
     lowest, highest = float(samples.min()), float(samples.max())
@@ -82,6 +84,12 @@ def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     thinned = volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
     values = thinned.astype(np.float64).ravel()
     return values[np.isfinite(values)]
+
+
+def _extremes(volume: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Return the least and greatest finite density of all voxels, where thinning missed them."""
+    finite = volume[np.isfinite(volume)]
+    return np.array([finite.min(), finite.max()] if finite.size else [], dtype=np.float64)
 
 
 def _level(background: NDArray[np.float64]) -> tuple[float, float]:

@@ -40,8 +40,8 @@ def bag_up(box: OrientedBox, table: Sequence[float] = GRAVITY_UP) -> Vector:
     -------
     (3,) ndarray of float64
         Normal of the largest face with the sign that points away from the table. Where the bag
-        stands on edge (the normal is level), the sign is such that the largest component is
-        positive in neither favour of chance nor of rounding: towards smaller z, then x.
+        stands on edge (the normal is level) the largest component is negative, so that the sign
+        does not hang on rounding.
 
     Notes
     -----
