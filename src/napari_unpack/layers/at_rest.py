@@ -24,6 +24,8 @@ class AtRest:
         With the lane "rest".
     recolors : callable
         Returns whether to choose hues now.
+    warm : callable
+        Called once it is known who can leave next.
 
     Notes
     -----
@@ -32,8 +34,11 @@ class AtRest:
     refuses a queue that is out of date.
     """
 
-    def __init__(self, session: Any, jobs: Jobs, recolors: Callable[[], bool]) -> None:
-        self._session, self._jobs, self._recolors = session, jobs, recolors
+    def __init__(
+        self, session: Any, jobs: Jobs, recolors: Callable[[], bool], warm: Callable[[], None]
+    ) -> None:
+        self._session, self._jobs = session, jobs
+        self._recolors, self._warm = recolors, warm
         self._state = 0
         self._timer = QTimer()
         self._timer.setSingleShot(True)
@@ -61,10 +66,17 @@ class AtRest:
             return
         leaving = self._session.occlusion_question()
         if leaving is not None:
-            self._jobs.ask("rest", "queue", leaving.answer, self._session.accept_answer)
+            self._jobs.ask("rest", "queue", leaving.answer, self._accept)
         if self._recolors():
             hues = self._session.hue_question()
             self._jobs.ask("rest", "hues", hues.answer, lambda found: self._take(found, state))
+
+        if leaving is None:
+            self._warm()
+
+    def _accept(self, answer: Any) -> None:
+        if self._session.accept_answer(answer):
+            self._warm()
 
     def _take(self, hues: dict[int, float], state: int) -> None:
         if state == self._state:

@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-from qtpy.QtCore import QObject, Qt, Signal
+from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, Signal
+from qtpy.QtGui import QGuiApplication
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,36 @@ class Jobs:
             return
         self._lanes[lane].waiting[key] = _Job(lane, key, work, then)
         self._start(lane)
+
+    def do(self, lane: str, key: str, work: Callable[[], Any]) -> Any:
+        """Have work done in a lane and return its result, drawing meanwhile.
+
+        Parameters
+        ----------
+        lane, key, work
+            As for `ask`.
+
+        Returns
+        -------
+        object
+            None if the work failed (which `failed` was told) or the lanes were closed meanwhile.
+
+        Notes
+        -----
+        The mouse and the keyboard wait until it is done, so that nobody asks again.
+        """
+        found: list[Any] = []
+        self.ask(lane, key, work, found.append)
+        QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
+        try:
+            while self.has(key) and not self._closed:
+                flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
+                QCoreApplication.processEvents(
+                    flags | QEventLoop.ProcessEventsFlag.WaitForMoreEvents
+                )
+        finally:
+            QGuiApplication.restoreOverrideCursor()
+        return found[0] if found else None
 
     def drop(self, key: str) -> None:
         """Forget what waits under a key."""

@@ -24,6 +24,7 @@ from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame, napari_view
+from napari_unpack.layers.warming import Warming
 from napari_unpack.session.pictures import BACKGROUND
 
 RIGHT_HANDED = ("towards", "down", "right")
@@ -87,7 +88,8 @@ class Stage:
             self.events.landed.emit,
             self.events.message.emit,
         )
-        self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest)
+        warming = Warming(session, self._jobs)
+        self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, warming.ask)
         self._pointer: Pointer | None = None
 
     @property
@@ -202,6 +204,11 @@ class Stage:
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly free objects out, or these; see `Session.unpack`."""
         self._projector.end_inspection()
+        question = self.session.occlusion_question()
+        if question is not None:
+            answer = self._jobs.do("fine", "who is free", question.answer)
+            if answer is not None:
+                self.session.accept_answer(answer)
         return self.session.unpack(n_or_ids)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:

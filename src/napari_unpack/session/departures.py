@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.session.state import Berth
 from napari_unpack.unpacking import (
     Flight,
+    OrientedBox,
     Slots,
     broad_side,
     clearance,
@@ -43,6 +44,7 @@ class Bag:
     labels: NDArray[np.uint16]
     boxes: LabelBoxes
     spacing: NDArray[np.float64]
+    _oriented: dict[int, OrientedBox] = field(default_factory=dict, repr=False)
 
     @property
     def lower(self) -> Vector:
@@ -92,13 +94,18 @@ class Bag:
             ways.append(clearance(low, high, self.lower, self.upper, direction))
         return max(ways)
 
+    def oriented(self, object_id: int) -> OrientedBox:
+        """Return an object's tightest box; a tenth of a second the first time, on any thread."""
+        if object_id not in self._oriented:
+            self._oriented[object_id] = oriented_box(self.points(object_id), self.spacing)
+        return self._oriented[object_id]
+
     def berth(
         self, object_id: int, slot: int, group: Sequence[int], direction: Vector, camera: Camera
     ) -> Berth:
         """Choose how an unpacked object is held."""
         points = self.points(object_id)
-        box = oriented_box(points, self.spacing)
-        rotation = broad_side(box, camera.rotation)
+        rotation = broad_side(self.oriented(object_id), camera.rotation)
         picture = picture_size(points, rotation, self.spacing)
         return Berth(slot, rotation, picture, direction, tuple(group))
 

@@ -150,18 +150,19 @@ class CardsVisual(Visual):  # type: ignore[misc]
                 blend_func=("one", "one_minus_src_alpha"),
             )
             for card in shown:
-                self._set(card, overall, core)
+                if core or len(shown) > 1:
+                    self._set(card, overall)
+                self._program["u_core"] = float(core)
                 self._program.draw(self._draw_mode)
         gloo.set_state(depth_mask=True, depth_func=found)
 
-    def _set(self, card: Card, overall: float, core: bool) -> None:
+    def _set(self, card: Card, overall: float) -> None:
         color, depth = card.picture.textures()
         origin, right, down = card.place.frame(self._clip_from_pivot)
         values: dict[str, Any] = {
             "u_picture": color,
             "u_depth": self._blank if depth is None else depth,
             "u_has_depth": float(depth is not None),
-            "u_core": float(core),
             "u_t": card.place.t,
             "u_t_origin": card.place.t_origin,
             "u_z_of_t": depth_row(self._clip_from_pivot, card.place.ndc_depth),

@@ -50,7 +50,11 @@ def matrix_of(transform: Any) -> Matrix:
     if isinstance(transform, NullTransform):
         return np.eye(4)
     if isinstance(transform, STTransform):
-        transform = transform.as_matrix()
+        # Several times as quick as its own as_matrix(), and asked at every draw.
+        scaled = np.diag(np.asarray(transform.scale, dtype=np.float64))
+        scaled[3, 3] = 1.0
+        scaled[:3, 3] = transform.translate[:3]
+        return scaled
     if isinstance(transform, MatrixTransform):
         return np.asarray(transform.matrix, dtype=np.float64).T.copy()
     raise TypeError(f"transform must be made of matrices and scales, got {transform!r}")
