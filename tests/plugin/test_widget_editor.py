@@ -28,13 +28,14 @@ def test_a_dragged_point_moves_and_says_so(qtbot: QtBot, editor: OpacityEditor) 
     with qtbot.waitSignal(editor.edited) as heard:
         qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
         qtbot.mouseMove(editor, _spot(editor, 2, 20, -25))
-    # The plot is 200 px for 2000 densities and 100 px for the cubic root of opacity.
+    # 200 px for the square root of 2000 densities, 100 px for the cubic root of opacity:
+    # 1000 is drawn at 141 px, and 161 px of 200 are 0.65 of 2000.
     density, opacity = heard.args[0][2]
-    assert density == pytest.approx(1200, abs=10)
+    assert density == pytest.approx(1300, abs=10)
     assert opacity == pytest.approx(0.75**3, abs=0.03)
     qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
     qtbot.mouseMove(editor, _spot(editor, 2, -40, 0))
-    assert editor.points[2][0] == pytest.approx(1200, abs=10)
+    assert editor.points[2][0] == pytest.approx(1300, abs=10)
 
 
 def test_a_point_cannot_pass_its_neighbours(qtbot: QtBot, editor: OpacityEditor) -> None:
@@ -46,10 +47,10 @@ def test_a_point_cannot_pass_its_neighbours(qtbot: QtBot, editor: OpacityEditor)
 def test_a_double_click_adds_a_point_and_a_right_click_removes_it(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
-    empty = _spot(editor, 0, 25, -50)
+    empty = _spot(editor, 0, 60, -50)
     qtbot.mouseDClick(editor, Qt.MouseButton.LeftButton, pos=empty)
     assert len(editor.points) == 5
-    assert editor.points[1] == pytest.approx((250.0, 0.125), abs=10)
+    assert editor.points[1] == pytest.approx((0.09 * 2000, 0.125), abs=3)
     qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
     qtbot.mousePress(editor, Qt.MouseButton.RightButton, pos=empty)
     assert editor.points == CURVE
@@ -58,18 +59,18 @@ def test_a_double_click_adds_a_point_and_a_right_click_removes_it(
 def test_dragging_beside_the_points_moves_the_whole_curve(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
-    start = _spot(editor, 0, 30, -60)
+    start = _spot(editor, 0, 40, -60)
     qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=start)
-    qtbot.mouseMove(editor, _spot(editor, 0, 50, -60))
+    qtbot.mouseMove(editor, _spot(editor, 0, 60, -60))
     moved = [density for density, _ in editor.points]
-    assert moved == pytest.approx([200, 700, 1200, 2200], abs=1)
+    assert moved == pytest.approx([100, 600, 1100, 2100], abs=1)
     assert [opacity for _, opacity in editor.points] == [opacity for _, opacity in CURVE]
 
 
 def test_delete_and_arrows_act_on_the_chosen_point(qtbot: QtBot, editor: OpacityEditor) -> None:
     qtbot.mouseClick(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 1))
     qtbot.keyClick(editor, Qt.Key.Key_Right)
-    assert editor.points[1][0] == pytest.approx(510)
+    assert editor.points[1][0] == pytest.approx(0.505**2 * 2000)
     qtbot.keyClick(editor, Qt.Key.Key_Delete)
     assert len(editor.points) == 3
 
@@ -90,9 +91,9 @@ def test_a_curve_from_elsewhere_does_not_tear_the_point_from_the_hand(
 
 def test_the_histogram_is_logarithmic_and_ignores_nan() -> None:
     volume = np.full((4, 4, 4), np.nan)
-    volume[:, :, 0] = 10.0
-    volume[0, 0, 1] = 90.0
+    volume[:, :, 0] = 8.1
+    volume[0, 0, 1] = 72.1
     heights = histogram(volume, (0.0, 128.0))
-    assert heights[10] == 1.0
-    assert heights[90] == pytest.approx(np.log(2) / np.log(17))
+    assert heights[32] == 1.0
+    assert heights[96] == pytest.approx(np.log(2) / np.log(17))
     assert np.count_nonzero(heights) == 2

@@ -29,7 +29,7 @@ from napari_unpack.unpacking import Flight, Slots, arrange
 if TYPE_CHECKING:
     import pandas as pd
 
-VEIL = (0.8, 0.8, 0.8, 0.06)
+VEIL = (0.8, 0.8, 0.8, 0.3)
 """Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
 
 
@@ -105,8 +105,11 @@ class SessionCore:
         self._canvas_size = (768, 1024)
         self._view = View()
         self._camera = self._view.camera(self.labels.shape, self.spacing)
-        self._states: dict[int, ObjectState] | None = None
-        self._tints: NDArray[np.float32] | None = None
+        # What is derived is kept with the count of changes it was made at: workers ask for it
+        # too, and one overtaken by a change must leave nothing stale behind.
+        self._changes = 0
+        self._states: tuple[int, dict[int, ObjectState]] = (-1, {})
+        self._tints: tuple[int, NDArray[np.float32]] = (-1, np.zeros((0, 4), np.float32))
         self._slots: tuple[object, Slots] | None = None
 
     @cached_property
@@ -131,9 +134,10 @@ class SessionCore:
     @property
     def states(self) -> dict[int, ObjectState]:
         """Where every object is, by ID; treat as read-only."""
-        if self._states is None:
-            self._states = {i: self._state(i) for i in self._ids}
-        return self._states
+        now, kept = self._changes, self._states
+        if kept[0] != now:
+            kept = self._states = now, {i: self._state(i) for i in self._ids}
+        return kept[1]
 
     @property
     def flights(self) -> Mapping[int, Flight]:
@@ -165,7 +169,8 @@ class SessionCore:
         if mode not in ("perceptual", "hsv"):
             raise ValueError(f"tint_mode must be 'perceptual' or 'hsv', got {mode!r}")
         if mode != self._tint_mode:
-            self._tint_mode, self._tints = mode, None
+            self._tint_mode = mode
+            self._changes += 1
             self.events.hues.emit(self.hues)
 
     @property
@@ -179,7 +184,8 @@ class SessionCore:
     @show_unlabelled.setter
     def show_unlabelled(self, shown: bool) -> None:
         if bool(shown) != self._show_unlabelled:
-            self._show_unlabelled, self._tints = bool(shown), None
+            self._show_unlabelled = bool(shown)
+            self._changes += 1
             self.events.transfer_function.emit(self._situation.transfer_function)
 
     @property
@@ -250,14 +256,16 @@ class SessionCore:
 
         Row 0, matter without a label, is zero unless `show_unlabelled`.
         """
-        if self._tints is None:
+        now, kept = self._changes, self._tints
+        if kept[0] != now:
             hues = self._situation.hues
             shown = {i: hues[i] for i, state in self.states.items() if state.value == "packed"}
-            self._tints = tints_of(shown, self._ids[-1], mode=self.tint_mode)
+            table = tints_of(shown, self._ids[-1], mode=self.tint_mode)
             if self._show_unlabelled:
-                self._tints[0] = VEIL
-            self._tints.flags.writeable = False
-        return self._tints
+                table[0] = VEIL
+            table.flags.writeable = False
+            kept = self._tints = now, table
+        return kept[1]
 
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
         """Return the (M, 4) float32 tints that show one object alone."""
@@ -300,7 +308,7 @@ class SessionCore:
         before, states = self._situation, self.states
         self._situation = situation
         self._refly(before, situation)
-        self._states = self._tints = None
+        self._changes += 1
         changed = {i for i, state in self.states.items() if state is not states[i]}
         changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
         changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
@@ -344,7 +352,7 @@ class SessionCore:
         return ObjectState.FLYING_BACK if flight.back else ObjectState.FLYING_OUT
 
     def _tell_states(self, ids: Iterable[int]) -> None:
-        self._states = self._tints = None
+        self._changes += 1
         changed = frozenset(ids)
         if changed:
             self.events.states.emit(changed)

@@ -44,8 +44,16 @@ class ColorSection(Section):
             "as in the paper."
         )
         self.editor = OpacityEditor()
-        more = Disclosure("Opacity curve", "Which densities are shown, drawn by hand.")
+        more = Disclosure(
+            "Opacity curve and veil",
+            "Which densities are shown, drawn by hand; matter of no object.",
+        )
+        self.unlabelled = QCheckBox("Show matter of no object")
+        self.unlabelled.setToolTip(
+            "Draw what is not part of any object, such as the bag itself, as a thin veil."
+        )
         more.contents.addWidget(self.editor)
+        more.contents.addWidget(self.unlabelled)
         self.curve = more
         line = QHBoxLayout()
         line.setSpacing(GAP)
@@ -64,6 +72,7 @@ class ColorSection(Section):
         self.recolor.clicked.connect(lambda: self._bench.recolor())
         self.at_rest.toggled.connect(self._set_at_rest)
         self.mode.currentTextChanged.connect(self._set_mode)
+        self.unlabelled.toggled.connect(self._set_unlabelled)
         self.preset.activated.connect(lambda _: self._apply_preset())
         self.editor.edited.connect(self._edit)
         more.toggle.toggled.connect(lambda _: self._show_curve())
@@ -81,6 +90,7 @@ class ColorSection(Section):
         self.at_rest.setChecked(bool(stage.recolor_at_rest))
         self.at_rest.blockSignals(blocked)
         self._set_mode(self.mode.currentText())
+        self._set_unlabelled(self.unlabelled.isChecked())
         self.preset.setCurrentText(AUTOMATIC)
         self._show_curve()
 
@@ -107,6 +117,10 @@ class ColorSection(Section):
         if self._bench.session is not None:
             with spoken():
                 self._bench.session.tint_mode = MODES[name]
+
+    def _set_unlabelled(self, shown: bool) -> None:
+        if self._bench.session is not None:
+            self._bench.session.show_unlabelled = shown
 
     def _apply_preset(self) -> None:
         session = self._bench.session

@@ -21,6 +21,8 @@ _SAMPLES = 1 << 20
 def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.float64]:
     """Count densities on a logarithmic scale, from a million voxels at most.
 
+    Bins are of one width on the editor's square-root scale of densities.
+
     Parameters
     ----------
     volume : (Z, Y, X) array_like
@@ -35,7 +37,8 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
     """
     values = np.asarray(volume).reshape(-1)
     values = values[:: max(1, values.size // _SAMPLES)]
-    counts, _ = np.histogram(values[np.isfinite(values)], bins=_BINS, range=domain)
+    edges = domain[0] + (domain[1] - domain[0]) * np.linspace(0.0, 1.0, _BINS + 1) ** 2
+    counts, _ = np.histogram(values[np.isfinite(values)], bins=edges)
     heights = np.log1p(counts.astype(np.float64))
     return heights / max(float(heights.max()), 1e-9)
 
@@ -43,7 +46,8 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
 class OpacityEditor(QWidget):
     """Drag, add and remove the points of a piecewise linear opacity curve.
 
-    Opacity runs on a cubic-root scale, since what matters for translucency lies near zero.
+    Opacity runs on a cubic-root scale, since what matters for translucency lies near zero;
+    density on a square-root scale, since metal reaches far above everything else.
     Drag a point; double-click adds one; Delete or a right click removes one; arrow keys move
     the chosen one; dragging the background moves the whole curve along the density axis.
 
@@ -110,14 +114,15 @@ class OpacityEditor(QWidget):
     def position(self, point: Point) -> QPointF:
         """Return where a point of the curve is drawn, in pixels."""
         area, (low, high) = self._area(), self._domain
-        x = area.left() + (point[0] - low) / (high - low) * area.width()
+        part = max(point[0] - low, 0.0) / (high - low)
+        x = area.left() + np.sqrt(part) * area.width()
         return QPointF(x, area.bottom() - np.cbrt(point[1]) * area.height())
 
     def _point_at(self, position: QPointF) -> Point:
         area, (low, high) = self._area(), self._domain
         part = (position.x() - area.left()) / max(area.width(), 1.0)
         height = (area.bottom() - position.y()) / max(area.height(), 1.0)
-        return low + part * (high - low), float(np.clip(height, 0.0, 1.0)) ** 3
+        return low + max(part, 0.0) ** 2 * (high - low), float(np.clip(height, 0.0, 1.0)) ** 3
 
     def _nearest(self, position: QPointF) -> int:
         spots = [self.position(p) for p in self._points]
@@ -215,6 +220,7 @@ class OpacityEditor(QWidget):
         self._paint_histogram(painter, ink)
         painter.setClipRect(self.rect())
         self._paint_curve(painter)
+        self._paint_words(painter, ink)
         painter.end()
 
     def _paint_histogram(self, painter: QPainter, ink: QColor) -> None:
@@ -231,6 +237,17 @@ class OpacityEditor(QWidget):
             ]
         painter.setBrush(shade)
         painter.drawPolygon(QPolygonF([*outline, area.bottomRight()]))
+
+    def _paint_words(self, painter: QPainter, ink: QColor) -> None:
+        """Write the chosen point's density and opacity."""
+        if self._chosen < 0:
+            return
+        density, opacity = self._points[self._chosen]
+        faint = QColor(ink)
+        faint.setAlphaF(0.75)
+        painter.setPen(faint)
+        where = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop
+        painter.drawText(self._area(), where, f"density {density:.4g}, opacity {opacity:.2g}")
 
     def _paint_curve(self, painter: QPainter) -> None:
         area, accent = self._area(), QColor(self._accent)
