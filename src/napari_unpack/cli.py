@@ -107,7 +107,8 @@ def simulate(
 
     bag = simulate_bag(seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker())
     z, y, x = (float(v) for v in bag.spacing)
-    for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels), output):
+    names = {int(i): str(name) for i, name in bag.objects["name"].items()}
+    for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels, "bag", names), output):
         typer.echo(f"wrote {path}")
     table = save_objects_csv(bag.objects, output.with_name(output.name.split(".")[0] + ".csv"))
     typer.echo(f"wrote {table}")

@@ -13,7 +13,8 @@ VOLUME = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
 def test_a_scan_becomes_an_image_and_labels_in_mm(tmp_path: Path) -> None:
     labels = (VOLUME > 30).astype(np.uint8)
-    save_scan(Scan(VOLUME, (3.0, 2.0, 1.0), labels), tmp_path / "bag.npz")
+    scan = Scan(VOLUME, (3.0, 2.0, 1.0), labels, names={1: "Shoe"})
+    save_scan(scan, tmp_path / "bag.npz")
     reader = get_reader(str(tmp_path / "bag.npz"))
     assert reader is not None
     image, marks = reader(str(tmp_path / "bag.npz"))
@@ -21,6 +22,8 @@ def test_a_scan_becomes_an_image_and_labels_in_mm(tmp_path: Path) -> None:
     assert (image[1]["name"], image[1]["scale"], image[2]) == ("bag", (3.0, 2.0, 1.0), "image")
     np.testing.assert_array_equal(marks[0], labels)
     assert (marks[1]["scale"], marks[2]) == ((3.0, 2.0, 1.0), "labels")
+    assert image[1]["units"] == marks[1]["units"] == ("mm", "mm", "mm")
+    assert marks[1]["features"] == {"index": [1], "name": ["Shoe"]}
 
 
 def test_labels_alone_become_labels(tmp_path: Path) -> None:

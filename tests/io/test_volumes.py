@@ -30,6 +30,16 @@ def test_npz_holds_all_of_a_scan(tmp_path: Path) -> None:
     assert back.name == "bag"
 
 
+def test_npz_holds_what_objects_are_called(tmp_path: Path) -> None:
+    path = tmp_path / "bag.npz"
+    named = Scan(VOLUME, SPACING, LABELS, names={3: "Shoe", 1: "Mug"})
+    save_scan(named, path)
+    assert load_volume(path).names == {1: "Mug", 3: "Shoe"}
+    assert load_volume(path).with_labels(LABELS).names is None
+    save_scan(scan(), path)
+    assert load_volume(path).names is None
+
+
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])
 def test_other_formats_hold_the_volume_and_labels_beside_it(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bag{suffix}"

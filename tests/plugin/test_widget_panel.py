@@ -171,7 +171,7 @@ def test_cancelling_leaves_everything_as_it_was(
     add_bag(viewer)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.segment.stage_text.text() == "Cutting", timeout=5000)
-    assert panel.segment.bar.value() == pytest.approx(1000 * 0.9 * 0.25, abs=1)
+    qtbot.waitUntil(lambda: panel.segment.bar.value() == 225, timeout=5000)
     assert not panel.segment.waiting.isHidden()
     press(qtbot, panel.segment.cancel)
     qtbot.waitUntil(lambda: not panel.segment.job.running, timeout=5000)
@@ -195,6 +195,35 @@ def test_a_defect_is_not_dressed_up_as_a_message(
         qtbot.waitUntil(lambda: bool(caught), timeout=5000)
     assert caught[0][0] is ZeroDivisionError
     assert panel.segment.start.isEnabled()
+
+
+def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import napari_unpack.segmentation as segmentation
+
+    given = {}
+
+    def nothing(*_: Any, progress: Any, **settings: Any) -> None:
+        given.update(settings)
+        raise ValueError("nothing found: all is air; pass a lower threshold=")
+
+    monkeypatch.setattr(segmentation, "segment", nothing)
+    add_bag(viewer)
+    options = panel.segment.options
+    assert not options.isHidden()
+    options.threshold.setText("dense")
+    press(qtbot, panel.segment.start)
+    assert "must be a number, got 'dense'" in _said(-1)[0]
+    options.threshold.setText("350")
+    options.smallest.setValue(0.02)
+    options.shell.setChecked(False)
+    (said,) = _refused(panel, qtbot)
+    assert said.startswith("Nothing found: all is air; under Details in step 1")
+    del given["spacing"]
+    assert given == {"threshold": 350.0, "smallest": 20.0, "supports": True, "shell": False}
+    panel.segment.labels_box.choose(viewer.layers["expert"])
+    assert options.isHidden()
 
 
 def test_verbs_without_a_stage_say_what_to_do_first(panel: UnpackingWidget) -> None:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from napari.layers import Image, Labels
 
-from napari_unpack.widgets.sources import labels_of, same_shape, spacing_of, volume_of
+from napari_unpack.widgets.sources import (
+    labels_of,
+    names_of,
+    same_shape,
+    spacing_of,
+    volume_of,
+)
 
 
 def test_a_volume_comes_with_its_voxel_size_in_millimetres() -> None:
@@ -46,6 +52,13 @@ def test_labels_of_another_shape_are_refused_by_name() -> None:
     labels = Labels(np.zeros((4, 5, 7), np.uint8), name="mine")
     with pytest.raises(ValueError, match="'mine' are 4 x 5 x 7 but 'bag' is 4 x 5 x 6"):
         labels_of(labels, volume)
+
+
+def test_names_come_from_the_features_of_labels() -> None:
+    features = {"index": [1, 3, 4], "name": ["Mug", "Shoe", ""]}
+    labels = Labels(np.zeros((4, 5, 6), np.uint8), features=features)
+    assert names_of(labels) == {1: "Mug", 3: "Shoe"}
+    assert names_of(Labels(np.zeros((4, 5, 6), np.uint8))) == {}
 
 
 def test_shapes_are_compared_without_reading_data() -> None:

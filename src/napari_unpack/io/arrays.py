@@ -1,4 +1,4 @@
-"""numpy's own files: .npz with `volume`, `labels` and `spacing`, and bare .npy arrays."""
+"""numpy's own files: .npz with `volume`, `labels`, `spacing`, `names`, and bare .npy arrays."""
 
 from __future__ import annotations
 
@@ -57,11 +57,33 @@ def read_npz(path: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spac
     return volume, labels, checked_spacing(arrays.get("spacing", np.ones(3)), path)
 
 
+def read_names(path: Path) -> dict[int, str] | None:
+    """Read what the objects of a readable .npz archive are called.
+
+    Returns
+    -------
+    dict of int to str, or None
+        By ID, from an array `names` of text whose element k belongs to ID k; None where there
+        is no such array.
+    """
+    with np.load(path, allow_pickle=False) as archive:
+        names = archive["names"] if "names" in archive else np.zeros(0)
+    if names.dtype.kind != "U" or names.ndim != 1:
+        return None
+    return {i: str(name) for i, name in enumerate(names) if i and name}
+
+
 def write_npz(path: Path, scan: Scan) -> None:
     """Write a scan as a compressed .npz archive."""
-    arrays = {"volume": scan.volume, "spacing": np.asarray(scan.spacing)}
+    arrays: dict[str, NDArray[Any]] = {
+        "volume": scan.volume,
+        "spacing": np.asarray(scan.spacing),
+    }
     if scan.labels is not None:
         arrays["labels"] = scan.labels
+    if scan.names:
+        names = [scan.names.get(i, "") for i in range(max(scan.names) + 1)]
+        arrays["names"] = np.array(names, dtype=np.str_)
     with written_whole(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from napari_unpack.geometry.view import Camera, View
@@ -46,7 +46,7 @@ def opened(
     from napari_unpack.segmentation import segment
     from napari_unpack.session import Session
 
-    labels, objects = scan.labels, None
+    labels, objects = scan.labels, named_objects(scan.names)
     if labels is None:
         found = segment(scan.volume, scan.spacing, progress=progress)
         labels, objects = found.labels, found.objects
@@ -58,6 +58,15 @@ def opened(
         session.direction = direction
     session.recolor()
     return session
+
+
+def named_objects(names: Mapping[int, str] | None) -> Any:
+    """Return the table a session takes its names from; None where there are no names."""
+    if not names:
+        return None
+    import pandas as pd
+
+    return pd.DataFrame({"name": list(names.values())}, index=pd.Index(list(names), name="id"))
 
 
 def framed(session: Any, size: tuple[int, int]) -> Camera:
@@ -106,6 +115,7 @@ def twin(session: Any) -> Any:
         session.rule,
         session.tolerance,
     )
+    other.show_unlabelled = session.show_unlabelled
     other.most_in_group, other.backend = session.most_in_group, session.backend
     if session.direction is not None:
         other.direction = session.direction

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     Returns
     -------
     list of (data, attributes, layer type)
-        With `scale` in mm.
+        With `scale` and `units` in mm. Names of objects become the labels' `features`.
 
     Raises
     ------
@@ -61,12 +61,19 @@ def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     image = _attributes(scan.spacing, scan.name)
     layers: list[LayerData] = [(scan.volume, image | {"colormap": "gray"}, "image")]
     if scan.labels is not None:
-        layers.append((scan.labels, _attributes(scan.spacing, f"{scan.name} labels"), "labels"))
+        named = {"features": _features(scan.names)} if scan.names else {}
+        about = _attributes(scan.spacing, f"{scan.name} labels") | named
+        layers.append((scan.labels, about, "labels"))
     return layers
 
 
 def _attributes(spacing: tuple[float, float, float], name: str) -> dict[str, Any]:
-    return {"scale": spacing, "name": name}
+    return {"scale": spacing, "units": ("mm",) * 3, "name": name}
+
+
+def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:
+    """Return names as napari shows them when the mouse is on a label."""
+    return {"index": list(names), "name": list(names.values())}
 
 
 def _keys(path: Path) -> set[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,21 +27,30 @@ class Scan:
         Object IDs, 0 background.
     name : str
         For titles.
+    names : mapping of int to str, optional
+        What objects are called, by ID; those without a name are left out.
     """
 
     volume: NDArray[Any]
     spacing: Spacing
     labels: NDArray[Any] | None = None
     name: str = "scan"
+    names: Mapping[int, str] | None = None
 
     def with_labels(self, labels: NDArray[Any]) -> Scan:
-        """Return the scan with labels; raise `ValueError` if their shape is another."""
+        """Return the scan with other labels, without names.
+
+        Raises
+        ------
+        ValueError
+            If their shape is not the volume's.
+        """
         checked_label_array(labels, "labels")
         if labels.shape != self.volume.shape:
             raise ValueError(
                 f"labels must have the volume's shape {self.volume.shape}, got {labels.shape}"
             )
-        return replace(self, labels=labels)
+        return replace(self, labels=labels, names=None)
 
 
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from napari_unpack.io.arrays import read_npy, read_npz, write_npz
+from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.scan import (
     Scan,
     Spacing,
@@ -39,8 +39,8 @@ def load_volume(path: str | Path) -> Scan:
     Parameters
     ----------
     path : str or Path
-        .npz (`volume`, and optionally `labels` and `spacing`), .npy, NIfTI, MetaImage, NRRD,
-        TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
+        .npz (`volume`, and optionally `labels`, `spacing` and `names`), .npy, NIfTI, MetaImage,
+        NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
 
     Returns
     -------
@@ -59,7 +59,8 @@ def load_volume(path: str | Path) -> Scan:
     volume, labels, spacing = _read(file)
     if volume is None:
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
-    return Scan(volume, spacing, labels, stem_of(file))
+    names = read_names(file) if labels is not None and suffix_of(file) == ".npz" else None
+    return Scan(volume, spacing, labels, stem_of(file), names)
 
 
 def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:

@@ -86,7 +86,6 @@ class Job(QObject):
 
         def run() -> Outcome:
             try:
-                report(0.0, "")
                 return Outcome(result=work(report))
             except Exception as error:
                 return Outcome(error=error)

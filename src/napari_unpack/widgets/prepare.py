@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +36,13 @@ class Prepared:
     found: Any
 
 
-def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Progress) -> Prepared:
+def prepare(
+    volume: Volume,
+    labels: Any,
+    names: Mapping[int, str],
+    settings: dict[str, Any],
+    progress: Progress,
+) -> Prepared:
     """Segment a volume unless labels are given, and make its session.
 
     Parameters
@@ -42,6 +50,8 @@ def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Pro
     volume : Volume
     labels : (Z, Y, X) array of int or None
         Object IDs to use; None segments.
+    names : mapping of int to str
+        What objects of these labels are called, by ID; may be empty.
     settings : dict
         Keyword arguments of `napari_unpack.segment`.
     progress : callable
@@ -56,21 +66,24 @@ def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Pro
     ValueError
         If the volume or the labels cannot be used, or nothing was found.
     """
+    from napari_unpack.io.headless import named_objects
+
     progress(0.0, "Reading the volume")
     # Loaded here, the modules of the stage do not hold up the window later.
     importlib.import_module("napari_unpack.layers.stage")
     density = np.asarray(volume.data)
-    objects = None
+    objects = named_objects(names)
     found = None
     if labels is None:
         from napari_unpack.segmentation import segment
 
-        segmentation = segment(
-            density,
-            spacing=volume.spacing,
-            progress=lambda fraction, text: progress(0.9 * fraction, text),
-            **settings,
-        )
+        with _in_words_of_the_panel():
+            segmentation = segment(
+                density,
+                spacing=volume.spacing,
+                progress=lambda fraction, text: progress(0.9 * fraction, text),
+                **settings,
+            )
         labels = found = segmentation.labels
         objects = segmentation.objects
     progress(0.9, "Measuring the objects")
@@ -88,3 +101,17 @@ def prepare(volume: Volume, labels: Any, settings: dict[str, Any], progress: Pro
     session.tolerance = TOLERANCE
     progress(1.0, "Opening the stage")
     return Prepared(session, found)
+
+
+@contextmanager
+def _in_words_of_the_panel() -> Iterator[None]:
+    """Replace advice about keyword arguments by advice about the panel."""
+    try:
+        yield
+    except ValueError as error:
+        reason, _, advice = str(error).partition("; pass ")
+        if "threshold=" not in advice:
+            raise
+        raise ValueError(
+            f"{reason}; under Details in step 1 you can choose a lower threshold and a smaller size"
+        ) from error

@@ -32,7 +32,16 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     bag = simulate_bag(seed=seed, shape=SHAPE, count=COUNT, progress=progress)
     placed = {"scale": tuple(float(s) for s in bag.spacing), "units": ("mm",) * 3}
     return [
-        (bag.labels, {"name": "Packed bag, true objects", "visible": False, **placed}, "labels"),
+        (
+            bag.labels,
+            {
+                "name": "Packed bag, true objects",
+                "visible": False,
+                "features": {"index": list(bag.objects.index), "name": list(bag.objects["name"])},
+                **placed,
+            },
+            "labels",
+        ),
         (
             bag.volume,
             {

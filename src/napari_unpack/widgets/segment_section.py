@@ -8,16 +8,18 @@ from functools import partial
 from typing import Any
 
 from napari.layers import Image, Labels
-from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
+from qtpy.QtWidgets import QHBoxLayout, QWidget
 
 from napari_unpack.widgets import notices
+from napari_unpack.widgets.gliding_bar import GlidingBar
 from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
 from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
 from napari_unpack.widgets.prepare import Prepared, prepare
 from napari_unpack.widgets.sample_data import LayerData, packed_bag
 from napari_unpack.widgets.section import Section, button, column, form, label
+from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.settings import preferences
-from napari_unpack.widgets.sources import Volume, labels_of, same_shape, volume_of
+from napari_unpack.widgets.sources import Volume, labels_of, names_of, same_shape, volume_of
 from napari_unpack.widgets.workbench import Workbench
 
 FIND = "Find the objects"
@@ -55,11 +57,10 @@ class SegmentSection(Section):
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
-        self.bar = QProgressBar()
-        self.bar.setTextVisible(False)
-        self.bar.setRange(0, 1000)
+        self.bar = GlidingBar()
         self.stage_text = label("", "hint", wrap=True)
         self.cancel = button("Cancel", "Stop the work; nothing that is open changes.")
+        self.options = SegmentOptions()
         self.waiting = self._make_waiting()
         self._arrange()
 
@@ -89,6 +90,7 @@ class SegmentSection(Section):
         self.contents.addLayout(form(Volume=self.volume_box, Objects=self.labels_box))
         self.contents.addWidget(self.start)
         self.contents.addWidget(self.sample)
+        self.contents.addWidget(self.options)
         self.contents.addWidget(self.waiting)
 
     def _fits(self, layer: Any) -> bool:
@@ -127,6 +129,7 @@ class SegmentSection(Section):
         self.start.setEnabled(image is not None and not self.job.running)
         self.sample.setVisible(image is None or not _is_volume(image))
         self.sample.setEnabled(not self.job.running)
+        self.options.setVisible(image is not None and chosen is None and not self.job.running)
         for field in (self.volume_box, self.labels_box):
             field.setEnabled(image is not None and not self.job.running)
         session = self._bench.session
@@ -153,11 +156,13 @@ class SegmentSection(Section):
             labels = None if layer is None else labels_of(layer, volume)
             self._order = _Order(image, layer, volume)
             self._then = then
-            self._begin(partial(prepare, volume, labels, {}))
+            names = {} if layer is None else names_of(layer)
+            self._begin(partial(prepare, volume, labels, names, self.options.settings()))
 
     def _begin(self, work: Callable[[Progress], Any]) -> None:
         self.job.start(work)
         self.cancel.setEnabled(True)
+        self.bar.start()
         self._show_progress(0.0, "Starting")
         self.waiting.show()
         self._refresh()
@@ -168,7 +173,7 @@ class SegmentSection(Section):
         self.job.cancel()
 
     def _show_progress(self, fraction: float, text: str) -> None:
-        self.bar.setValue(round(1000 * fraction))
+        self.bar.glide(fraction)
         if self.cancel.isEnabled():
             self.stage_text.setText(text)
 

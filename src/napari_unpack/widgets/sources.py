@@ -86,6 +86,25 @@ def labels_of(layer: Any, volume: Volume) -> Any:
     return data
 
 
+def names_of(layer: Any) -> dict[int, str]:
+    """Read the names of objects that a Labels layer carries.
+
+    Parameters
+    ----------
+    layer : napari.layers.Labels
+
+    Returns
+    -------
+    dict of int to str
+        By ID, from the columns `index` and `name` of its `features`; empty without them.
+    """
+    features = layer.features
+    if not {"index", "name"} <= set(features.columns):
+        return {}
+    pairs = zip(features["index"], features["name"], strict=True)
+    return {int(i): name for i, name in pairs if isinstance(name, str) and name}
+
+
 def spacing_of(layer: Any) -> tuple[float, float, float]:
     """Read the voxel size of a 3D layer from its scale and units.
 
