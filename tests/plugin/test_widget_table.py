@@ -196,6 +196,33 @@ def test_letters_are_left_to_the_viewer(qtbot: QtBot, table: ObjectTable) -> Non
     assert table.currentIndex() == before
 
 
+def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTable) -> None:
+    rare = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
+
+    def shown(width: int) -> list[bool]:
+        table.resize(width, 240)
+        return [not table.isColumnHidden(column) for column in rare]
+
+    assert shown(250) == [False, False, False]
+    assert shown(290) == [True, False, False]
+    assert shown(460) == [True, True, True]
+    assert not table.horizontalScrollBar().isVisible()
+
+
+def test_confidence_nobody_knows_takes_no_room(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    session.objects["confidence"] = np.nan
+    table.objects.load(session)
+    assert table.isColumnHidden(Column.CONFIDENCE)
+
+
+def test_a_row_tells_all_facts_in_its_tooltip(table: ObjectTable) -> None:
+    row = _shown(table, Column.NAME).index("Shoe")
+    tip = table.rows.index(row, Column.NAME).data(Qt.ItemDataRole.ToolTipRole)
+    assert tip == "Shoe, object 5, packed\n0.3 cm³, 25 × 6 × 2 mm\ndensity 1001"
+
+
 def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
     from time import perf_counter
 

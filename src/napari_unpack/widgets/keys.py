@@ -7,7 +7,11 @@ from typing import Any
 
 from napari_unpack.widgets.workbench import Workbench
 
-HELP = "N next · B back · I inspect · H hide · C recolour · Ctrl+Z undo"
+HELP = " · ".join(
+    words.replace(" ", "\u00a0")
+    for words in ("N next", "B back", "I inspect", "H hide", "C recolour", "Ctrl+Z undo")
+)
+"""The keys in one line that breaks between them only."""
 
 
 class Keys:

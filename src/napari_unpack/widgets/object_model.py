@@ -146,6 +146,11 @@ class ObjectModel(QAbstractTableModel):
             for f in self._facts
         ]
 
+    @property
+    def knows_confidence(self) -> bool:
+        """Whether the confidence of any object is known."""
+        return any(not np.isnan(facts.confidence) for facts in self._facts)
+
     def row_of(self, object_id: int) -> int | None:
         """Return the row of an object, or None."""
         return self._rows.get(object_id)
@@ -269,7 +274,14 @@ def _tip(facts: _Facts, live: _Live, column: Column) -> str:
         return "Nothing blocks this object: it can be unpacked now."
     if column in (Column.EYE, Column.SWATCH):
         return TITLES[column][1]
-    return f"{live.name}, object {facts.id}"
+    told = [
+        f"{live.name}, object {facts.id}, {live.words}",
+        f"{_amount(facts.volume)} cm³, {_text(facts, live, Column.SIZE)} mm",
+        f"density {_text(facts, live, Column.DENSITY)}",
+    ]
+    if not np.isnan(facts.confidence):
+        told.append(f"{_text(facts, live, Column.CONFIDENCE)} sure that this is one whole object")
+    return "\n".join(told)
 
 
 def _natural(name: str) -> str:

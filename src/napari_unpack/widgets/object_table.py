@@ -28,15 +28,17 @@ from napari_unpack.widgets.object_model import ID, SORT, STATE, Column, Index, O
 
 ROW = 24
 WIDTHS = {
-    Column.EYE: 26,
+    Column.EYE: 24,
     Column.SWATCH: 24,
-    Column.NAME: 84,
-    Column.STATE: 78,
-    Column.VOLUME: 46,
+    Column.NAME: 70,
+    Column.STATE: 62,
+    Column.VOLUME: 44,
     Column.SIZE: 92,
     Column.DENSITY: 60,
-    Column.CONFIDENCE: 52,
+    Column.CONFIDENCE: 46,
 }
+WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
+"""Columns shown where the table is wide enough, the most wanted first; tooltips tell all."""
 
 
 class ObjectFilter(QSortFilterProxyModel):
@@ -163,6 +165,7 @@ class ObjectTable(QTableView):
         self.rows = ObjectFilter(self)
         self.rows.setSourceModel(model)
         self.setModel(self.rows)
+        model.modelReset.connect(self._fit_columns)
         self._quiet = False
         self._delegates = (EyeDelegate(self), SwatchDelegate(self))
         self._delegates[0].clicked.connect(self.eye_clicked)
@@ -191,9 +194,22 @@ class ObjectTable(QTableView):
         header.setSectionsMovable(True)
         for column, width in WIDTHS.items():
             self.setColumnWidth(column, width)
+        header.setSectionResizeMode(Column.NAME, QHeaderView.ResizeMode.Stretch)
         self.setSortingEnabled(True)
         self.sortByColumn(Column.NAME, Qt.SortOrder.AscendingOrder)
         self.setMinimumHeight(ROW * 6)
+
+    def resizeEvent(self, event: Any) -> None:
+        """Show as many columns as there is room for, so that nothing is cut off."""
+        super().resizeEvent(event)
+        self._fit_columns()
+
+    def _fit_columns(self) -> None:
+        room = self.viewport().width() - sum(WIDTHS[c] for c in Column if c not in WHERE_ROOM)
+        for column in WHERE_ROOM:
+            wanted = column != Column.CONFIDENCE or self.objects.knows_confidence
+            room -= WIDTHS[column] if wanted else 0
+            self.setColumnHidden(column, room < 0 or not wanted)
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""

@@ -62,13 +62,14 @@ class Section(QWidget):
         outer.addWidget(self.head)
         outer.addWidget(self._reason)
         outer.addWidget(self.body, stretch=1)
+        outer.addStretch(0)
 
     def _fold(self, away: bool) -> None:
         self.fold.setArrowType(Qt.ArrowType.LeftArrow if away else Qt.ArrowType.DownArrow)
-        self.body.setVisible(not away)
+        self.body.setVisible(not away and self.reason == "")
 
     def lock(self, reason: str | None) -> None:
-        """Disable the step and say why, or enable it again.
+        """Disable and fold away the step and say why, or enable it again.
 
         Parameters
         ----------
@@ -78,6 +79,8 @@ class Section(QWidget):
         self.body.setEnabled(reason is None)
         self._reason.setText(reason or "")
         self._reason.setVisible(reason is not None)
+        self.body.setVisible(reason is None and not self.fold.isChecked())
+        self.fold.setVisible(reason is None)
         self._badge.setProperty("ready", "true" if reason is None else "false")
         self._badge.style().unpolish(self._badge)
         self._badge.style().polish(self._badge)

@@ -14,7 +14,7 @@ from qtpy.QtGui import QColor
 GAP = 6
 """Pixels between neighbouring controls; sections are two of them apart."""
 
-LABELS = 62
+LABELS = 66
 """Width of the column of field labels, pixels; the same in every step."""
 
 
@@ -30,6 +30,8 @@ class Palette:
         Writing, and writing that may be overlooked.
     accent, accent_hover, on_accent : str
         The primary button, under the mouse, and writing on it.
+    chosen : str
+        Behind selected rows.
     warning : str
         Reasons and warnings.
     """
@@ -42,6 +44,7 @@ class Palette:
     accent: str
     accent_hover: str
     on_accent: str
+    chosen: str
     warning: str
 
 
@@ -73,6 +76,7 @@ def palette_of(theme: str) -> Palette:
         accent=accent.name(),
         accent_hover=accent.lighter(115).name(),
         on_accent="#ffffff",
+        chosen=_mixed(background, accent, 0.42 if dark else 0.3),
         warning="#e3b617" if dark else "#8a5a00",
     )
 
@@ -127,9 +131,9 @@ def style_sheet(palette: Palette) -> str:
     QTableView {{
         border: 1px solid {p.line}; border-radius: 4px; background: {p.background};
         alternate-background-color: {p.background}; gridline-color: {p.line};
-        selection-background-color: {p.raised}; selection-color: {p.text}; }}
+        selection-background-color: {p.chosen}; selection-color: {p.text}; }}
     QTableView::item {{ padding: 0px 4px; }}
-    QTableView::item:selected {{ background: {p.raised}; color: {p.text}; }}
+    QTableView::item:selected {{ background: {p.chosen}; color: {p.text}; }}
     QHeaderView::section {{
         background: {p.background}; color: {p.faint}; border: none; padding: 3px 4px;
         border-bottom: 1px solid {p.line}; }}

@@ -18,7 +18,7 @@ from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
 from napari_unpack.widgets.workbench import Workbench
 
-WIDTH = 316
+WIDTH = 328
 
 
 class UnpackingWidget(QWidget):
@@ -63,6 +63,7 @@ class UnpackingWidget(QWidget):
             if k:
                 column.addWidget(rule())
             column.addWidget(step, stretch=1 if step is self.objects else 0)
+        column.addStretch(0)
         column.addWidget(label(HELP, "hint", wrap=True))
         scroll = QScrollArea()
         scroll.setWidgetResizable(True)
