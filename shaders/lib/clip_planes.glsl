@@ -4,7 +4,7 @@
 //
 // in:  u_planes       (normal, -dot(point, normal)), voxels, x y z;  u_plane_count
 // out: the range of k, narrowed
-// cpu twin: raycasting/lattice.py (sample_range, planes)
+// cpu twin: raycasting/lattice.py (sample_range, clipping_planes)
 // test:     tests/rendering/test_parity.py
 
 #include "lib/ray.glsl"

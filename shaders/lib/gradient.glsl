@@ -3,7 +3,7 @@
 //   g_i = (d(p + e_i) - d(p - e_i)) / 2     per voxel, in the density texture's unit
 //
 // in:  p              voxels, x y z
-// cpu twin: raycasting/interpolation.py (gradient_at)
+// cpu twin: raycasting/chunks.py (differentiate)
 // test:     tests/rendering/test_probes.py
 
 #include "lib/density.glsl"

@@ -9,7 +9,7 @@
 //      u_spacing      mm a voxel, x y z;  u_reference: min(spacing), mm
 //      u_jitter       1: samples start at a hash of the pixel;  SHADED: a define, with light
 // out: [0] premultiplied RGBA   [1] t in mm where A first reached 1/2, NO_DEPTH where never
-// cpu twin: raycasting/tinted.py
+// cpu twin: raycasting/tinted.py (tinted), raycasting/marching.py (march)
 // test:     tests/rendering/test_parity.py
 
 #include "lib/ray_box.glsl"

@@ -32,6 +32,14 @@ def test_a_shader_names_a_twin_and_a_test_that_exist(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
+def test_the_functions_a_shader_names_are_in_its_twin(path):
+    for file, names in re.findall(r"([\w/]+\.py) \(([\w., ]+)\)", head_of(path)):
+        text = (ROOT / "src/napari_unpack" / file).read_text()
+        for name in re.findall(r"\w+", names):
+            assert re.search(rf"^\s*(def |class )?{name}\b", text, re.MULTILINE), (file, name)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
 def test_a_shader_stays_within_glsl_120(path):
     code = re.sub(r"//.*", "", path.read_text())
     assert not re.search(
