@@ -199,6 +199,11 @@ def view_along(
         Just holding the box.
     size : (int, int)
         Rays, height and width.
+
+    Notes
+    -----
+    Along an axis whose voxels are one pitch long, rays and samples stand clear of voxel faces:
+    there rounding would pass over one sheet of voxels and look at its neighbour twice.
     """
     from napari_unpack.geometry.boxes import box_corners
 
@@ -208,5 +213,8 @@ def view_along(
     flat = (box_corners(lower, upper) - center) @ looking.rotation[1:].T
     extent = np.ptp(flat, axis=0)
     pitch = max(pitch, float(extent.max()) / MOST_RAYS)
-    rows, columns = (int(n) for n in np.maximum(np.ceil(extent / pitch), 1))
+    # A whole number of rays, give or take a rounding error, is centred on the voxels.
+    rows, columns = (int(n) for n in np.maximum(np.ceil(extent / pitch - 1e-6), 1))
+    # Samples lie at odd halves of a step from the centre, faces at whole steps or at halves.
+    center = center + looking.direction * (pitch / 4)
     return Camera(looking.rotation, center, rows * pitch), (rows, columns)

@@ -1,0 +1,47 @@
+"""Who is free is asked at the voxel pitch: no sheet of one voxel is passed over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+
+PITCHES = (0.1, 0.3, 0.55, 0.7, 0.8257, 0.9765625, 1.1)
+AXES = [("-z", 0), ("-y", 1), ("-x", 2)]
+
+
+def asked(labels: np.ndarray, spacing: tuple[float, float, float], direction: str) -> nu.Session:
+    session = nu.Session(labels.astype(np.float32), labels, spacing)
+    session.backend, session.direction = "cpu", direction
+    return session
+
+
+@pytest.mark.parametrize(("direction", "axis"), AXES)
+def test_sheets_of_one_voxel_behind_each_other_all_block(direction: str, axis: int) -> None:
+    # Sheet k of n lies at index k; leaving towards smaller indices each blocks all behind it.
+    for pitch in PITCHES:
+        for n in range(2, 21):
+            shape = [3, 3, 3]
+            shape[axis] = n + 2
+            labels = np.zeros(shape, np.uint16)
+            np.moveaxis(labels, axis, 0)[1 : n + 1] = np.arange(1, n + 1)[:, None, None]
+            answer = asked(labels, (pitch,) * 3, direction).occlusion_question().answer()
+            assert answer.free == {1}, (pitch, n)
+            assert answer.blocking.graph.number_of_edges() == n * (n - 1) // 2
+
+
+@pytest.mark.parametrize(("direction", "axis"), AXES)
+def test_bars_of_one_voxel_beside_each_other_are_all_seen_under_a_plate(
+    direction: str, axis: int
+) -> None:
+    # The plate is 100; the bars lie side by side below it along one axis, then along the other.
+    for pitch in PITCHES:
+        for n in range(2, 21):
+            flat = np.zeros((2, n, n), np.uint16)
+            flat[0] = 100
+            flat[1] = np.arange(1, n + 1)
+            for side in (flat, flat.swapaxes(1, 2)):
+                labels = np.ascontiguousarray(np.moveaxis(side, 0, axis))
+                answer = asked(labels, (pitch,) * 3, direction).occlusion_question().answer()
+                assert answer.free == {100}, (pitch, n)
