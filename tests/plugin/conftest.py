@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
+import gc
+import importlib
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 SHAPE = (40, 48, 60)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def modules_out_of_the_collectors_way() -> Iterator[None]:
+    """Import what all tests need, once, and keep the garbage collector off it.
+
+    napari's viewer fixture collects several times a test; going through all modules took more
+    time than the tests.
+    """
+    for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
+        importlib.import_module(name)
+    importlib.import_module("napari_unpack.layers.stage")
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 def phantom() -> tuple[np.ndarray, np.ndarray]:
