@@ -46,7 +46,7 @@ class Keys:
         if stage is None:
             return
         viewer = getattr(self._bench.viewer, "__wrapped__", self._bench.viewer)
-        for owner in (viewer, stage.packed, stage.transition, stage.sprites):
+        for owner in (viewer, *stage.layers):
             for key, act in self._actions.items():
                 earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
                 self._bound.append((owner, key, earlier))

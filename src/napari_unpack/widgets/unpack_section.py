@@ -120,7 +120,6 @@ class UnpackSection(Section):
         if self._bench.stage is not None:
             with spoken():
                 self._bench.stage.backend = BACKENDS[name]
-                self._bench.session.backend = BACKENDS[name]
 
     def _set_policy(self, least: bool) -> None:
         if self._bench.session is not None:

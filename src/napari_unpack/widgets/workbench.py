@@ -66,10 +66,10 @@ class Workbench(QObject):
         **settings
             Attributes of the stage to set before it opens.
         """
-        from napari_unpack.layers.stage import Stage
+        from napari_unpack.layers.plain_stage import stage_class
 
         self.close()
-        stage = Stage(self.viewer, session, sources=tuple(sources))
+        stage = stage_class()(self.viewer, session, sources=tuple(sources))
         for name, value in settings.items():
             setattr(stage, name, value)
         self.stage = stage

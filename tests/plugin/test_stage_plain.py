@@ -1,0 +1,90 @@
+"""Where napari's layer registry is missing: a Labels layer in the session's hues."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from napari.layers import Labels
+
+from napari_unpack.layers import compat
+from napari_unpack.layers.plain_stage import PlainStage, stage_class
+from napari_unpack.layers.stage import Stage
+from napari_unpack.widgets.workbench import Workbench
+
+
+@pytest.fixture
+def without_registry(monkeypatch) -> None:
+    monkeypatch.setattr(compat, "_PROBLEM", "The registry is gone.")
+
+
+def seen(layer: Labels, object_id: int) -> np.ndarray:
+    """Return the straight RGBA that napari gives an object."""
+    return np.asarray(layer.colormap.map(np.array([object_id], layer.data.dtype))).ravel()
+
+
+def test_the_stage_with_pictures_is_taken_where_napari_can_show_it(without_registry) -> None:
+    assert stage_class() is PlainStage
+
+
+def test_it_is_not_taken_otherwise() -> None:
+    assert stage_class() is Stage
+
+
+def test_objects_show_in_their_hues_and_leave_when_unpacked(
+    make_napari_viewer_proxy, session, bag, without_registry
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(bag[0], scale=(1.5, 1.5, 1.5))
+    told = []
+    session.events.message.connect(told.append)
+    stage = PlainStage(viewer, session, [image])
+    stage.events.message.connect(told.append)
+    stage.open()
+    assert "The registry is gone." in told[0]
+    assert "Labels" in told[0]
+    assert stage.settle(30)
+    (layer,) = stage.layers
+    assert type(layer) is Labels
+    assert not image.visible
+    np.testing.assert_allclose(layer.scale, [1.5] * 3)
+    tints = session.packed_tints()
+    for object_id in session.ids:
+        np.testing.assert_allclose(seen(layer, object_id), tints[object_id], atol=0.01)
+    assert len({tuple(seen(layer, i).round(2)) for i in session.ids}) > 2
+    assert seen(layer, 0)[3] == 0
+    (out,) = stage.unpack(1)
+    assert seen(layer, out)[3] == 0
+    others = [i for i in session.ids if i != out]
+    assert all(seen(layer, i)[3] == 1 for i in others)
+    stage.restore(1)
+    assert seen(layer, out)[3] == 1
+    np.testing.assert_array_equal(layer.data, bag[1])
+    stage.close()
+    assert image.visible
+    assert [item.name for item in viewer.layers] == [image.name]
+
+
+def test_it_looks_where_the_viewer_looks(
+    make_napari_viewer_proxy, session, without_registry
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    stage = PlainStage(viewer, session)
+    stage.open()
+    viewer.scene.camera.set_view_direction((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(session.camera.direction, [0, 1, 0], atol=1e-6)
+    np.testing.assert_allclose(session.unpack_direction, [0, -1, 0], atol=1e-6)
+    stage.close()
+
+
+def test_the_workbench_opens_it_and_says_why(
+    make_napari_viewer_proxy, session, without_registry, qtbot
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    bench = Workbench(viewer)
+    bench.open(session, ())
+    assert isinstance(bench.stage, PlainStage)
+    bench.unpack(1)
+    assert sum(s.name == "UNPACKED" for s in session.states.values()) == 1
+    viewer.layers.remove("Packed")
+    assert bench.stage is None
+    bench.close()
