@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 VEIL = (0.8, 0.8, 0.8, 0.3)
 """Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
 
+LEGIBLE = 0.2
+"""Opacity per voxel that an object alone has at its mean density at least."""
+
+MOST_GAIN = 8.0
+
 
 class SessionCore:
     """What a session knows, and how it passes from one situation to the next.
@@ -268,9 +273,18 @@ class SessionCore:
         return kept[1]
 
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
-        """Return the (M, 4) float32 tints that show one object alone."""
-        hue = self._situation.hues[object_id]
-        return tints_of({object_id: hue}, self._ids[-1], mode=self.tint_mode)
+        """Return the (M, 4) float32 tints that show one object alone.
+
+        Its alpha is above 1 where the object's typical density is so faint under the master
+        transfer function that it could not be made out on its own.
+        """
+        situation = self._situation
+        hue = situation.hues[object_id]
+        table = tints_of({object_id: hue}, self._ids[-1], mode=self.tint_mode)
+        density = float(self._facts.at[object_id, "mean_density"])
+        opacity = float(situation.transfer_function.opacity_at(density))
+        table[object_id, 3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
+        return table
 
     @property
     def history(self) -> History:
