@@ -38,6 +38,16 @@ def test_object_id_layers_in_order_and_of_any_shape() -> None:
     assert ids[:, 0, 0].tolist() == [0, 0, 0]
 
 
+@pytest.mark.parametrize("pitch", [0.1, 0.3, 0.55, 0.7, 0.8257, 0.9765625, 1.1])
+def test_no_sheet_of_one_voxel_is_passed_over_along_an_axis(pitch) -> None:
+    for n in range(2, 21):
+        labels, place = row_of(*range(n + 1), 0), {"spacing": (pitch,) * 3, "size": (9, 9), **CPU}
+        ids = imaging.object_id_layers(labels, layers=n, **place)
+        assert ids[:, 4, 4].tolist() == list(range(1, n + 1))
+        ratios = imaging.occlusion_ratios(labels, definition="exact", **place)
+        assert ratios == {i: float(i > 1) for i in range(1, n + 1)}
+
+
 def test_hidden_objects_are_as_air_everywhere() -> None:
     labels = row_of(4, 2, 9)
     ids = imaging.object_id_layers(labels, layers=2, size=(9, 9), hidden=[4], **CPU)

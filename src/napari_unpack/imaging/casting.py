@@ -177,7 +177,7 @@ def cast_ids(
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
     ids: NDArray[np.int32] = chosen(backend).id_layers(
-        labels, rays, visible, layers, bricks=bricks, clipping=clipping
+        labels, off_faces(rays), visible, layers, bricks=bricks, clipping=clipping
     )
     return ids
 
@@ -205,4 +205,20 @@ def cast_occlusion(
     OcclusionCounts
     """
     rays = rays_for(camera.orthographic(), size, spacing, step_scale=step_scale)
-    return counting(backend).occlusion_counts(labels, rays, visible, bricks=bricks)
+    return counting(backend).occlusion_counts(labels, off_faces(rays), visible, bricks=bricks)
+
+
+def off_faces(rays: Rays) -> Rays:
+    """Move the samples of parallel rays a quarter of a step on, clear of voxel faces.
+
+    Notes
+    -----
+    Along an axis of the volume, a step of one voxel from the middle of an odd number of them
+    puts every sample on a face, and rounding would pass over one sheet of voxels and look at
+    its neighbour twice. The rays stay where they are. In perspective nothing is changed.
+    """
+    if rays.near != -np.inf:
+        return rays
+    table = rays.table.copy()
+    table[0] += table[3] * rays.step / 4
+    return Rays(table, rays.size, rays.step, rays.near)

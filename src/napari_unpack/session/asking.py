@@ -202,8 +202,8 @@ def view_along(
 
     Notes
     -----
-    Along an axis whose voxels are one pitch long, rays and samples stand clear of voxel faces:
-    there rounding would pass over one sheet of voxels and look at its neighbour twice.
+    Across an axis whose voxels are one pitch long, rays go through the voxels' middles: on
+    their faces rounding would pass over one row and look at its neighbour twice.
     """
     from napari_unpack.geometry.boxes import box_corners
 
@@ -215,6 +215,4 @@ def view_along(
     pitch = max(pitch, float(extent.max()) / MOST_RAYS)
     # A whole number of rays, give or take a rounding error, is centred on the voxels.
     rows, columns = (int(n) for n in np.maximum(np.ceil(extent / pitch - 1e-6), 1))
-    # Samples lie at odd halves of a step from the centre, faces at whole steps or at halves.
-    center = center + looking.direction * (pitch / 4)
     return Camera(looking.rotation, center, rows * pitch), (rows, columns)
