@@ -37,11 +37,6 @@ class History:
         """Steps that can be undone, the latest last."""
         return tuple(self._done)
 
-    @property
-    def undone(self) -> tuple[Step, ...]:
-        """Steps that can be redone, the next one last."""
-        return tuple(self._undone)
-
     def push(self, step: Step, merge: bool = False) -> None:
         """Add a step, which ends the possibility to redo.
 

@@ -48,13 +48,6 @@ SAMPLES_AT_REST = 3
 _BOOK = CacheBook()
 
 
-class FlyingObject(Protocol):
-    """What a scene asks of a flight; see `unpacking.Flight`."""
-
-    def pose(self, time: float, camera: Camera) -> Pose:
-        """Return where the object is."""
-
-
 class Depicted(Pictured, Protocol):
     """What pictures ask of a session; `session.Session` is one."""
 

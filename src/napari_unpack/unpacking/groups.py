@@ -43,10 +43,6 @@ class Blocking:
         free = free_ids(counts, rule, tolerance)
         return cls(blocking_graph(counts.blocks, counts.ids, free))
 
-    def knows(self, ids: Iterable[int]) -> bool:
-        """Tell whether every one of these objects was in the bag when it was asked."""
-        return all(i in self.graph for i in ids)
-
     def among(self, packed: Iterable[int]) -> Blocking:
         """Return the graph of those still packed."""
         return Blocking(self.graph.subgraph(packed))
