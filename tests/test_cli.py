@@ -94,14 +94,33 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
         (("order", tmp_path / "nowhere.npz"), "error: no such file"),
         (("order", bag, "--direction", "sideways", "--backend", "cpu"), "error: direction must be"),
         (("order", bag, "--direction", "1,2", "--backend", "cpu"), "error: direction must be"),
-        (("movie", bag, tmp_path / "a.avi", "--backend", "cpu"), "error: a film must end in"),
-        (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no folder"),
+        (
+            ("movie", bag, tmp_path / "a.avi", "--backend", "cpu"),
+            "a.avi: the output must end in .mp4",
+        ),
+        (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no such folder"),
+        (("render", bag, tmp_path / "a.jpg"), "a.jpg: the output must end in .png"),
+        (("simulate", tmp_path / "a.foo"), "a.foo: the output must end in .npz"),
+        (("segment", bag, tmp_path / "a"), "the output must end in .npz"),
         (("order", bag, "--backend", "vulkan"), "error: backend must be"),
     ]:
         result = run(*arguments)
         assert result.exit_code == 1, (arguments, result.output)
         assert message in result.stderr
         assert "Traceback" not in result.output
+    assert run("order", bag, "--count", -2).exit_code == 2
+
+
+def test_a_simulated_bag_knows_what_its_objects_are(tmp_path: Path) -> None:
+    out = tmp_path / "bag.npz"
+    result = run("simulate", out, "--shape", 40, 48, 56, "--count", 2)
+    assert result.exit_code == 0, result.output
+    table = [line.split(",") for line in out.with_suffix(".csv").read_text().splitlines()]
+    names = {int(row[0]): row[table[0].index("name")] for row in table[1:]}
+    assert names
+    assert load_volume(out).names == names
+    listed = run("order", out, "--backend", "cpu").stdout
+    assert all(name[:23] in listed for name in names.values())
 
 
 def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) -> None:

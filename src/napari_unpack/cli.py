@@ -101,10 +101,12 @@ def simulate(
         tuple[float, float, float], typer.Option(metavar="Z Y X", help="Voxel size in mm.")
     ] = (1.0, 1.0, 1.0),
 ) -> None:
-    """Simulate a packed bag with ground truth."""
+    """Simulate a packed bag with its true labels, and a table of its objects beside it."""
     from napari_unpack import simulate_bag
     from napari_unpack.io import Scan, save_objects_csv, save_scan
+    from napari_unpack.io.volumes import WRITABLE
 
+    _check_output(output, WRITABLE)
     bag = simulate_bag(seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker())
     z, y, x = (float(v) for v in bag.spacing)
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
@@ -126,7 +128,11 @@ def segment(
     """Segment a volume into its objects."""
     from napari_unpack import segment as find_objects
     from napari_unpack.io import load_volume, save_objects_csv, save_scan
+    from napari_unpack.io.volumes import WRITABLE
 
+    _check_output(output, WRITABLE)
+    if csv is not None:
+        _check_output(csv, ("",))
     scan = load_volume(source)
     found = find_objects(scan.volume, scan.spacing, progress=Ticker())
     for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
@@ -159,7 +165,7 @@ def order(
     labels: LabelsOption = None,
     direction: Direction = None,
     view: Look = BY_DEFAULT,
-    count: Annotated[int, typer.Option(help="How many objects; 0 for all.")] = 0,
+    count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
 ) -> None:
     """Print in which order the objects can be unpacked."""
@@ -184,7 +190,7 @@ def render(
     labels: LabelsOption = None,
     direction: Direction = None,
     view: Look = BY_DEFAULT,
-    unpacked: Annotated[int, typer.Option(help="Objects to unpack before.")] = 0,
+    unpacked: Annotated[int, typer.Option(min=0, help="Objects to unpack before.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
     ] = (960, 1280),
@@ -195,6 +201,7 @@ def render(
     from napari_unpack.io.headless import framed, unpack_in_order
     from napari_unpack.session.pictures import scene
 
+    _check_output(output, (".png",))
     session = _open(source, labels, direction, view, backend)
     camera = framed(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
@@ -210,17 +217,18 @@ def movie(
     labels: LabelsOption = None,
     direction: Direction = None,
     view: Look = BY_DEFAULT,
-    count: Annotated[int, typer.Option(help="How many objects to unpack; 0 for all.")] = 0,
+    count: Annotated[int, typer.Option(min=0, help="How many objects to unpack; 0 for all.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
     ] = (720, 960),
-    fps: Annotated[int, typer.Option(help="Frames a second.")] = 25,
+    fps: Annotated[int, typer.Option(min=1, help="Frames a second.")] = 25,
     seconds: Annotated[float, typer.Option(help="Of one flight.")] = 0.8,
     backend: Backend = "auto",
 ) -> None:
     """Film the unpacking."""
     from napari_unpack.io import movie as film
 
+    _check_output(output, (".mp4", ".gif"))
     session = _open(source, labels, direction, view, backend)
     path = film(
         session,
@@ -280,6 +288,14 @@ def _open(
     if labels is not None:
         scan = scan.with_labels(load_labels(labels)[0])
     return opened(scan, view, _direction(direction), Ticker(), backend)
+
+
+def _check_output(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Refuse what cannot be written before the long work, not after it."""
+    if not path.name.lower().endswith(suffixes):
+        raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f"no such folder: {path.parent}")
 
 
 def _direction(text: str | None) -> str | tuple[float, float, float] | None:

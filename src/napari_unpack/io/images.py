@@ -48,16 +48,23 @@ def save_png(image: NDArray[Any], path: str | Path) -> Path:
     image : (H, W, 4) or (H, W, 3) ndarray
         Premultiplied floats from 0 to 1, or straight uint8.
     path : str or Path
-        The file; its folder must exist.
+        The file, .png; its folder must exist.
 
     Returns
     -------
     Path
         What was written.
+
+    Raises
+    ------
+    ValueError
+        If it is not a colour picture, or the file is to be no .png.
     """
     import imageio.v3 as iio
 
     target = Path(path)
+    if target.suffix.lower() != ".png":
+        raise ValueError(f"path must end in .png, got {str(path)!r}")
     pixels = image if image.dtype == np.uint8 else straight_bytes(image)
     with written_whole(target) as temporary:
         iio.imwrite(temporary, pixels, extension=".png")
