@@ -106,8 +106,20 @@ def test_a_renamed_layer_keeps_its_place(viewer: Any, panel: UnpackingWidget) ->
     image, _ = add_bag(viewer)
     image.name = "suitcase"
     assert panel.segment.volume_box.currentText() == "suitcase"
+    viewer.layers.remove("expert")
     viewer.layers.remove("suitcase")
     assert panel.segment.volume_box.layer is None
+
+
+def test_labels_without_a_volume_are_their_own_volume(viewer: Any, panel: UnpackingWidget) -> None:
+    image, _ = add_bag(viewer)
+    panel.segment.labels_box.choose(None)
+    viewer.layers.remove("bag")
+    boxes = panel.segment.volume_box, panel.segment.labels_box
+    assert [box.currentText() for box in boxes] == ["expert", "expert"]
+    assert panel.segment.start.text() == "Unpack these labels"
+    viewer.add_image(image.data, name="bag again")
+    assert [box.currentText() for box in boxes] == ["bag again", "Find the objects"]
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,13 @@ def test_of_a_multiscale_image_the_finest_level_is_taken() -> None:
     assert volume_of(layer).data.shape == (8, 8, 8)
 
 
+def test_labels_alone_count_as_water() -> None:
+    labels = np.array([[[0, 3], [70000, 0]]])
+    volume = volume_of(Labels(labels, name="atlas"))
+    np.testing.assert_array_equal(volume.data, [[[0, 1000], [1000, 0]]])
+    assert volume.name == "atlas"
+
+
 def test_a_picture_is_not_a_volume() -> None:
     with pytest.raises(ValueError, match=r"'slice' is 2D \(5 x 6\): choose a 3D volume"):
         volume_of(Image(np.zeros((5, 6)), name="slice"))

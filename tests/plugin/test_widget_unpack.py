@@ -94,14 +94,26 @@ def test_where_nobody_is_free_the_setting_decides(
     session.most_in_group = 1
     panel.unpack.least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    qtbot.waitUntil(lambda: "Every object is blocked from here: turn" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(
+        lambda: "Every object is blocked from here: turn" in panel.unpack.news.text(), timeout=10000
+    )
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)
     assert "Nothing is free" in notification_manager.records[before].message
     assert set(states(session).values()) == {"PACKED"}
 
+    assert not panel.unpack.force.isHidden()
+    press(qtbot, panel.unpack.force)
+    assert set(states(session).values()) == {"PACKED", "FLYING_OUT"}
+    assert not session.take_least_occluded
+    panel.workbench.undo()
+    panel.workbench.stage.finish()
+    assert set(states(session).values()) == {"PACKED"}
+
+    before = len(notification_manager.records) - 1
     panel.unpack.least.setChecked(True)
+    assert panel.unpack.force.isHidden()
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(lambda: len(notification_manager.records) == before + 2, timeout=2000)
     assert "leaves" in notification_manager.records[-1].message

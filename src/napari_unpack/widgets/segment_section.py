@@ -44,11 +44,14 @@ class SegmentSection(Section):
         super().__init__("1", "Segment")
         self._bench = workbench
         self._order: _Order | None = None
+        self._labels_alone = False
         self._then: Callable[[], None] | None = None
         self.job = Job(self)
         viewer = workbench.viewer
-        self.volume_box = LayerBox(viewer, _is_image, prefers=_is_volume)
-        self.volume_box.setToolTip("The volume to unpack: any 3D Image layer.")
+        self.volume_box = LayerBox(viewer, self._is_source, prefers=_is_volume)
+        self.volume_box.setToolTip(
+            "The volume to unpack: any 3D Image layer, or Labels that have none."
+        )
         self.labels_box = LayerBox(viewer, self._fits, none=FIND)
         self.labels_box.setToolTip(
             "Labels you already have, of the same shape; otherwise the objects are found."
@@ -102,8 +105,21 @@ class SegmentSection(Section):
             and same_shape(image, layer)
         )
 
+    def _is_source(self, layer: Any) -> bool:
+        if not isinstance(layer, Labels):
+            return _is_image(layer)
+        images = (plain(each) for each in self._bench.viewer.layers)
+        return (
+            is_users(layer)
+            and layer.ndim == 3
+            and not any(isinstance(each, Image) and same_shape(each, layer) for each in images)
+        )
+
     def _choose_volume(self) -> None:
         self.labels_box.refresh()
+        was_alone, self._labels_alone = self._labels_alone, _is_labels(self.volume_box.layer)
+        if was_alone or self._labels_alone:
+            self.labels_box.choose(self.volume_box.layer if self._labels_alone else None)
         self._refresh()
 
     def _follow_selection(self, _event: Any = None) -> None:
@@ -111,10 +127,9 @@ class SegmentSection(Section):
         layer = plain(self._bench.viewer.layers.selection.active)
         if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
-        if isinstance(layer, Labels):
-            if self._fits(layer):
-                self.labels_box.choose(layer)
-        elif _is_volume(layer):
+        if self._fits(layer):
+            self.labels_box.choose(layer)
+        elif self._is_source(layer) and _is_volume(layer):
             self.volume_box.choose(layer)
 
     def _refresh(self) -> None:
@@ -224,7 +239,7 @@ class SegmentSection(Section):
         prepared.session.take_least_occluded = liked.take_least_blocked
         self._bench.open(
             prepared.session,
-            sources=(order.image, labels),
+            sources=tuple(dict.fromkeys((order.image, labels))),
             seconds=liked.seconds,
             backend=liked.backend,
             recolor_at_rest=liked.recolor_at_rest,
@@ -250,5 +265,9 @@ def _is_image(layer: Any) -> bool:
     return isinstance(layer, Image) and is_users(layer)
 
 
+def _is_labels(layer: Any) -> bool:
+    return isinstance(layer, Labels)
+
+
 def _is_volume(layer: Any) -> bool:
-    return _is_image(layer) and layer.ndim == 3 and not layer.rgb
+    return _is_labels(layer) or (_is_image(layer) and layer.ndim == 3 and not layer.rgb)

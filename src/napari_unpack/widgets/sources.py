@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from napari.layers import Labels
+
+WATER = 1000
+"""Density of water, HU + 1000."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +36,9 @@ def volume_of(layer: Any) -> Volume:
 
     Parameters
     ----------
-    layer : napari.layers.Image
-        Three-dimensional, one channel. Of a multiscale layer the finest level is taken.
+    layer : napari.layers.Image or napari.layers.Labels
+        Three-dimensional, one channel. Of a multiscale layer the finest level is taken. What is
+        labelled in labels that come without a volume counts as water.
 
     Returns
     -------
@@ -54,6 +59,8 @@ def volume_of(layer: Any) -> Volume:
         )
     if 0 in shape:
         raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
+    if isinstance(layer, Labels):
+        data = np.where(np.asarray(data) != 0, np.uint16(WATER), np.uint16(0))
     return Volume(data, spacing_of(layer), str(layer.name))
 
 

@@ -39,6 +39,9 @@ class UnpackSection(Section):
         self.all_back = button("Restore all", "Fly everything back into the bag.")
         self.inspect = button("Inspect", "Study one object alone: the selected, or the last (I).")
         self.news = label("", "hint", wrap=True)
+        self.force = button(
+            "Take the least blocked", "Fly out the object of which the least is blocked."
+        )
         self._arrange()
         self._connect()
         self._reload()
@@ -50,8 +53,12 @@ class UnpackSection(Section):
         self.contents.addLayout(line)
         self.contents.addLayout(row(self.count, self.several, self.all_back))
         self.contents.addWidget(self.news)
+        self.force.hide()
+        self.contents.addWidget(self.force)
 
-        more = Disclosure("Speed and drawing", "How fast objects fly, and what draws them.")
+        more = Disclosure(
+            "Speed, drawing, rules", "How fast objects fly, what draws them, and who may leave."
+        )
         self.speed = QSlider(Qt.Orientation.Horizontal)
         self.speed.setRange(1, 30)
         self.speed.setInvertedAppearance(True)
@@ -74,6 +81,7 @@ class UnpackSection(Section):
         self.several.clicked.connect(lambda: bench.unpack(self.count.value()))
         self.back.clicked.connect(lambda: bench.restore(1))
         self.all_back.clicked.connect(bench.restore_all)
+        self.force.clicked.connect(bench.unpack_least)
         self.inspect.clicked.connect(self._toggle_inspection)
         self.count.valueChanged.connect(lambda n: self.several.setText(f"Unpack {n}"))
         self.direction.currentTextChanged.connect(self._set_direction)
@@ -152,6 +160,8 @@ class UnpackSection(Section):
         self.inspect.setEnabled(inspected or out > 0 or selected)
         self.set_status(f"{packed} in, {out + flying + inspected} out" if names else "")
         self.news.setText(self._sentence(packed, out, flying, inspected))
+        stuck = self._free == frozenset() and packed > 0 and not flying and not inspected
+        self.force.setVisible(stuck and not session.take_least_occluded)
 
     def _sentence(self, packed: int, out: int, flying: int, inspected: bool) -> str:
         if inspected:

@@ -117,6 +117,19 @@ class Workbench(QObject):
         """Fly the next free objects out, or these."""
         self._perform("unpack", what, on="stage")
 
+    def unpack_least(self) -> None:
+        """Fly the next object out, the least blocked where none is free."""
+        session = self.session
+        if session is None:
+            self._ask_for_a_session()
+            return
+        policy = session.take_least_occluded
+        session.take_least_occluded = True
+        try:
+            self.unpack(1)
+        finally:
+            session.take_least_occluded = policy
+
     def restore(self, what: int | Iterable[int] = 1) -> None:
         """Fly the last unpacked objects back, or these."""
         self._perform("restore", what, on="stage")
