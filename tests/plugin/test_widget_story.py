@@ -132,8 +132,8 @@ def test_segment_unpack_three_restore_one(
     _settle(panel, qtbot)
     again = _pictures(viewer, panel)
     for name in ("packed", "transition", "sprites"):
-        # Windows of the packed picture that are cast anew may differ in a pixel of their rim.
-        assert _changed(start[name], again[name]).mean() < 1e-4, name
+        # Windows of the packed picture that are cast anew may round a pixel otherwise.
+        assert np.abs(start[name] - again[name]).max() <= (name == "packed"), name
 
     panel.workbench.close()
     assert [layer.name for layer in viewer.layers] == ["expert", "bag", "bag objects"]
