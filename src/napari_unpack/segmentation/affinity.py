@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing
-from napari_unpack.segmentation.convexity import hull_points, hull_volume
+from napari_unpack.segmentation.convexity import hull_points, hull_volume, support_points
 
 PAIR_FEATURES = (
     "contact_of_smaller",
@@ -56,7 +56,7 @@ class Parts:
         Of every pair: contact (mm^2), and the sums over it (times face area) of the mean log
         density on both sides and of its absolute step.
     hulls : list of (K, 3) ndarray
-        Corners of every label's convex hull, mm.
+        The furthest corners of every label's convex hull, mm; see `support_points`.
     hull_volumes : (M,) ndarray of float64
         mm^3.
     voxel : float
@@ -81,7 +81,7 @@ class Parts:
             table[two] = 0
             table[:, two] = 0
             table[one, one] = 0
-        self.hulls[one] = hull_points(np.concatenate([self.hulls[one], self.hulls[two]]))
+        self.hulls[one] = support_points(np.concatenate([self.hulls[one], self.hulls[two]]))
         self.hull_volumes[one] = hull_volume(self.hulls[one])
         self.hulls[two] = self.hulls[two][:0]
 
@@ -114,7 +114,7 @@ def measure_parts(
     for name in boxes.ids.tolist():
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
-        corners = hull_points(None, labels[box] == name, first, spacing)
+        corners = support_points(hull_points(None, labels[box] == name, first, spacing))
         hulls[name], volumes[name] = corners, hull_volume(corners)
     return Parts(sums, area, middle, step, hulls, volumes, float(np.prod(spacing)))
 
@@ -183,7 +183,7 @@ def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
     spreads = np.sqrt(np.maximum([s[2] / s[0] - means[0] ** 2, b[2] / b[0] - means[1] ** 2], 0))
     thickness = np.array([4 * s[3] / s[0], 4 * b[3] / b[0]]) / np.cbrt(volumes)
     hulls = parts.hull_volumes[[small, large]]
-    both = hull_volume(hull_points(np.concatenate([parts.hulls[one], parts.hulls[two]])))
+    both = hull_volume(np.concatenate([parts.hulls[one], parts.hulls[two]]))
     return np.array(
         [
             contact / surface[0],

@@ -13,7 +13,9 @@ from napari_unpack.segmentation.affinity import Parts, pair_features
 Judge = Callable[[int, int, NDArray[np.float64]], float]
 
 
-def agglomerate(parts: Parts, judge: Judge, least: float = 0.5) -> NDArray[np.int64]:
+def agglomerate(
+    parts: Parts, judge: Judge, least: float = 0.5, touching: float = 0.015
+) -> NDArray[np.int64]:
     """Join touching parts while any two are more likely one object than not.
 
     Parameters
@@ -24,6 +26,9 @@ def agglomerate(parts: Parts, judge: Judge, least: float = 0.5) -> NDArray[np.in
         `judge(one, two, features) -> probability` that two parts are one object.
     least : float
         Probability below which nothing is joined.
+    touching : float
+        Pairs that touch over a smaller share of the smaller surface are not judged: a corner
+        against a corner joins nothing, and most pairs are such.
 
     Returns
     -------
@@ -46,7 +51,9 @@ def agglomerate(parts: Parts, judge: Judge, least: float = 0.5) -> NDArray[np.in
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
 
-    for one, two in np.argwhere(np.triu(parts.area, 1) > 0).tolist():
+    surface = parts.area.sum(axis=1) + parts.sums[:, 4]
+    near = parts.area > touching * np.minimum.outer(surface, surface)
+    for one, two in np.argwhere(np.triu(near, 1)).tolist():
         consider(one, two)
     while heap:
         _, one, two, first, second = heapq.heappop(heap)
@@ -56,6 +63,8 @@ def agglomerate(parts: Parts, judge: Judge, least: float = 0.5) -> NDArray[np.in
         owner[owner == two] = one
         version[one] += 1
         version[two] = -1
-        for other in np.flatnonzero(parts.area[one] > 0).tolist():
+        surface[one] = parts.area[one].sum() + parts.sums[one, 4]
+        enough = parts.area[one] > touching * np.minimum(surface[one], surface)
+        for other in np.flatnonzero(enough).tolist():
             consider(one, other)
     return owner

@@ -68,6 +68,30 @@ def hull_points(
     return _corners(points)
 
 
+def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.float64]:
+    """Return the few points of many that reach furthest along directions all over the sphere.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray of float64
+        mm.
+    count : int
+        Directions, on a Fibonacci lattice.
+
+    Returns
+    -------
+    (K, 3) ndarray of float64
+        At most `count` of the points. Their hull has all of a box, and 95 % of a ball.
+    """
+    if len(points) <= count:
+        return points
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    ring = np.sqrt(1 - z * z)
+    directions = np.stack([z, ring * np.cos(turn), ring * np.sin(turn)])
+    return np.asarray(points[np.unique(np.argmax(points @ directions, axis=0))])
+
+
 def hull_volume(corners: NDArray[np.float64]) -> float:
     """Return the volume of the convex hull of at least four points not in a plane."""
     return float(ConvexHull(corners).volume)

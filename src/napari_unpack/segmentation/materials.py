@@ -35,7 +35,7 @@ class MaterialScale:
 
     air: float
     knee: float
-    step: float = 0.16
+    step: float = 0.11
 
 
 def log_density(

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.flooding import flood
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,44 +59,6 @@ def measure_contacts(labels: NDArray[np.int32], spacing: Spacing) -> Contacts:
     return Contacts(area, counts * np.prod(spacing), 4 * depths / np.maximum(counts, 1))
 
 
-def join_containers(
-    labels: NDArray[np.int32],
-    spacing: Spacing,
-    wall: float = 7.0,
-    enclosed: float = 0.6,
-) -> NDArray[np.int32]:
-    """Join a thin shell with what fills it.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        Objects. Not changed.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    wall : float
-        A shell is at most this thick, mm.
-    enclosed : float
-        A filling has at least this share of its surface on the shell.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        The filling takes the shell's label.
-    """
-    contacts = measure_contacts(labels, spacing)
-    surface = np.maximum(contacts.surface, 1e-9)
-    owner = np.arange(len(surface))
-    share = contacts.area / surface[:, None]
-    share[:, 0] = 0
-    shell = np.argmax(share, axis=1)
-    for filling in range(1, len(surface)):
-        wrap = int(shell[filling])
-        thin = contacts.thickness[wrap] <= min(wall, 0.6 * contacts.thickness[filling])
-        if thin and share[filling, wrap] >= enclosed:
-            owner[filling] = wrap
-    return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
-
-
 def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -> NDArray[np.int32]:
     """Join labels below a volume to the neighbour they touch most; drop those with none.
 
@@ -124,8 +87,43 @@ def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -
     return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
 
 
+def absorb_fringes(
+    labels: NDArray[np.int32], spacing: Spacing, ragged: float = 2.4
+) -> NDArray[np.int32]:
+    """Share labels that are all surface among the neighbours they lie on.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Parts. Not changed.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    ragged : float
+        Faces a voxel; a flat sheet of one layer has 2.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+
+    Notes
+    -----
+    The blurred edge of a dense thing, where noise carries some voxels over a density step and
+    leaves others, is a lace of voxels around it.
+    """
+    contacts = measure_contacts(labels, spacing)
+    face = float(np.prod(spacing)) ** (2 / 3)
+    voxels = contacts.volume / float(np.prod(spacing))
+    lace = contacts.surface > ragged * face * np.maximum(voxels, 1)
+    lace[0] = False
+    if not lace.any():
+        return labels
+    rest = np.where(lace[labels], 0, labels).astype(np.int32, copy=False)
+    grown = flood(rest, labels > 0)
+    return np.where(grown > 0, grown, labels)
+
+
 def fill_cavities(
-    labels: NDArray[np.int32], spacing: Spacing, share: float = 0.6
+    labels: NDArray[np.int32], spacing: Spacing, share: float = 0.45
 ) -> NDArray[np.int32]:
     """Give enclosed air to the object that encloses it.
 

@@ -15,11 +15,12 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
+from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
-from napari_unpack.segmentation.merging import absorb_small, fill_cavities
+from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.shells import find_shell
@@ -28,6 +29,8 @@ from napari_unpack.segmentation.supports import find_supports
 
 # Times the median density of matter.
 LIGHT = 2.2
+# Voxels that show a shape.
+FEWEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +60,7 @@ def segment(
     smallest: float = 500.0,
     supports: bool = True,
     shell: bool = True,
-    step: float = 0.16,
+    step: float = 0.11,
     rule: SplitRule | None = None,
     judge: Affinity | None = None,
 ) -> Segmentation:
@@ -76,7 +79,8 @@ def segment(
     threshold : float, optional
         Density above which a voxel is matter; by default `foreground.find_levels` decides.
     smallest : float
-        Objects below this are dropped or joined to a neighbour, mm^3.
+        Objects below this, or of fewer than 100 voxels, are dropped or joined to a neighbour,
+        mm^3.
     supports : bool
         Leave out the scanner's table.
     shell : bool
@@ -118,7 +122,7 @@ def segment(
     if oracle is None:
         tell(0.8, "Joining parts")
         parts = join_parts(parts, density, size, scale, judge or default_affinity())
-    labels = absorb_small(parts, size, smallest)
+    labels = absorb_small(parts, size, max(smallest, FEWEST * float(np.prod(size))))
     labels = rank_labels(fill_cavities(labels, size))
     if not labels.any():
         raise ValueError(
@@ -139,7 +143,7 @@ def split_parts(
     threshold: float | None = None,
     supports: bool = True,
     shell: bool = True,
-    step: float = 0.16,
+    step: float = 0.11,
     rule: SplitRule | None = None,
     oracle: Oracle | None = None,
 ) -> tuple[NDArray[np.int32], MaterialScale]:
@@ -183,7 +187,8 @@ def split_parts(
     if shell:
         skin = find_shell(parts, spacing)
         parts[skin[parts]] = 0
-    return bundle_folds(parts, density, spacing, levels.air + LIGHT * 4 * scale.knee), scale
+    parts = bundle_folds(parts, density, spacing, levels.air + LIGHT * 4 * scale.knee)
+    return absorb_fringes(parts, spacing), scale
 
 
 def join_parts(
@@ -213,7 +218,9 @@ def join_parts(
     (Z, Y, X) ndarray of int32
     """
     measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
-    owner = agglomerate(measured, lambda one, two, row: float(affinity.probability(row[None])[0]))
+    bottled = join_containers(measured, np.arange(len(measured.sums)))
+    joined = agglomerate(measured, lambda one, two, row: float(affinity.probability(row[None])[0]))
+    owner = join_containers(measured, joined[bottled])
     return owner.astype(np.int32)[parts]
 
 
