@@ -244,6 +244,34 @@ def test_closing_the_dock_takes_the_stage_down(
     assert image.visible
 
 
+def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    _settle(panel, qtbot)
+
+    def resize(width: int) -> None:
+        before = session.canvas_size
+        viewer.window.resize(width, SMALL[1])
+        qtbot.waitUntil(lambda: session.canvas_size != before, timeout=5000)
+        qtbot.wait(100)
+
+    def fits() -> bool:
+        return session.camera.height == pytest.approx(session.overview().height, rel=0.01)
+
+    resize(SMALL[0] - 180)
+    assert fits()
+    resize(SMALL[0])
+    assert fits()
+    viewer.scene.camera.zoom *= 1.5
+    zoomed = viewer.scene.camera.zoom
+    qtbot.wait(100)
+    resize(SMALL[0] - 180)
+    assert viewer.scene.camera.zoom == pytest.approx(zoomed)
+    assert not fits()
+
+
 def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
     _, expert = add_bag(viewer)
     session = stage_with(panel, qtbot, expert)

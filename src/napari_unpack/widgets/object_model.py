@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from qtpy.QtGui import QColor
+from qtpy.QtGui import QColor, QFont
 
 from napari_unpack.widgets import notices
 
@@ -25,9 +25,9 @@ _NO_COLOR: Rgb = (0.5, 0.5, 0.5)
 STATE_WORDS = {
     "PACKED": "packed",
     "FLYING_OUT": "flying",
-    "UNPACKED": "unpacked",
+    "UNPACKED": "out",
     "FLYING_BACK": "flying",
-    "INSPECTED": "inspected",
+    "INSPECTED": "alone",
     "HIDDEN": "hidden",
 }
 
@@ -201,6 +201,8 @@ class ObjectModel(QAbstractTableModel):
             if column == Column.VOLUME:
                 return _amount(facts.volume * (1000 if self._tiny else 1))
             return _text(facts, live, column)
+        if role == Qt.ItemDataRole.FontRole and column == Column.STATE and live.words == "free":
+            return _bold()
         if role == SORT:
             return _sort_key(facts, live, column)
         if role == ID:
@@ -225,6 +227,12 @@ class ObjectModel(QAbstractTableModel):
             self.refresh()
             return True
         return False
+
+
+def _bold() -> QFont:
+    font = QFont()
+    font.setBold(True)
+    return font
 
 
 def _colors(hues: Mapping[int, float], mode: Any) -> dict[int, Rgb]:

@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.free_watch import FreeWatch
+from napari_unpack.widgets.keep_framed import KeepFramed
 from napari_unpack.widgets.keys import HELP, Keys
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.section import label, rule
@@ -41,6 +42,7 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workbench)
         self.objects = ObjectsSection(self.workbench)
         self.keys = Keys(self.workbench)
+        self._framing = KeepFramed(self.workbench, self)
         self._watch = FreeWatch(self.workbench, self)
         self._watch.known.connect(self.unpack.tell_free)
         self._watch.known.connect(lambda ids: self.objects.mark_free(ids or frozenset()))
