@@ -37,6 +37,25 @@ def test_the_users_layers_and_view_come_back_exactly(
     assert not session.animated
 
 
+def test_2d_slices_show_the_same_hues_and_the_users_colors_come_back(
+    make_napari_viewer_proxy, bag, session
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    mine = viewer.add_labels(bag[1].astype(np.int32), scale=(1.5, 1.5, 1.5))
+    other = viewer.add_labels(bag[1][::-1].copy())
+    before = mine.colormap, other.colormap
+    stage = Stage(viewer, session, [mine, other])
+    stage.open()
+    session.accept_hues({2: 0.3, 5: 0.8}, undoable=False)
+    shown = np.asarray(mine.colormap.map(np.arange(8, dtype=np.int32)))
+    tints = session.packed_tints()
+    np.testing.assert_allclose(shown[[2, 5]], tints[[2, 5]], atol=0.01)
+    assert shown[0, 3] == 0
+    assert other.colormap == before[1]
+    stage.close()
+    assert mine.colormap == before[0]
+
+
 def _state(viewer):
     camera = viewer.scene.camera
     return (

@@ -109,6 +109,7 @@ class PackedPainter:
     def change_caster(self) -> None:
         """Cast again since the studio has become active, or is so no more."""
         self._shot, self._live, self._rays = None, None, float(MOVING_RAYS)
+        self._rest.setInterval(REST_MS)
         self.recast()
 
     def refine(self) -> None:
@@ -246,6 +247,8 @@ class PackedPainter:
 
     def _exposed(self, seconds: float, frame: Frame, adapts: bool) -> None:
         self.passes += 1
+        # Slow frames are far apart, and no sign that the camera rests.
+        self._rest.setInterval(max(REST_MS, round(2500 * seconds)))
         if adapts:
             self._adapt(seconds, GL_FRAME_SECONDS, frame)
 

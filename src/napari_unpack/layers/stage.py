@@ -20,8 +20,10 @@ from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector, mark
+from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.studio import BACKENDS
+from napari_unpack.layers.tables import describe
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame, napari_view
 from napari_unpack.layers.warming import Warming
@@ -91,6 +93,7 @@ class Stage:
         warming = Warming(session, self._jobs)
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, warming.ask)
         self._pointer: Pointer | None = None
+        self._slices = SliceHues(session, ())
 
     @property
     def layers(self) -> tuple[PackedLayer, TransitionLayer, SpriteLayer]:
@@ -166,6 +169,8 @@ class Stage:
         self.session.animated, self.session.backend = True, "cpu"
         for layer in self.sources:
             layer.visible = False
+        self._slices = SliceHues(self.session, self.sources)
+        self._slices.paint()
         viewer.dims.ndisplay = 3
         viewer.scene.camera.orientation = RIGHT_HANDED
         viewer.canvas.background_color_override = (*BACKGROUND, 1.0)
@@ -186,6 +191,7 @@ class Stage:
             return
         borrowed, self._borrowed = self._borrowed, None
         self._disconnect()
+        self._slices.close()
         self._projector.end_inspection()
         self._projector.close()
         self._at_rest.close()
@@ -299,7 +305,7 @@ class Stage:
         if object_id == self._pointed:
             return
         self._pointed = object_id
-        words = self._describe(object_id) if object_id else ""
+        words = describe(self.session, object_id) if object_id else ""
         for layer in self.layers:
             layer.words = words
         self.viewer.status = words or "Ready"
@@ -364,6 +370,7 @@ class Stage:
 
     def _on_hues(self) -> None:
         self._projector.hues_changed()
+        self._slices.paint()
 
     def _on_densities(self) -> None:
         self._projector.densities_changed()
@@ -374,12 +381,6 @@ class Stage:
 
     def _mark(self) -> None:
         mark(self.sprites, self.session.selected, self._pointed)
-
-    def _describe(self, object_id: int) -> str:
-        row = self.session.objects.loc[object_id]
-        name = str(row.get("name", f"Object {object_id}"))
-        confidence = float(row.get("confidence", np.nan))
-        return name if np.isnan(confidence) else f"{name}, confidence {confidence:.2f}"
 
     def _device(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
         """Return the frame's pixel (row, column) of one of the canvas."""

@@ -1,0 +1,57 @@
+"""The session's hues on the user's own Labels layer, so that 2D slices show the same colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from napari.layers import Labels
+from napari.utils.colormaps import DirectLabelColormap
+
+from napari_unpack.appearance import tints_of
+
+STRIDE = 7
+"""Every so many voxels are compared to tell whether a layer holds the session's labels."""
+
+
+class SliceHues:
+    """Lends a colormap to the layers the session's labels came from.
+
+    Parameters
+    ----------
+    session : Session
+        Whose hues.
+    sources : sequence of napari layers
+        The user's own; only Labels with the session's object IDs are coloured.
+    """
+
+    def __init__(self, session: Any, sources: Sequence[Any]) -> None:
+        self._session = session
+        self._theirs = [
+            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session.labels)
+        ]
+
+    def paint(self) -> None:
+        """Colour the layers in the hues of now."""
+        if not self._theirs:
+            return
+        session = self._session
+        tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
+        colors: dict[int | None, Any] = {None: np.zeros(4, np.float32)}
+        colors |= {i: tints[i] for i in session.ids}
+        for layer, _ in self._theirs:
+            layer.colormap = DirectLabelColormap(color_dict=colors)
+
+    def close(self) -> None:
+        """Give every layer its own colormap back."""
+        for layer, colormap in self._theirs:
+            layer.colormap = colormap
+        self._theirs = []
+
+
+def _shows_labels(layer: Any, labels: Any) -> bool:
+    if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
+        return False
+    some = (slice(None, None, STRIDE),) * 3
+    return bool(np.array_equal(np.asarray(layer.data[some]), labels[some]))
