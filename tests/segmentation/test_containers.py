@@ -78,6 +78,9 @@ def test_a_lace_of_voxels_joins_what_it_lies_on_and_a_sheet_does_not():
     lace = np.indices((20, 20)).sum(axis=0) % 2 == 0
     labels[8][lace] = 2
     labels[1] = 3
-    found = absorb_fringes(labels, (1.0, 1.0, 1.0))
+    density = np.array([0, 1000, 600, 600])[labels]
+    found = absorb_fringes(labels, density, (1.0, 1.0, 1.0))
     assert (found[8][lace] == 1).all()
     assert (found[1] == 3).all()
+    denser = np.array([0, 1000, 1600, 600])[labels]
+    np.testing.assert_array_equal(absorb_fringes(labels, denser, (1.0, 1.0, 1.0)), labels)

@@ -88,14 +88,19 @@ def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -
 
 
 def absorb_fringes(
-    labels: NDArray[np.int32], spacing: Spacing, ragged: float = 2.4
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    ragged: float = 2.4,
 ) -> NDArray[np.int32]:
-    """Share labels that are all surface among the neighbours they lie on.
+    """Share labels that are all surface, around something denser, among their neighbours.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Parts. Not changed.
+    density : (Z, Y, X) ndarray
+        Density.
     spacing : (float, float, float)
         Voxel size z y x, mm.
     ragged : float
@@ -114,6 +119,12 @@ def absorb_fringes(
     face = float(np.prod(spacing)) ** (2 / 3)
     voxels = contacts.volume / float(np.prod(spacing))
     lace = contacts.surface > ragged * face * np.maximum(voxels, 1)
+    touching = contacts.area.copy()
+    touching[:, 0] = 0
+    values = np.nan_to_num(density.reshape(-1).astype(np.float32))
+    mean = np.bincount(labels.reshape(-1), values, len(lace)) / np.maximum(voxels, 1)
+    # A thin wire in cloth is all surface too, but denser than what it lies in.
+    lace &= (touching.max(axis=1) > 0) & (mean[touching.argmax(axis=1)] > 1.1 * mean)
     lace[0] = False
     if not lace.any():
         return labels

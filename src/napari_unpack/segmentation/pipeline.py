@@ -188,7 +188,7 @@ def split_parts(
         skin = find_shell(parts, spacing)
         parts[skin[parts]] = 0
     parts = bundle_folds(parts, density, spacing, levels.air + LIGHT * 4 * scale.knee)
-    return absorb_fringes(parts, spacing), scale
+    return absorb_fringes(parts, density, spacing), scale
 
 
 def join_parts(
