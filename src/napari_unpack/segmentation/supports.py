@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.pads import pad_and_beyond
 
+MOST = 0.4
+"""Share of all matter that supports are at most; more of it is no support but the bag."""
+
 
 def find_supports(
     matter: NDArray[np.bool_],
@@ -56,11 +59,26 @@ def find_supports(
         plane = (spacing[others[0]], spacing[others[1]])
         share = matter.mean(axis=axis, dtype=np.float32)
         section = _thin_and_wide(share, persistence, plane, thickness, width)
-        if section.any():
-            section = _with_cores(section, share)
-            section |= _beyond(section, share, plane)
+        if not _leaves_the_scan(section, matter, axis):
+            continue
+        section = _with_cores(section, share)
+        section |= _beyond(section, share, plane)
+        if float(share[section].sum()) <= MOST * float(share.sum()):
             found |= np.expand_dims(section, axis)
     return found & matter if found.any() else found
+
+
+def _leaves_the_scan(
+    section: NDArray[np.bool_], matter: NDArray[np.bool_], axis: int, slices: int = 2
+) -> bool:
+    """Tell whether most of a cross-section is matter at both ends of the scan.
+
+    A table or belt is longer than what is scanned of it; the wall of a carton in a bag is not.
+    """
+    if not section.any():
+        return False
+    ends = np.moveaxis(matter, axis, 0)
+    return all(end.any(axis=0)[section].mean() >= 0.5 for end in (ends[:slices], ends[-slices:]))
 
 
 def _beyond(
