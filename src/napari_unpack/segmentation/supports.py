@@ -78,7 +78,9 @@ def _leaves_the_scan(
     if not section.any():
         return False
     ends = np.moveaxis(matter, axis, 0)
-    return all(end.any(axis=0)[section].mean() >= 0.5 for end in (ends[:slices], ends[-slices:]))
+    return all(
+        float(np.any(end, axis=0)[section].mean()) >= 0.5 for end in (ends[:slices], ends[-slices:])
+    )
 
 
 def _beyond(
