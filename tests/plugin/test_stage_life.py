@@ -112,33 +112,20 @@ def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session,
     assert sum(s is ObjectState.UNPACKED for s in session.states.values()) == 2
 
 
-def test_two_dimensions_a_tiny_window_and_two_viewers_break_nothing(
-    make_napari_viewer_proxy, session, bag, qtbot
-) -> None:
-    from napari_unpack.session import Session
-
-    first, second = make_napari_viewer_proxy(show=True), make_napari_viewer_proxy(show=True)
-    one, two = Stage(first, session), Stage(second, Session(*bag))
-    one.events.message.connect(pytest.fail)
-    two.events.message.connect(pytest.fail)
-    one.open()
-    two.open()
-    one.unpack(1)
-    first.dims.ndisplay = 2
+def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot) -> None:
+    viewer, stage = staged
+    stage.events.message.connect(pytest.fail)
+    stage.unpack(1)
+    viewer.dims.ndisplay = 2
     qtbot.wait(50)
-    assert canvas(first).std(axis=(0, 1)).max() < 1.0
-    first.dims.ndisplay = 3
-    first.canvas.size = (1, 1)
+    assert canvas(viewer).std(axis=(0, 1)).max() < 1.0
+    viewer.dims.ndisplay = 3
+    viewer.canvas.size = (1, 1)
     qtbot.wait(50)
-    first.canvas.size = (400, 500)
-    two.unpack(1)
-    one.finish()
-    two.finish()
-    assert one.settle(30)
-    assert two.settle(30)
-    one.close()
-    assert canvas(second).std(axis=(0, 1)).max() > 5.0
-    two.close()
+    viewer.canvas.size = (400, 500)
+    stage.finish()
+    assert stage.settle(30)
+    assert canvas(viewer).std(axis=(0, 1)).max() > 5.0
 
 
 def test_the_layers_can_be_reordered_hidden_and_shown_in_a_grid(staged, qtbot) -> None:
