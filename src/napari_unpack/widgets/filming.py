@@ -54,19 +54,22 @@ def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], Non
     frames: list[Picture] = [picture(viewer, stage)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
     iio.imwrite(output / "window.png", viewer.screenshot(canvas_only=False, flash=False))
-    half: Picture | None = None
+    largest = 0
     for k in range(FLIGHTS):
         tell(k / FLIGHTS, "Unpacking")
+        before = set(stage.session.poses)
         shots = list(flight(viewer, panel, clock))
-        if half is None and shots:
-            half = shots[len(shots) // 2 - 1]
-            iio.imwrite(output / "flight.png", half)
+        left = sorted(set(stage.session.poses) - before)
+        size = int(stage.session.objects.loc[left, "voxels"].sum())
+        if size > largest:
+            largest = size
+            iio.imwrite(output / "flight.png", shots[len(shots) // 2 - 1])
         frames.extend(shots)
     frames.extend([picture(viewer, stage)] * FPS)
     iio.imwrite(output / "unpacked.png", frames[-1])
     tell(0.0, "Inspecting")
-    largest = max(stage.session.poses, key=lambda i: stage.session.objects.loc[i, "voxels"])
-    panel.workbench.inspect(largest)
+    shown = max(stage.session.poses, key=lambda i: stage.session.objects.loc[i, "voxels"])
+    panel.workbench.inspect(shown)
     clock.time += 10.0
     iio.imwrite(output / "inspect.png", picture(viewer, stage))
     panel.workbench.leave()
