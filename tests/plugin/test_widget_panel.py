@@ -218,12 +218,13 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
 
     def nothing(*_: Any, progress: Any, **settings: Any) -> None:
         given.update(settings)
-        raise ValueError("nothing found: all is air; pass a lower threshold=")
+        raise ValueError("nothing found: all is air; pass a lower foreground=")
 
     monkeypatch.setattr(segmentation, "segment", nothing)
     add_bag(viewer)
     options = panel.segment.options
     assert not options.isHidden()
+    options.way.setCurrentText("Fixed density")
     options.threshold.setText("dense")
     press(qtbot, panel.segment.start)
     assert "must be a number, got 'dense'" in _said(-1)[0]
@@ -233,7 +234,13 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
     (said,) = _refused(panel, qtbot)
     assert said.startswith("Nothing found: all is air; under Details in step 1")
     del given["spacing"]
-    assert given == {"threshold": 350.0, "smallest": 20.0, "supports": True, "shell": False}
+    assert given == {"foreground": 350.0, "smallest": 20.0, "supports": True, "shell": False}
+    options.way.setCurrentText("One level")
+    assert options.threshold.text() == ""
+    assert options.settings()["foreground"] == "otsu"
+    options.threshold.clear()
+    qtbot.keyClicks(options.threshold, "420")
+    assert options.settings()["foreground"] == 420.0
     panel.segment.labels_box.choose(viewer.layers["expert"])
     assert options.isHidden()
 

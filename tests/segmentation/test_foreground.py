@@ -4,6 +4,7 @@ from phantoms import ball, box, scanned
 
 from napari_unpack.segmentation.checks import checked_spacing, checked_volume
 from napari_unpack.segmentation.foreground import find_levels, foreground, peel
+from napari_unpack.segmentation.matter import checked_way, find_matter
 from napari_unpack.segmentation.supports import find_supports
 
 SHAPE = (32, 40, 48)
@@ -101,3 +102,32 @@ def test_a_volume_of_words_is_a_type_error():
 def test_a_spacing_that_is_not_three_positive_numbers_is_refused(spacing):
     with pytest.raises(ValueError, match="spacing must be three positive"):
         checked_spacing(spacing)
+
+
+@pytest.mark.parametrize(
+    ("way", "kind", "words"),
+    [
+        ("watershed", ValueError, "one of 'hysteresis', 'otsu'"),
+        (np.nan, ValueError, "or a density, got nan"),
+        (None, TypeError, "or a density, got None"),
+        (True, TypeError, "or a density, got True"),
+    ],
+)
+def test_an_unknown_way_to_find_the_foreground_is_refused(way, kind, words):
+    with pytest.raises(kind, match=words):
+        checked_way(way)
+
+
+def test_a_number_and_otsu_are_one_level_and_hysteresis_follows_connections():
+    volume = np.zeros((12, 12, 40))
+    volume[3:9, 3:9, 3:9] = 1000
+    volume[5:7, 5:7, 9:20] = 700
+    volume[5:7, 5:7, 30:36] = 700
+    volume += np.random.default_rng(0).normal(0, 5, volume.shape)
+    matter, levels = find_matter(volume, (1.0, 1.0, 1.0), 800.0)
+    assert levels.low == levels.high == 800
+    np.testing.assert_array_equal(matter, volume >= 800)
+    for way in ("otsu", "hysteresis"):
+        matter, _ = find_matter(volume, (1.0, 1.0, 1.0), way)
+        assert matter[5:7, 5:7, 10:19].all(), way
+        assert matter[5:7, 5:7, 31:35].all(), way

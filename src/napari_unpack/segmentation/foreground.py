@@ -69,7 +69,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     if not len(matter) or not dense > air:
         raise ValueError(
             "nothing found in the foreground: no density rises above the background at "
-            f"{air:g}; pass threshold= to choose it yourself"
+            f"{air:g}; pass foreground= with a density to choose it yourself"
         )
     knee = (float(np.median(matter)) - air) / 4
     lifted = np.arcsinh(np.clip(sample - air, 0, top - air) / knee)
@@ -122,7 +122,7 @@ def foreground(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
     if not weak.any():
         raise ValueError(
             f"nothing found in the foreground above a density of {levels.high:g}; "
-            "pass a lower threshold="
+            "pass a lower foreground="
         )
     return weak
 

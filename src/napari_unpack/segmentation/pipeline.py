@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
-from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
+from napari_unpack.segmentation.matter import checked_way, find_matter
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.region import Region
@@ -56,7 +56,7 @@ def segment(
     oracle: Oracle | None = None,
     progress: Progress | None = None,
     *,
-    threshold: float | None = None,
+    foreground: str | float = "hysteresis",
     smallest: float = 500.0,
     supports: bool = True,
     shell: bool = True,
@@ -76,8 +76,9 @@ def segment(
         `oracle(region) -> confidence in [0, 1]` decides about cuts; see `splitting`.
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
-    threshold : float, optional
-        Density above which a voxel is matter; by default `foreground.find_levels` decides.
+    foreground : str or float
+        How matter is told from air: one of `matter.WAYS`, or the density from which there is
+        matter.
     smallest : float
         Objects below this, or of fewer than 100 voxels, are dropped or joined to a neighbour,
         mm^3.
@@ -106,33 +107,85 @@ def segment(
     """
     density = checked_volume(volume)
     size = checked_spacing(spacing)
+    way = checked_way(foreground)
     tell = progress or _silent
-    limits = rule or SplitRule(smallest=smallest / 2)
-    parts, scale = split_parts(
-        density,
-        size,
-        tell,
-        threshold=threshold,
+    find = partial(
+        segment_grid,
+        foreground=way,
+        smallest=smallest,
         supports=supports,
         shell=shell,
         step=step,
-        rule=limits,
+        rule=rule,
+        judge=judge,
         oracle=oracle,
     )
-    if oracle is None:
-        tell(0.8, "Joining parts")
-        parts = join_parts(parts, density, size, scale, judge or default_affinity())
-    labels = absorb_small(parts, size, max(smallest, FEWEST * float(np.prod(size))))
-    labels = rank_labels(fill_cavities(labels, size))
-    if not labels.any():
-        raise ValueError(
-            f"nothing found: no object has {smallest:g} mm^3; "
-            "pass a smaller smallest= or a lower threshold="
-        )
+    labels = find(density, size, tell)
     tell(0.95, "Measuring objects")
     table = object_table(labels, density, size, oracle)
     tell(1.0, f"{len(table)} objects")
     return Segmentation(labels, table)
+
+
+def segment_grid(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    tell: Progress,
+    *,
+    foreground: str | float = "hysteresis",
+    smallest: float = 500.0,
+    supports: bool = True,
+    shell: bool = True,
+    step: float = 0.11,
+    rule: SplitRule | None = None,
+    judge: Affinity | None = None,
+    oracle: Oracle | None = None,
+) -> NDArray[np.int32]:
+    """Find the objects of a volume that is small enough to be worked on whole.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+        Checked density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    tell : callable
+        Progress.
+    foreground, smallest, supports, shell, step, rule, judge, oracle
+        As for `segment`.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        1, 2, ... from the largest object to the smallest; 0 is background.
+
+    Raises
+    ------
+    ValueError
+        If nothing is found.
+    """
+    parts, scale = split_parts(
+        density,
+        spacing,
+        tell,
+        foreground=foreground,
+        supports=supports,
+        shell=shell,
+        step=step,
+        rule=rule or SplitRule(smallest=smallest / 2),
+        oracle=oracle,
+    )
+    if oracle is None:
+        tell(0.8, "Joining parts")
+        parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
+    labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
+    labels = rank_labels(fill_cavities(labels, spacing))
+    if not labels.any():
+        raise ValueError(
+            f"nothing found: no object has {smallest:g} mm^3; "
+            "pass a smaller smallest= or a lower foreground="
+        )
+    return labels
 
 
 def split_parts(
@@ -140,7 +193,7 @@ def split_parts(
     spacing: Spacing,
     tell: Progress,
     *,
-    threshold: float | None = None,
+    foreground: str | float = "hysteresis",
     supports: bool = True,
     shell: bool = True,
     step: float = 0.11,
@@ -157,7 +210,7 @@ def split_parts(
         Voxel size z y x, mm.
     tell : callable
         Progress.
-    threshold, supports, shell, step, rule, oracle
+    foreground, supports, shell, step, rule, oracle
         As for `segment`.
 
     Returns
@@ -169,8 +222,7 @@ def split_parts(
     """
     limits = rule or SplitRule()
     tell(0.0, "Finding matter")
-    levels = _levels(density, threshold)
-    matter = peel(foreground(density, levels), density, levels.air)
+    matter, levels = find_matter(density, spacing, foreground)
     section = measured_section(density)
     if section is not None:
         matter &= section
@@ -232,11 +284,6 @@ def default_affinity() -> Affinity:
 
 def _silent(fraction: float, text: str) -> None:
     """Report nothing."""
-
-
-def _levels(density: NDArray[np.generic], threshold: float | None) -> Levels:
-    levels = find_levels(density)
-    return levels if threshold is None else replace(levels, low=threshold, high=threshold)
 
 
 def _knee(density: NDArray[np.generic], matter: NDArray[np.bool_], air: float) -> float:

@@ -110,8 +110,9 @@ def _in_words_of_the_panel() -> Iterator[None]:
         yield
     except ValueError as error:
         reason, _, advice = str(error).partition("; pass ")
-        if "threshold=" not in advice:
+        if "foreground=" not in advice:
             raise
         raise ValueError(
-            f"{reason}; under Details in step 1 you can choose a lower threshold and a smaller size"
+            f"{reason}; under Details in step 1 you can choose a lower fixed density "
+            "and a smaller size"
         ) from error

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from qtpy.QtWidgets import QCheckBox, QDoubleSpinBox, QLineEdit
+from qtpy.QtCore import Qt
+from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 
 from napari_unpack.widgets.section import Disclosure, form
 
@@ -12,17 +13,36 @@ SMALLEST = 0.5
 """Default size below which nothing is an object, cm³."""
 
 
+FIXED = "Fixed density"
+WAYS = {
+    "Two levels, connected": (
+        "hysteresis",
+        "Light things count where they are connected to denser ones; suits most scans.",
+    ),
+    "One level": ("otsu", "Everything above the level between air and matter."),
+    FIXED: (None, "Everything above the density given below."),
+}
+"""Ways to tell matter from air: name in `napari_unpack.segment`, and what they are good for."""
+
+
 class SegmentOptions(Disclosure):
-    """The threshold of matter, the smallest object, and what is left out."""
+    """How matter is found, the smallest object, and what is left out."""
 
     def __init__(self) -> None:
         super().__init__("Details", "How objects are found; the defaults suit CT of bags.")
+        self.way = QComboBox()
+        for place, (text, (_, help_text)) in enumerate(WAYS.items()):
+            self.way.addItem(text)
+            self.way.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
+        self.way.currentTextChanged.connect(self._explain)
         self.threshold = QLineEdit()
         self.threshold.setPlaceholderText("automatic")
         self.threshold.setToolTip(
             "Density above which there is matter, in the volume's own values; "
-            "found from the histogram where this is empty."
+            "typing one here chooses 'Fixed density'."
         )
+        self.threshold.textEdited.connect(self._fix)
+        self._explain()
         self.smallest = QDoubleSpinBox()
         self.smallest.setDecimals(3)
         self.smallest.setRange(0.001, 1000.0)
@@ -38,9 +58,21 @@ class SegmentOptions(Disclosure):
         self.shell.setToolTip("The thin wall around everything else is no object.")
         for box in (self.supports, self.shell):
             box.setChecked(True)
-        self.contents.addLayout(form(Threshold=self.threshold, Smallest=self.smallest))
+        self.contents.addLayout(
+            form(Matter=self.way, Density=self.threshold, Smallest=self.smallest)
+        )
         self.contents.addWidget(self.supports)
         self.contents.addWidget(self.shell)
+
+    def _explain(self, _text: str = "") -> None:
+        way, help_text = WAYS[self.way.currentText()]
+        self.way.setToolTip(f"How matter is told from air. {help_text}")
+        if way is not None:
+            self.threshold.clear()
+
+    def _fix(self, text: str) -> None:
+        if text.strip():
+            self.way.setCurrentText(FIXED)
 
     def settings(self) -> dict[str, Any]:
         """Return keyword arguments of `napari_unpack.segment`.
@@ -48,19 +80,22 @@ class SegmentOptions(Disclosure):
         Raises
         ------
         ValueError
-            If the threshold is no number.
+            If the fixed density is no number.
         """
-        text = self.threshold.text().strip().replace(",", ".")
-        try:
-            threshold = float(text) if text else None
-        except ValueError as error:
-            raise ValueError(
-                f"the density from which there is matter must be a number, got {text!r}; "
-                "leave it empty for automatic"
-            ) from error
+        way, _ = WAYS[self.way.currentText()]
         return {
-            "threshold": threshold,
+            "foreground": self._density() if way is None else way,
             "smallest": 1000.0 * self.smallest.value(),
             "supports": self.supports.isChecked(),
             "shell": self.shell.isChecked(),
         }
+
+    def _density(self) -> float:
+        text = self.threshold.text().strip().replace(",", ".")
+        try:
+            return float(text)
+        except ValueError as error:
+            raise ValueError(
+                f"the density from which there is matter must be a number, got {text!r}; "
+                "choose another way than a fixed density to have it found"
+            ) from error
