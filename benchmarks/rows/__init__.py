@@ -14,6 +14,7 @@ ORDER = (
     "dragging",
     "animation",
     "unpackability",
+    "surveying",
     "interfering",
     "recolouring",
     "unpacking_steps",

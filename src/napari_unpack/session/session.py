@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -12,17 +11,17 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
 from napari_unpack.session.checks import checked_count, checked_ids
+from napari_unpack.session.directions import SessionDirections
 from napari_unpack.session.errors import BlockedError, NobodyFreeError, listed
 from napari_unpack.session.log import LogEntry
-from napari_unpack.session.sight import SessionSight
 from napari_unpack.session.state import Berth, Situation
-from napari_unpack.unpacking import Queue, bag_up, named, oriented_box, towards_viewer
+from napari_unpack.unpacking import Queue, named
 from napari_unpack.unpacking.occlusion import Rule
 
 Group = tuple[int, ...]
 
 
-class Session(SessionSight):
+class Session(SessionDirections):
     """A bag being unpacked: what is where, who leaves next, and the verbs that change it.
 
     Pure state: no window, no GL. Arguments as for `SessionCore`.
@@ -48,40 +47,8 @@ class Session(SessionSight):
 
     take_least_occluded: bool = True
     rule: Rule = "exact"
-    tolerance: float = 0.0
-    most_in_group: int = 4
     _answer: OcclusionAnswer | None = None
-
-    @property
-    def direction(self) -> str | tuple[float, float, float] | None:
-        """D as asked for: None (opposite of the view), "up" (the bag's), or world (z, y, x)."""
-        return self._situation.direction
-
-    @direction.setter
-    def direction(self, direction: str | Sequence[float] | None) -> None:
-        wanted: str | tuple[float, float, float] | None
-        if direction is None or (isinstance(direction, str) and direction == "view"):
-            wanted = None
-        elif isinstance(direction, str) and direction == "up":
-            wanted = "up"
-        else:
-            z, y, x = (float(v) for v in named(direction))
-            wanted = (z, y, x)
-        if wanted != self._situation.direction:
-            self._do("direction", replace(self._situation, direction=wanted))
-
-    @property
-    def unpack_direction(self) -> Vector:
-        """D now: unit vector in world, along which objects leave."""
-        wanted = self._situation.direction
-        if wanted is None:
-            return towards_viewer(self._camera)
-        return self.bag_up if isinstance(wanted, str) else np.array(wanted)
-
-    @cached_property
-    def bag_up(self) -> Vector:
-        """Up of the bag as it lies on its largest face, unit vector in world."""
-        return bag_up(oriented_box(self.bag.outer_points(), self.spacing))
+    _other_answer: OcclusionAnswer | None = None
 
     @property
     def log(self) -> list[LogEntry]:
@@ -154,19 +121,68 @@ class Session(SessionSight):
         self._do("unpack", situation)
         return left
 
-    def reveal(self, object_id: int) -> Group:
-        """Take out the smallest set of objects that frees a buried one, and it as well."""
+    def reveal(
+        self, object_id: int, direction: str | Sequence[float] | Vector | None = None
+    ) -> Group:
+        """Take out the smallest set of objects that frees a buried one, and it as well.
+
+        Parameters
+        ----------
+        object_id : int
+            A packed object.
+        direction : str or (3,) sequence of float, optional
+            Along which they leave: by default D, which stays as it is; "any" takes the one of
+            26 along which the fewest leave (see `unearthing`).
+
+        Returns
+        -------
+        tuple of int
+            Who left, in order.
+
+        Raises
+        ------
+        ValueError
+            If the object is not packed, or there is no table of blockers.
+        """
         (object_id,) = checked_ids(object_id, self._known, "object_id")
-        packed = self._packed(self._situation)
+        situation = replace(self._situation, inspected=None)
+        packed = self._packed(situation)
         if object_id not in packed:
             raise ValueError(f"object_id must be a packed object, got {object_id}")
-        answer = self._known_answer(packed)
+        if direction is None:
+            along = self.unpack_direction
+        elif isinstance(direction, str):
+            along = named(direction) if direction != "any" else self.unearthing(object_id).direction
+        else:
+            along = named(tuple(direction))
+        before = self._answer
+        answer = self.answer_along(along)
         if answer.blocking is None:
             raise ValueError(
                 "reveal needs the table of blockers, which only the rule 'exact' has, and only up "
                 f"to 4,096 objects; got the rule {self.rule!r} and {len(packed)} packed objects"
             )
-        return self.unpack(answer.blocking.among(packed).needed(object_id))
+        graph = answer.blocking.among(packed)
+        left: list[int] = []
+        for group in graph.departures(graph.needed(object_id)):
+            asked = not left and answer is not before
+            situation = self._leave(situation, group, asked, along)
+            left.extend(group)
+        self._do("reveal", situation)
+        return tuple(left)
+
+    def answer_along(self, direction: Vector) -> OcclusionAnswer:
+        """Return who is free, and who blocks whom, along any direction; kept for the last asked.
+
+        With the direction the session has, this is the answer its queue goes by.
+        """
+        packed = self._packed(self._situation)
+        if np.allclose(direction, self.unpack_direction, rtol=0, atol=1e-6):
+            return self._known_answer(packed)
+        known = self._other_answer
+        if known is None or not known.serves(direction, packed):
+            known = self._other_answer = self._question(packed, direction).answer()
+        return known
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Put objects back into the bag, at the head of the queue.
@@ -238,10 +254,6 @@ class Session(SessionSight):
         berth = replace(self._situation.out[object_id], placed=pose)
         out = {**self._situation.out, object_id: berth}
         self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
-
-    def _packed(self, situation: Situation) -> frozenset[int]:
-        """Return who stands in the way: what is on its way back counts as being there."""
-        return self._known.difference(situation.out, situation.hidden, [situation.inspected])
 
     def _question(self, packed: frozenset[int], direction: Vector) -> OcclusionQuestion:
         pitch = float(self.spacing.min())
@@ -341,10 +353,13 @@ class Session(SessionSight):
             return ()
         return (self._known_answer(packed, afresh=True).least_occluded(packed),)
 
-    def _leave(self, situation: Situation, group: Group, asked: bool) -> Situation:
+    def _leave(
+        self, situation: Situation, group: Group, asked: bool, along: Vector | None = None
+    ) -> Situation:
         taken = {berth.slot for berth in situation.out.values()}
         places = iter(k for k in range(len(self._ids)) if k not in taken)
-        direction, camera = self.unpack_direction, self._camera
+        camera = self._camera
+        direction = self.unpack_direction if along is None else along
         berths: dict[int, Berth] = {
             i: self.bag.berth(i, next(places), group, direction, camera) for i in group
         }

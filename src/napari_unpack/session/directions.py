@@ -1,0 +1,218 @@
+"""Which way objects leave: D, the best of 26 directions, and the least that frees an object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from time import perf_counter
+
+import numpy as np
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.session.asking import view_along
+from napari_unpack.session.checks import checked_ids
+from napari_unpack.session.sight import SessionSight
+from napari_unpack.session.state import Situation
+from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
+from napari_unpack.unpacking.survey import (
+    COMPASS,
+    Outlook,
+    Unearthing,
+    WayOut,
+    best_way_out,
+    least_unearthing,
+)
+
+MOST_SURVEY_RAYS = 512
+"""Most rays along one side of a survey's picture: it proposes; what leaves is asked anew."""
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Who blocks whom along every direction of the compass.
+
+    Parameters
+    ----------
+    packed : frozenset of int
+        Objects that were in the bag.
+    outlooks : tuple of Outlook
+        Empty where there are too many objects for a table.
+    seconds : float
+        What it took.
+    """
+
+    packed: frozenset[int]
+    outlooks: tuple[Outlook, ...]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyQuestion:
+    """The question who blocks whom along every direction of the compass.
+
+    Parameters
+    ----------
+    packed : frozenset of int
+        Objects in the bag.
+    tolerance : float
+        See `unpacking.free_ids`.
+    cast : callable
+        Given D, returns the counts along it.
+    """
+
+    packed: frozenset[int]
+    tolerance: float
+    cast: Callable[[Vector], OcclusionCounts]
+
+    def answer(self, progress: Progress | None = None) -> Survey:
+        """Cast the rays; may run on any thread.
+
+        Notes
+        -----
+        A ray looked along the other way meets the same objects in the opposite order, so half
+        of the compass is cast. With a tolerance, who is free within it is counted along each
+        direction, and all of it is cast.
+        """
+        start = perf_counter()
+        halved = self.tolerance == 0.0
+        directions = COMPASS[: len(COMPASS) // 2] if halved else COMPASS
+        found: list[Outlook] = []
+        for k, direction in enumerate(directions):
+            if progress is not None:
+                progress(k / len(directions), "Looking for a way out")
+            counts = self.cast(direction)
+            outlook = Outlook.of(direction, counts, self.packed, self.tolerance)
+            if outlook is None:
+                break
+            found += [outlook, outlook.opposite()] if halved else [outlook]
+        return Survey(self.packed, tuple(found), perf_counter() - start)
+
+
+class SessionDirections(SessionSight):
+    """D, the direction in which objects leave, and what is known of others.
+
+    Notes
+    -----
+    A survey serves while nobody comes back who was away when it was made: taking objects out
+    takes their rows and columns out of its tables and changes no other. It does not hang on the
+    view, so that turning the bag asks nothing anew.
+    """
+
+    tolerance: float = 0.0
+    most_in_group: int = 4
+    _survey: Survey | None = None
+
+    @property
+    def direction(self) -> str | tuple[float, float, float] | None:
+        """D as asked for: None (opposite of the view), "up" (the bag's), or world (z, y, x)."""
+        return self._situation.direction
+
+    @direction.setter
+    def direction(self, direction: str | Sequence[float] | None) -> None:
+        wanted: str | tuple[float, float, float] | None
+        if direction is None or (isinstance(direction, str) and direction == "view"):
+            wanted = None
+        elif isinstance(direction, str) and direction == "up":
+            wanted = "up"
+        else:
+            z, y, x = (float(v) for v in named(direction))
+            wanted = (z, y, x)
+        if wanted != self._situation.direction:
+            self._do("direction", replace(self._situation, direction=wanted))
+
+    @property
+    def unpack_direction(self) -> Vector:
+        """D now: unit vector in world, along which objects leave."""
+        wanted = self._situation.direction
+        if wanted is None:
+            return towards_viewer(self._camera)
+        return self.bag_up if isinstance(wanted, str) else np.array(wanted)
+
+    @cached_property
+    def bag_up(self) -> Vector:
+        """Up of the bag as it lies on its largest face, unit vector in world."""
+        return bag_up(oriented_box(self.bag.outer_points(), self.spacing))
+
+    def _packed(self, situation: Situation) -> frozenset[int]:
+        """Return who stands in the way: what is on its way back counts as being there."""
+        return self._known.difference(situation.out, situation.hidden, [situation.inspected])
+
+    def survey_question(self) -> SurveyQuestion | None:
+        """Return the question `way_out` and `unearthing` rest on; None where it is answered.
+
+        Its `answer()` may run on another thread; hand the result to `accept_survey`.
+        """
+        packed = self._packed(self._situation)
+        if not packed or (self._survey is not None and packed <= self._survey.packed):
+            return None
+        visible, cast = self._table(packed), self.casters.occlusion
+        lower, upper, camera = self.bag.lower, self.bag.upper, self._camera
+        pitch = max(
+            float(self.spacing.min()), float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
+        )
+
+        def counts(direction: Vector) -> OcclusionCounts:
+            looking, size = view_along(direction, lower, upper, pitch, camera)
+            return cast(looking, visible, size)
+
+        return SurveyQuestion(packed, self.tolerance, counts)
+
+    def accept_survey(self, survey: Survey) -> bool:
+        """Take over a survey; return False where somebody has come back meanwhile."""
+        if not self._packed(self._situation) <= survey.packed:
+            return False
+        self._survey = survey
+        return True
+
+    def way_out(self, ask: bool = False) -> WayOut | None:
+        """Return the direction of 26 along which the most objects can leave now.
+
+        Parameters
+        ----------
+        ask : bool
+            Cast rays where that is not known yet; else None is returned then.
+
+        Returns
+        -------
+        WayOut or None
+            None also where nobody is free along any of them. Ties go to the one nearest D.
+        """
+        survey = self._known_survey(ask)
+        if survey is None:
+            return None
+        packed = self._packed(self._situation)
+        return best_way_out(survey.outlooks, packed, self.most_in_group, self.unpack_direction)
+
+    def unearthing(self, object_id: int) -> Unearthing:
+        """Return the smallest set of objects, and the direction of 26, that frees a buried one.
+
+        Casts rays where the survey is not known. Ties go to the direction nearest D.
+
+        Raises
+        ------
+        ValueError
+            If the object is not packed, or there are more than 4,096 objects.
+        """
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        packed = self._packed(self._situation)
+        if object_id not in packed:
+            raise ValueError(f"object_id must be a packed object, got {object_id}")
+        survey = self._known_survey(ask=True)
+        if survey is None or not survey.outlooks:
+            raise ValueError(
+                "reveal needs the table of blockers, which exists up to 4,096 objects; got "
+                f"{len(packed)} packed objects: hide or unpack some first"
+            )
+        return least_unearthing(survey.outlooks, packed, object_id, self.unpack_direction)
+
+    def _known_survey(self, ask: bool) -> Survey | None:
+        question = self.survey_question()
+        if question is not None and ask:
+            self._survey = question.answer()
+        elif question is not None:
+            return None
+        return self._survey

@@ -1,0 +1,102 @@
+"""A session that looks along 26 directions: the best way out, and reveal along any of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bags import AxisCasters, hooked, session_of, stack_of_plates
+
+from napari_unpack.session import ObjectState, Session
+
+
+def boxed_in() -> np.ndarray:
+    """A core (1) between plates on all six sides; towards -y there is one (2), elsewhere are two."""
+    labels = np.zeros((15, 15, 15), np.uint16)
+    labels[6:9, 6:9, 6:9] = 1
+    labels[6:9, 5, 6:9] = 2
+    for k, (axis, first, second) in enumerate(
+        [(1, 9, 11), (0, 5, 3), (0, 9, 11), (2, 5, 3), (2, 9, 11)]
+    ):
+        for j, place in enumerate((first, second)):
+            part = [slice(6, 9)] * 3
+            part[axis] = slice(place, place + 1)
+            labels[tuple(part)] = 3 + 2 * k + j
+    return labels
+
+
+def real_session(labels: np.ndarray) -> Session:
+    volume = np.where(labels > 0, 1000.0, 0.0).astype(np.float32)
+    session = Session(volume, labels)
+    session.backend = "cpu"
+    return session
+
+
+def test_the_least_that_frees_the_core_is_the_lid():
+    session = real_session(boxed_in())
+    found = session.unearthing(1)
+    assert found.ids == {1, 2}
+    np.testing.assert_allclose(found.direction, (0, -1, 0))
+    session.direction = "+z"
+    assert len(session.answer_along(session.unpack_direction).blocking.needed(1)) == 3
+    assert session.reveal(1, "any") == (2, 1)
+    assert session.direction == (1.0, 0.0, 0.0)
+    assert session.states[1] is ObjectState.UNPACKED
+    out = session._situation.out
+    np.testing.assert_allclose(out[1].direction, (0, -1, 0))
+    session.undo()
+    assert set(session.states.values()) == {ObjectState.PACKED}
+
+
+def test_a_survey_serves_while_objects_leave_and_not_when_one_comes_back():
+    session = real_session(boxed_in())
+    session.hide(2)
+    question = session.survey_question()
+    survey = question.answer()
+    assert len(survey.outlooks) == 26
+    assert session.accept_survey(survey)
+    assert session.survey_question() is None
+    session.direction = "+x"
+    session.unpack([12])
+    assert session.survey_question() is None
+    session.restore()
+    assert session.survey_question() is None
+    assert session.way_out() is not None
+    session.show(2)
+    assert session.survey_question() is not None
+    assert session.way_out() is None
+    assert not session.accept_survey(survey)
+    assert session.way_out(ask=True) is not None
+
+
+def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
+    labels = stack_of_plates()
+    session = session_of(labels)
+    casters: AxisCasters = session.casters.occlusion.__self__
+    survey = session.survey_question().answer()
+    assert casters.asked == 13
+    by_way = {tuple(np.round(o.direction, 3)): o for o in survey.outlooks}
+    assert by_way[(1.0, 0.0, 0.0)].free_groups() == [(5,)]
+    assert by_way[(-1.0, 0.0, 0.0)].free_groups() == [(1,)]
+    assert len(by_way[(0.0, 1.0, 0.0)].free_groups()) == 5
+    session.tolerance = 0.001
+    session.survey_question().answer()
+    assert casters.asked == 13 + 26
+
+
+def test_the_best_way_out_of_plates_is_sideways_and_along_hooks_too():
+    session = session_of(stack_of_plates())
+    assert session.way_out(ask=True).ids == {1, 2, 3, 4, 5}
+    held = session_of(hooked())
+    held.direction = "-z"
+    assert held.reveal(3) == (1, 2, 3)
+    held.undo()
+    assert len(held.reveal(3, "any")) == 1
+
+
+def test_reveal_says_what_is_wrong():
+    session = session_of(stack_of_plates())
+    session.unpack(1)
+    with pytest.raises(ValueError, match="packed"):
+        session.unearthing(1)
+    with pytest.raises(ValueError, match="direction must be one of"):
+        session.reveal(3, "sideways")
