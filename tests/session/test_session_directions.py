@@ -10,7 +10,7 @@ from napari_unpack.session import ObjectState, Session
 
 
 def boxed_in() -> np.ndarray:
-    """A core (1) between plates on all six sides; towards -y there is one (2), elsewhere are two."""
+    """A core (1) between plates: one (2) towards -y, two towards every other side."""
     labels = np.zeros((15, 15, 15), np.uint16)
     labels[6:9, 6:9, 6:9] = 1
     labels[6:9, 5, 6:9] = 2
