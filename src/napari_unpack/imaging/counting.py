@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.counts import OcclusionCounts
-from napari_unpack.geometry.view import View
+from napari_unpack.geometry.view import Camera, View
 from napari_unpack.imaging.arguments import (
     Labels,
     checked_labels,
@@ -20,11 +20,13 @@ from napari_unpack.imaging.arguments import (
     checked_spacing,
     checked_view,
 )
-from napari_unpack.imaging.casting import cast_occlusion
+from napari_unpack.imaging.casting import cast_occlusion, off_faces, rays_for
 from napari_unpack.imaging.pictures import step_scale
 from napari_unpack.unpacking.occlusion import Definition, ratios
 
 DEFINITIONS = get_args(Definition)
+Method = Literal["one_pass", "queries"]
+METHODS = get_args(Method)
 
 
 def occlusion(
@@ -81,6 +83,7 @@ def occlusion_ratios(
     hidden: Iterable[int] = (),
     backend: str = "auto",
     step: float | None = None,
+    method: Method = "one_pass",
 ) -> dict[int, float]:
     """Measure how much of every object is hidden by others, 0 being free.
 
@@ -90,6 +93,9 @@ def occlusion_ratios(
         As for `occlusion`.
     definition : {"first_hit", "exact", "eq2", "first_hit_bbox", "listing"}
         What is counted, see Notes.
+    method : {"one_pass", "queries"}
+        All objects in one walk of the rays, or, with OpenGL and "first_hit" alone, the paper's
+        occlusion queries: a pass an object within its box, up to 256 objects.
 
     Returns
     -------
@@ -112,7 +118,14 @@ def occlusion_ratios(
     """
     if definition not in DEFINITIONS:
         raise ValueError(f"definition must be one of {DEFINITIONS}, got {definition!r}")
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {METHODS}, got {method!r}")
     given = checked_labels(labels)
+    if method == "queries":
+        if definition != "first_hit":
+            raise ValueError(f'method "queries" measures "first_hit" alone, got {definition!r}')
+        queried = _queried(given, spacing, view, size, hidden, step)
+        return {given.name(label): ratio for label, ratio in queried.items()}
     boxes = definition == "first_hit_bbox"
     counts = _counted(given, spacing, view, size, hidden, backend, step, boxes)
     found = ratios(counts, definition)
@@ -130,10 +143,7 @@ def _counted(
     boxes: bool,
 ) -> OcclusionCounts:
     mm, pixels = checked_spacing(spacing), checked_size(size)
-    if view is not None and not isinstance(view, View):
-        z, y, x = unit(view, "view")
-        view = View(direction=(float(z), float(y), float(x)))
-    camera = checked_view(view).orthographic().camera(given.array.shape, mm)
+    camera = _camera(given, mm, view)
     counts: OcclusionCounts = cast_occlusion(
         given.array, mm, camera, given.visible(hidden), pixels,
         step_scale=step_scale(step, mm), backend=backend,
@@ -144,6 +154,31 @@ def _counted(
     area = np.zeros(given.size)
     area[found.ids] = found.front_areas(mm, camera.direction) / (camera.height / pixels[0]) ** 2
     return replace(counts, front_area=area)
+
+
+def _queried(
+    given: Labels,
+    spacing: ArrayLike,
+    view: View | Sequence[float] | None,
+    size: Sequence[int],
+    hidden: Iterable[int],
+    step: float | None,
+) -> dict[int, float]:
+    from napari_unpack.rendering import gl_backend
+
+    mm, pixels = checked_spacing(spacing), checked_size(size)
+    rays = rays_for(_camera(given, mm, view), pixels, mm, step_scale=step_scale(step, mm))
+    found = gl_backend.first_hits(
+        given.array, off_faces(rays), given.visible(hidden), label_boxes(given.array)
+    )
+    return found.ratios
+
+
+def _camera(given: Labels, mm: NDArray[np.float64], view: View | Sequence[float] | None) -> Camera:
+    if view is not None and not isinstance(view, View):
+        z, y, x = unit(view, "view")
+        view = View(direction=(float(z), float(y), float(x)))
+    return checked_view(view).orthographic().camera(given.array.shape, mm)
 
 
 def _renamed(counts: OcclusionCounts, given: Labels) -> OcclusionCounts:

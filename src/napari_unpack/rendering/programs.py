@@ -33,7 +33,10 @@ class Programs:
 
 
 def compiled(
-    fragment: str, defines: Mapping[str, object] | None = None, vertex: str = "fullscreen.vert"
+    fragment: str,
+    defines: Mapping[str, object] | None = None,
+    vertex: str = "fullscreen.vert",
+    version: str | None = None,
 ) -> gloo.Program:
     """Compile and link one pass in the current context.
 
@@ -43,6 +46,8 @@ def compiled(
         Files under shaders/passes/.
     defines : mapping, optional
         Macros for both.
+    version : str, optional
+        GLSL's, for both; by default 1.20.
 
     Returns
     -------
@@ -56,7 +61,7 @@ def compiled(
     RuntimeError
         If no canvas is current.
     """
-    vert, frag = load(f"passes/{vertex}", defines), load(f"passes/{fragment}", defines)
+    vert, frag = (load(f"passes/{name}", defines, version) for name in (vertex, fragment))
     program = linked(vert, frag)
     if "a_position" in program:
         corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]

@@ -38,9 +38,12 @@ def read(path: str) -> str:
 
 
 def load(
-    path: str, defines: Mapping[str, object] | None = None, read: Callable[[str], str] = read
+    path: str,
+    defines: Mapping[str, object] | None = None,
+    version: str | None = None,
+    read: Callable[[str], str] = read,
 ) -> ShaderSource:
-    """Join a shader under shaders/ with what it includes, macros first.
+    """Join a shader under shaders/ with what it includes, version and macros first.
 
     Raises
     ------
@@ -68,5 +71,6 @@ def load(
             lines.append(f"#line {base + number}")
         return lines
 
-    head = [f"#define {key} {value}" for key, value in (defines or {}).items()]
+    head = [f"#version {version}"] if version else []
+    head += [f"#define {key} {value}" for key, value in (defines or {}).items()]
     return ShaderSource("\n".join([*head, *expand(path, ())]) + "\n", tuple(files))

@@ -1,0 +1,66 @@
+"""The paper's second method, one pass with atomic counters, against the CPU ray caster."""
+
+import os
+
+import numpy as np
+import pytest
+
+from napari_unpack import raycasting
+from napari_unpack.geometry.rays import cast_rays, voxel_from_world
+from napari_unpack.geometry.view import View
+from napari_unpack.rendering import gl_backend, occlusion_atomics
+from napari_unpack.rendering.occlusion_atomics import RayTooCrowdedError
+from napari_unpack.rendering.programs import compiled
+
+COUNTERS = ("samples", "hits", "occluded_hits", "occluded_samples", "exact_samples")
+
+
+@pytest.fixture
+def atomics(gl):
+    if not occlusion_atomics.supported():
+        reason = "this driver has no shader storage buffers (OpenGL 4.3)"
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail(reason)
+        pytest.skip(reason)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_one_pass_counts_what_the_cpu_counts(atomics, seed):
+    rng = np.random.default_rng(seed)
+    shape, spacing = (14, 17, 20), (1.3, 1.0, 0.8) if seed % 2 else (1.0, 1.0, 1.0)
+    labels = rng.integers(0, 8, (7, 9, 10)).repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    labels = np.ascontiguousarray(labels[:14, :17, :20]).astype(np.uint16) * 30
+    visible = np.zeros(211, bool)
+    visible[[30, 60, 90, 150, 210]] = True
+    camera = View(direction=tuple(rng.normal(size=3))).camera(shape, spacing)
+    rays = cast_rays(camera, (24, 26), voxel_from_world(spacing), 0.61)
+    wanted = raycasting.occlusion_counts(labels, rays, visible)
+    bricks = raycasting.Bricks.of(labels) if seed % 3 else None
+    found = gl_backend.occlusion_counts(labels, rays, visible, bricks, method="atomics")
+    np.testing.assert_array_equal(found.ids, wanted.ids)
+    np.testing.assert_array_equal(found.blocks, wanted.blocks)
+    for name in COUNTERS:
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
+
+
+def crowd():
+    """120 plates of 120 objects along z, and rays through all of them."""
+    labels = np.repeat(np.arange(1, 121, dtype=np.uint16), 16).reshape(120, 4, 4)
+    camera = View(direction=(1, 0, 0), height=4.0).camera(labels.shape, (1, 1, 1))
+    visible = np.ones(121, bool)
+    visible[0] = False
+    return labels, cast_rays(camera, (4, 4), voxel_from_world((1, 1, 1)), 0.5), visible
+
+
+def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics):
+    labels, rays, visible = crowd()
+    with pytest.raises(RayTooCrowdedError):
+        gl_backend.occlusion_counts(labels, rays, visible, method="atomics")
+    found = gl_backend.occlusion_counts(labels, rays, visible)
+    assert found.hits[1:].tolist() == [16] * 120
+    # Plate 1 blocks all others, the last one nobody.
+    assert found.blocks.sum(axis=1).tolist() == list(range(119, -1, -1))
+
+
+def test_the_pass_compiles(atomics):
+    assert compiled("count_occluded.frag", version=occlusion_atomics.VERSION).variables
