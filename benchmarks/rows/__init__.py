@@ -15,6 +15,7 @@ ORDER = (
     "animation",
     "unpackability",
     "surveying",
+    "gl_occlusion",
     "interfering",
     "recolouring",
     "unpacking_steps",
