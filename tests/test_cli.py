@@ -75,7 +75,21 @@ def test_segment_and_score(bag: Path) -> None:
     assert bag.with_name("objects.csv").read_text().startswith("id,voxels")
     result = run("score", bag, bag)
     assert result.exit_code == 0, result.output
-    assert dict(line.split() for line in result.stdout.splitlines())["f1"] == "1.0000"
+    lines = {line.split()[0]: line.split(maxsplit=2)[1:] for line in result.stdout.splitlines()}
+    assert lines["f1"] == ["1.0000", "objects matched at IoU > 0.5"]
+    kinds = bag.with_name("kinds.csv")
+    kinds.write_text("id,kind\n1,bottle\n2,box\n3,box\n")
+    result = run("score", bag, bag, "--table", kinds, "--boundary")
+    rows = [line.split() for line in result.stdout.splitlines()[-4:]]
+    assert rows[0][:4] == ["group", "objects", "found", "found_75"]
+    assert [row[:3] for row in rows[1:]] == [
+        ["bottle", "1", "100%"],
+        ["box", "2", "100%"],
+        ["all", "3", "100%"],
+    ]
+    result = run("score", bag, bag, "--table", kinds, "--by", "colour")
+    assert result.exit_code == 1
+    assert "must have a column 'colour'" in result.stderr
 
 
 def test_labels_can_come_from_another_file(bag: Path) -> None:

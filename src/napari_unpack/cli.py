@@ -149,13 +149,21 @@ def score(
         Path, typer.Argument(metavar="TRUTH", help="True labels, such as a simulated bag's .npz.")
     ],
     found: Annotated[Path, typer.Argument(metavar="FOUND", help="Labels to judge.")],
+    table: Annotated[
+        Path | None,
+        typer.Option(help="Table of the true objects (.csv with id), such as simulate writes."),
+    ] = None,
+    by: Annotated[str, typer.Option(help="Column of that table to summarise by.")] = "kind",
+    boundary: Annotated[
+        bool, typer.Option("--boundary", help="Measure distances between boundaries too.")
+    ] = False,
 ) -> None:
-    """Compare labels with the truth."""
-    from napari_unpack import score as compare
+    """Compare labels with the truth, in all and by kind of object."""
     from napari_unpack.io import load_labels
+    from napari_unpack.io.scoring import score_report
 
-    for name, value in compare(load_labels(truth)[0], load_labels(found)[0]).items():
-        typer.echo(f"{name:<20}{value:.4f}")
+    (true, spacing), (seen, _) = load_labels(truth), load_labels(found)
+    typer.echo(score_report(true, seen, spacing, table, by, boundary))
 
 
 @app.command()

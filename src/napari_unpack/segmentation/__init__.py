@@ -2,7 +2,8 @@
 
 from napari_unpack.segmentation.confidence import Oracle
 from napari_unpack.segmentation.evaluation import score
+from napari_unpack.segmentation.evaluation_by_object import score_by, score_objects
 from napari_unpack.segmentation.pipeline import Segmentation, segment
 from napari_unpack.segmentation.region import Region
 
-__all__ = ["Oracle", "Region", "Segmentation", "score", "segment"]
+__all__ = ["Oracle", "Region", "Segmentation", "score", "score_by", "score_objects", "segment"]

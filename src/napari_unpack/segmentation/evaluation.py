@@ -32,6 +32,9 @@ def score(truth: ArrayLike, found: ArrayLike) -> dict[str, float]:
         oversegmentation, undersegmentation
             Mean number of found objects covering at least 5 % of a true one; mean number of
             true objects covered to at least 5 % by a found one.
+        fragmentation_rate, merge_rate
+            Share of true objects that more than one found object covers to at least 5 %; share
+            of true objects that lie to at least 5 % in a found one that does so for another.
         count_error
             |found - true| / true, of objects.
         false_foreground, missed_foreground
@@ -137,7 +140,10 @@ def _coverage(table: NDArray[np.int64]) -> dict[str, float]:
     covers = share >= 0.05
     found, true = table[:, 1:].sum(), table[1:].sum()
     used = covers.any(axis=0)
+    shared = covers & (covers.sum(0) > 1)
     return {
+        "fragmentation_rate": float((covers.sum(1) > 1).mean()),
+        "merge_rate": float(shared.any(axis=1).mean()),
         "oversegmentation": float(covers.sum(1).mean()),
         "undersegmentation": float(covers.sum(0)[used].mean()) if used.any() else 0.0,
         "false_foreground": float(table[0, 1:].sum() / found) if found else 0.0,
