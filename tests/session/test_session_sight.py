@@ -274,7 +274,6 @@ VOLUME = LABELS.astype(np.float32)
         ((VOLUME, LABELS * 0), ValueError, "labels hold no object"),
         ((VOLUME, LABELS.astype(float)), TypeError, "labels must be integers"),
         ((VOLUME, LABELS.astype(int) - 1), ValueError, "labels must not be negative"),
-        ((VOLUME, LABELS.astype(int) * 20000), ValueError, "labels must be at most 65535"),
         ((VOLUME, LABELS, (1, 1)), ValueError, "spacing must be three positive numbers"),
         ((VOLUME, LABELS, (1, 0, 1)), ValueError, "spacing must be three positive numbers"),
     ],
@@ -290,3 +289,16 @@ def test_labels_of_any_integer_dtype_become_uint16_and_grow_for_display():
     assert session.display_labels is session.display_labels
     assert (session.display_labels[session.labels > 0] == session.labels[session.labels > 0]).all()
     assert (session.display_labels > 0).sum() > (session.labels > 0).sum()
+
+
+def test_ids_above_65535_are_renumbered_and_people_see_their_own():
+    given = np.where(LABELS > 0, LABELS.astype(np.int64) * 100_000, 0)
+    names = pd.DataFrame({"name": ["mine"]}, index=pd.Index([200_000], name="id"))
+    session = Session(VOLUME, given, objects=names)
+    assert session.labels.dtype == np.uint16
+    assert session.ids == tuple(range(1, len(np.unique(LABELS[LABELS > 0])) + 1))
+    assert [session.label_of(i) for i in session.ids] == [100_000 * i for i in session.ids]
+    assert session.objects.loc[1, "name"] == "Object 100000"
+    assert session.objects.loc[2, "name"] == "mine"
+    assert session.objects["label"].tolist() == [100_000 * i for i in session.ids]
+    np.testing.assert_array_equal(session.labels, LABELS)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from bags import session_of, stack_of_plates
 from hypothesis import settings
@@ -23,8 +25,6 @@ def test_undo_takes_steps_back_in_turn_and_redo_does_them_again():
     for verb in (
         lambda: session.unpack(2),
         lambda: session.hide([5]),
-        lambda: session.inspect(1),
-        session.leave,
         lambda: session.restore([1]),
         lambda: session.isolate([3]),
     ):
@@ -88,6 +88,32 @@ def test_the_queue_is_the_one_of_then():
     session.unpack(2)
     session.undo()
     assert session.unpackable() == (1,)
+
+
+def test_looking_at_an_object_is_no_step_and_undo_ends_it():
+    session = session_of(stack_of_plates())
+    session.unpack(1)
+    session.inspect(1)
+    session.leave()
+    session.inspect(1)
+    assert session.undo() == "unpack"
+    assert set(names(session).values()) == {"PACKED"}
+    assert session.undo() is None
+    session.inspect(3)
+    assert session.redo() == "unpack"
+    assert names(session) == {1: "UNPACKED"} | dict.fromkeys((2, 3, 4, 5), "PACKED")
+
+
+def test_what_changed_between_two_moves_is_not_taken_back_with_them():
+    session = session_of(stack_of_plates())
+    session.unpack(1)
+    home = session.poses[1]
+    session.place(1, replace(home, scale=2.0))
+    session.accept_hues({4: 0.321}, undoable=False)
+    session.place(1, replace(home, scale=3.0))
+    assert session.undo() == "move 1"
+    assert session.poses[1].scale == home.scale
+    assert session.hues[4] == 0.321
 
 
 class RandomCommands(RuleBasedStateMachine):

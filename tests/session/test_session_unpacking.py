@@ -260,6 +260,7 @@ def test_inspection_takes_one_object_aside_and_leaving_puts_it_where_it_was():
 def test_what_was_asked_during_an_inspection_does_not_hold_after_it(end):
     # Plate 1 is looked at, so plate 2 is foremost in the bag; back in it, 1 stands before 2.
     session = session_of(stack_of_plates(3))
+    session.rename(3, "a plate")
     session.inspect(1)
     assert session.unpackable() == (2,)
     end(session)

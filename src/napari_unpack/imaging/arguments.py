@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.compaction import compact_labels
 from napari_unpack.geometry.view import View
 
 MOST_IDS = 65_536
@@ -110,13 +111,8 @@ def checked_labels(labels: ArrayLike) -> Labels:
         return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)
     if top > np.iinfo(np.int64).max:
         raise ValueError(f"labels must be below 2**63, got {top}; renumber them")
-    names, compact = np.unique(array, return_inverse=True)
-    if names[0] != 0:
-        names, compact = np.concatenate([np.zeros(1, names.dtype), names]), compact + 1
-    if len(names) > MOST_IDS:
-        raise ValueError(f"labels must hold at most 65,535 objects, got {len(names) - 1}")
-    fitting = compact.reshape(array.shape).astype(np.uint16)
-    return Labels(fitting, len(names), names.astype(np.int64))
+    fitting, names = compact_labels(array)
+    return Labels(fitting, len(names), names)
 
 
 def checked_volume(

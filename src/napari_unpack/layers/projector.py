@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.axes import Matrix
@@ -158,7 +159,13 @@ class Projector:
             return
         pose = self.session.poses.get(one.object_id)
         self.session.leave()
-        if pose is not None:
+        if pose is None:
+            return
+        if np.array_equal(one.rotation, pose.rotation):
+            # An object that was only looked at has not been moved: nothing to undo.
+            self._director.landed(one.object_id, pose)
+            self._show_sprites()
+        else:
             self._place(one.object_id, replace(pose, rotation=one.rotation))
 
     def turn(self, object_id: int, rotation: Matrix) -> None:

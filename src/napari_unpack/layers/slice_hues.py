@@ -29,7 +29,7 @@ class SliceHues:
     def __init__(self, session: Any, sources: Sequence[Any]) -> None:
         self._session = session
         self._theirs = [
-            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session.labels)
+            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session)
         ]
 
     def paint(self) -> None:
@@ -39,7 +39,7 @@ class SliceHues:
         session = self._session
         tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
         colors: dict[int | None, Any] = {None: np.zeros(4, np.float32)}
-        colors |= {i: tints[i] for i in session.ids}
+        colors |= {session.label_of(i): tints[i] for i in session.ids}
         for layer, _ in self._theirs:
             layer.colormap = DirectLabelColormap(color_dict=colors)
 
@@ -50,8 +50,11 @@ class SliceHues:
         self._theirs = []
 
 
-def _shows_labels(layer: Any, labels: Any) -> bool:
+def _shows_labels(layer: Any, session: Any) -> bool:
+    labels = session.labels
     if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
         return False
     some = (slice(None, None, STRIDE),) * 3
-    return bool(np.array_equal(np.asarray(layer.data[some]), labels[some]))
+    given = np.zeros(session.ids[-1] + 1, np.int64)
+    given[list(session.ids)] = [session.label_of(i) for i in session.ids]
+    return bool(np.array_equal(np.asarray(layer.data[some]), given[labels[some]]))

@@ -42,7 +42,7 @@ def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
 def describe(session: Any, object_id: int) -> str:
     """Return what an object is called, and its confidence where there is one."""
     row = session.objects.loc[object_id]
-    name = str(row.get("name", f"Object {object_id}"))
+    name = str(row.get("name", f"Object {session.label_of(object_id)}"))
     confidence = float(row.get("confidence", np.nan))
     return name if np.isnan(confidence) else f"{name}, confidence {confidence:.2f}"
 

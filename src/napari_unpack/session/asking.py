@@ -107,6 +107,8 @@ class OcclusionAnswer:
         The paper's ratio, by which objects are ranked when nobody is free.
     seconds : float
         What the question took.
+    criterion : (str, float)
+        The rule and the tolerance it was asked with.
     """
 
     direction: Vector
@@ -115,6 +117,7 @@ class OcclusionAnswer:
     blocking: Blocking | None
     first_hit: Mapping[int, float]
     seconds: float
+    criterion: tuple[str, float] = ("exact", 0.0)
 
     def serves(self, direction: Vector, packed: frozenset[int]) -> bool:
         """Tell whether it holds for this D and these objects, or more than these."""
@@ -169,7 +172,13 @@ class OcclusionQuestion:
         if blocking is not None:
             blocking.graph.add_nodes_from(self.packed - met)
         return OcclusionAnswer(
-            self.direction, self.packed, free, blocking, ratios(counts), perf_counter() - start
+            self.direction,
+            self.packed,
+            free,
+            blocking,
+            ratios(counts),
+            perf_counter() - start,
+            (self.rule, self.tolerance),
         )
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.compaction import compact_labels
+
 MOST_ID = 65535
 
 
@@ -33,15 +35,24 @@ def checked_volume(volume: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def checked_labels(labels: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint16]:
+def checked_labels(
+    labels: ArrayLike, shape: tuple[int, ...]
+) -> tuple[NDArray[np.uint16], NDArray[np.int64] | None]:
     """Return labels of a volume's shape as C-contiguous uint16.
+
+    Returns
+    -------
+    labels : (Z, Y, X) ndarray of uint16
+    given : (N + 1,) ndarray of int64, optional
+        By ID, what it was in the labels given; None where that is the same. IDs above 65,535
+        are renumbered.
 
     Raises
     ------
     TypeError
         If they are not integers.
     ValueError
-        If their shape is another, one is negative or above 65535, or all are 0.
+        If their shape is another, one is negative, all are 0, or there are more than 65,535.
     """
     array = np.asarray(labels)
     if array.shape != shape:
@@ -54,11 +65,10 @@ def checked_labels(labels: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint
     if high == 0:
         raise ValueError("labels hold no object: all are 0")
     if high > MOST_ID:
-        raise ValueError(
-            f"labels must be at most {MOST_ID}, got {high}: renumber them, for example with "
-            "skimage.segmentation.relabel_sequential"
-        )
-    return np.ascontiguousarray(array, dtype=np.uint16)
+        if high > np.iinfo(np.int64).max:
+            raise ValueError(f"labels must be below 2**63, got {high}: renumber them")
+        return compact_labels(array)
+    return np.ascontiguousarray(array, dtype=np.uint16), None
 
 
 def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:

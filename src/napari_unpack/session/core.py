@@ -46,7 +46,8 @@ class SessionCore:
     volume : (Z, Y, X) array_like
         Density of any real dtype.
     labels : (Z, Y, X) array_like of int
-        Object IDs, 0 background, at most 65535.
+        Object IDs, 0 background, of at most 65,535 objects. Where one is above 65,535 the
+        session numbers the objects anew; `label_of` gives the ID of old.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     objects : DataFrame, optional
@@ -86,7 +87,7 @@ class SessionCore:
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         self.volume = checked_volume(volume)
-        self.labels = checked_labels(labels, self.volume.shape)
+        self.labels, self._given_ids = checked_labels(labels, self.volume.shape)
         self.spacing = checked_spacing(spacing)
         self.boxes = label_boxes(self.labels)
         self.bag = Bag(self.labels, self.boxes, self.spacing)
@@ -100,7 +101,9 @@ class SessionCore:
         self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
         self._ids = tuple(int(i) for i in self.boxes.ids)
         self._known = frozenset(self._ids)
-        self._facts = object_table(self.volume, self.labels, self.boxes, self.spacing, objects)
+        self._facts = object_table(
+            self.volume, self.labels, self.boxes, self.spacing, objects, self._given_ids
+        )
         self._situation = Situation(
             TransferFunction.default_for(self.volume), {i: golden_hue(i) for i in self._ids}
         )
@@ -126,6 +129,10 @@ class SessionCore:
     def ids(self) -> tuple[int, ...]:
         """Every object, ascending."""
         return self._ids
+
+    def label_of(self, object_id: int) -> int:
+        """Return the ID an object has in the labels as given: what people are shown."""
+        return object_id if self._given_ids is None else int(self._given_ids[object_id])
 
     @property
     def objects(self) -> pd.DataFrame:
@@ -309,12 +316,16 @@ class SessionCore:
             self.events.message.emit(f"There is nothing to {way}.")
             return None
         step, situation = found
-        self._enter(situation)
+        self._enter(replace(situation, inspected=None))
         return step.verb
 
     def _do(self, verb: str, situation: Situation, merge: bool = False) -> None:
-        """Enter a situation by a command that can be undone."""
-        self._history.push(Step(verb, self._situation, situation), merge)
+        """Enter a situation by a command that can be undone.
+
+        Looking at an object alone is no part of it: like turning the bag it changes nothing.
+        """
+        before, after = (replace(s, inspected=None) for s in (self._situation, situation))
+        self._history.push(Step(verb, before, after), merge)
         self._enter(situation)
 
     def _enter(self, situation: Situation) -> None:

@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.session.asking import view_along
 from napari_unpack.session.checks import checked_ids
-from napari_unpack.session.sight import SessionSight
+from napari_unpack.session.criteria import SessionCriteria
 from napari_unpack.session.state import Situation
 from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.survey import (
@@ -43,11 +43,14 @@ class Survey:
         Empty where there are too many objects for a table.
     seconds : float
         What it took.
+    tolerance : float
+        It was asked with.
     """
 
     packed: frozenset[int]
     outlooks: tuple[Outlook, ...]
     seconds: float
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +92,10 @@ class SurveyQuestion:
             if outlook is None:
                 break
             found += [outlook, outlook.opposite()] if halved else [outlook]
-        return Survey(self.packed, tuple(found), perf_counter() - start)
+        return Survey(self.packed, tuple(found), perf_counter() - start, self.tolerance)
 
 
-class SessionDirections(SessionSight):
+class SessionDirections(SessionCriteria):
     """D, the direction in which objects leave, and what is known of others.
 
     Notes
@@ -102,8 +105,6 @@ class SessionDirections(SessionSight):
     view, so that turning the bag asks nothing anew.
     """
 
-    tolerance: float = 0.0
-    most_in_group: int = 4
     _survey: Survey | None = None
 
     @property
@@ -146,8 +147,9 @@ class SessionDirections(SessionSight):
 
         Its `answer()` may run on another thread; hand the result to `accept_survey`.
         """
-        packed = self._packed(self._situation)
-        if not packed or (self._survey is not None and packed <= self._survey.packed):
+        packed, known = self._packed(self._situation), self._survey
+        serves = known is not None and packed <= known.packed and self._asked_so(known)
+        if not packed or serves:
             return None
         visible, cast = self._table(packed), self.casters.occlusion
         lower, upper, camera = self.bag.lower, self.bag.upper, self._camera
@@ -163,7 +165,7 @@ class SessionDirections(SessionSight):
 
     def accept_survey(self, survey: Survey) -> bool:
         """Take over a survey; return False where somebody has come back meanwhile."""
-        if not self._packed(self._situation) <= survey.packed:
+        if not (self._packed(self._situation) <= survey.packed and self._asked_so(survey)):
             return False
         self._survey = survey
         return True
@@ -208,6 +210,9 @@ class SessionDirections(SessionSight):
                 f"{len(packed)} packed objects: hide or unpack some first"
             )
         return least_unearthing(survey.outlooks, packed, object_id, self.unpack_direction)
+
+    def _asked_so(self, survey: Survey) -> bool:
+        return survey.tolerance == self.tolerance
 
     def _known_survey(self, ask: bool) -> Survey | None:
         question = self.survey_question()

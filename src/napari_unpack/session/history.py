@@ -49,7 +49,10 @@ class History:
         """
         self._undone.clear()
         if merge and self._done and self._done[-1].verb == step.verb:
-            step = Step(step.verb, self._done.pop().before, step.after)
+            last = self._done.pop()
+            # What has changed between the two otherwise is not the step's to take back.
+            before = step.before.with_changes_of(last.after, last.before)
+            step = Step(step.verb, before, step.after)
         self._done.append(step)
         del self._done[:-MOST_STEPS]
 

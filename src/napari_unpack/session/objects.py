@@ -20,6 +20,7 @@ def object_table(
     boxes: LabelBoxes,
     spacing: NDArray[np.float64],
     given: pd.DataFrame | None = None,
+    given_ids: NDArray[np.int64] | None = None,
 ) -> pd.DataFrame:
     """Make or complete the table of objects.
 
@@ -35,6 +36,9 @@ def object_table(
         Voxel size in mm, z y x.
     given : DataFrame, optional
         Indexed by ID. Its columns are kept, its rows of other objects dropped.
+    given_ids : (M,) ndarray of int64, optional
+        By ID, the one people know it by: in the index of `given`, in names, and in a column
+        `label` of the table. None where that is the ID itself.
 
     Returns
     -------
@@ -51,9 +55,10 @@ def object_table(
 
     means, centers = _measure(volume, labels, int(boxes.ids[-1]))
     ids = boxes.ids
+    known_by = ids if given_ids is None else given_ids[ids]
     found = pd.DataFrame(
         {
-            "name": [f"Object {i}" for i in ids],
+            "name": [f"Object {i}" for i in known_by],
             "voxels": boxes.counts,
             "volume_mm3": boxes.counts * float(np.prod(spacing)),
             "mean_density": means[ids],
@@ -62,15 +67,17 @@ def object_table(
         },
         index=pd.Index(ids, name="id"),
     )
+    if given_ids is not None:
+        found.insert(0, "label", known_by)
     if given is None:
         return found
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
-    known = given.reindex(found.index)
+    known = given.reindex(known_by).set_index(found.index)
     if "name" not in known and "kind" in known:
         found["name"] = [
             f"{str(kind).capitalize()} {i}" if isinstance(kind, str) else f"Object {i}"
-            for i, kind in known["kind"].items()
+            for i, kind in zip(known_by, known["kind"], strict=True)
         ]
     for column in found:
         if column in known:

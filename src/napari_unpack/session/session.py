@@ -11,33 +11,19 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
 from napari_unpack.session.checks import checked_count, checked_ids
-from napari_unpack.session.directions import SessionDirections
 from napari_unpack.session.errors import BlockedError, NobodyFreeError, listed
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.steps import SessionSteps
 from napari_unpack.unpacking import Queue, named
-from napari_unpack.unpacking.occlusion import Rule
 
 Group = tuple[int, ...]
 
 
-class Session(SessionDirections):
+class Session(SessionSteps):
     """A bag being unpacked: what is where, who leaves next, and the verbs that change it.
 
     Pure state: no window, no GL. Arguments as for `SessionCore`.
-
-    Attributes
-    ----------
-    take_least_occluded : bool
-        What happens when nobody is free: True takes the least occluded object, False raises
-        `NobodyFreeError` with a sentence that asks for another direction.
-    rule, tolerance
-        Who counts as free; see `unpacking.free_ids`.
-    most_in_group : int
-        Interlocked groups of up to so many objects leave together; a larger knot counts as
-        nobody being free.
-    log : list of LogEntry
-        Every departure.
 
     Notes
     -----
@@ -45,15 +31,8 @@ class Session(SessionDirections):
     sentence and change nothing; what is merely already so is no error.
     """
 
-    take_least_occluded: bool = True
-    rule: Rule = "exact"
-    _answer: OcclusionAnswer | None = None
+    _credited: OcclusionAnswer | None = None
     _other_answer: OcclusionAnswer | None = None
-
-    @property
-    def log(self) -> list[LogEntry]:
-        """Every departure so far."""
-        return self.__dict__.setdefault("_log", [])
 
     @property
     def queue(self) -> Queue:
@@ -82,7 +61,8 @@ class Session(SessionDirections):
 
     def accept_answer(self, answer: OcclusionAnswer) -> bool:
         """Take over an answer; return False, having done nothing, where it is out of date."""
-        if not answer.serves(self.unpack_direction, self._packed(self._situation)):
+        fits = answer.serves(self.unpack_direction, self._packed(self._situation))
+        if not fits or answer.criterion != self.criterion:
             return False
         self._answer = answer
         self.unpackable()
@@ -112,7 +92,8 @@ class Session(SessionDirections):
             If an ID is unknown or the number is below 1.
         """
         if isinstance(n_or_ids, int | np.integer):
-            situation, left = self._take_next(checked_count(int(n_or_ids)))
+            count = checked_count(int(n_or_ids))
+            situation, left = self._take_next(count, replace(self._situation, inspected=None))
         else:
             situation, left = self._take_chosen(checked_ids(n_or_ids, self._known, "n_or_ids"))
         if not left:
@@ -155,7 +136,6 @@ class Session(SessionDirections):
             along = named(direction) if direction != "any" else self.unearthing(object_id).direction
         else:
             along = named(tuple(direction))
-        before = self._answer
         answer = self.answer_along(along)
         if answer.blocking is None:
             raise ValueError(
@@ -165,8 +145,7 @@ class Session(SessionDirections):
         graph = answer.blocking.among(packed)
         left: list[int] = []
         for group in graph.departures(graph.needed(object_id)):
-            asked = not left and answer is not before
-            situation = self._leave(situation, group, asked, along)
+            situation = self._leave(situation, group, along, answer)
             left.extend(group)
         self._do("reveal", situation)
         return tuple(left)
@@ -180,7 +159,8 @@ class Session(SessionDirections):
         if np.allclose(direction, self.unpack_direction, rtol=0, atol=1e-6):
             return self._known_answer(packed)
         known = self._other_answer
-        if known is None or not known.serves(direction, packed):
+        fits = known is not None and known.criterion == self.criterion
+        if known is None or not (fits and known.serves(direction, packed)):
             known = self._other_answer = self._question(packed, direction).answer()
         return known
 
@@ -224,6 +204,8 @@ class Session(SessionDirections):
     def inspect(self, object_id: int) -> None:
         """Look at one object alone; a flight of its own ends, another inspection too.
 
+        Not undoable: looking changes nothing. Undo and redo end it.
+
         Raises
         ------
         ValueError
@@ -233,12 +215,12 @@ class Session(SessionDirections):
         if object_id in self._situation.hidden:
             raise ValueError(f"object_id must be in sight, {object_id} is hidden: show it first")
         if object_id != self._situation.inspected:
-            self._do("inspect", replace(self._situation, inspected=object_id))
+            self._enter(replace(self._situation, inspected=object_id))
 
     def leave(self) -> None:
         """End the inspection: the object is again where it was."""
         if self._situation.inspected is not None:
-            self._do("leave", replace(self._situation, inspected=None))
+            self._enter(replace(self._situation, inspected=None))
 
     def place(self, object_id: int, pose: Pose) -> None:
         """Put an unpacked object somewhere else in pivot space; successive moves are one step.
@@ -277,10 +259,10 @@ class Session(SessionDirections):
     def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
         """Return the queue, filled where it was dry or for another D, and the answer used."""
         packed, direction = self._packed(situation), self.unpack_direction
-        if situation.queue.serves(direction, packed):
+        if situation.queue.serves(direction, packed, self._terms):
             return situation.queue, self._answer
         if not packed:
-            return situation.queue.refilled((), direction, packed), self._answer
+            return situation.queue.refilled((), direction, packed, terms=self._terms), self._answer
         answer = self._known_answer(packed)
         groups = answer.groups(packed, self.most_in_group)
         if not groups:
@@ -290,13 +272,13 @@ class Session(SessionDirections):
         if least:
             groups = [(answer.least_occluded(packed),)]
         depths = self.bag.depths(direction)
-        return situation.queue.refilled(groups, direction, packed, depths, least), answer
+        queue = situation.queue.refilled(groups, direction, packed, depths, least, self._terms)
+        return queue, answer
 
-    def _take_next(self, count: int) -> tuple[Situation, Group]:
-        situation = replace(self._situation, inspected=None)
+    def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
         left: list[int] = []
         while len(left) < count:
-            packed, before = self._packed(situation), self._answer
+            packed = self._packed(situation)
             if not packed:
                 break
             queue, answer = self._filled_queue(situation)
@@ -313,7 +295,7 @@ class Session(SessionDirections):
                     f"Nothing is free along this direction; {stuck}: it leaves."
                 )
             situation = replace(situation, queue=queue)
-            situation = self._leave(situation, queue.groups[0], answer is not before)
+            situation = self._leave(situation, queue.groups[0])
             left.extend(queue.groups[0])
         return situation, tuple(left)
 
@@ -323,7 +305,6 @@ class Session(SessionDirections):
         wanted = packed.intersection(ids)
         if not wanted:
             return situation, ()
-        before = self._answer
         answer = self._known_answer(packed)
         if answer.blocking is None:
             if wanted - answer.free:
@@ -344,8 +325,8 @@ class Session(SessionDirections):
                     "direction."
                 )
             groups = graph.departures(wanted)
-        for k, group in enumerate(groups):
-            situation = self._leave(situation, group, k == 0 and answer is not before)
+        for group in groups:
+            situation = self._leave(situation, group)
         return situation, tuple(i for group in groups for i in group)
 
     def _least_if_stuck(self, packed: frozenset[int], answer: OcclusionAnswer) -> Group:
@@ -354,7 +335,11 @@ class Session(SessionDirections):
         return (self._known_answer(packed, afresh=True).least_occluded(packed),)
 
     def _leave(
-        self, situation: Situation, group: Group, asked: bool, along: Vector | None = None
+        self,
+        situation: Situation,
+        group: Group,
+        along: Vector | None = None,
+        answer: OcclusionAnswer | None = None,
     ) -> Situation:
         taken = {berth.slot for berth in situation.out.values()}
         places = iter(k for k in range(len(self._ids)) if k not in taken)
@@ -363,7 +348,9 @@ class Session(SessionDirections):
         berths: dict[int, Berth] = {
             i: self.bag.berth(i, next(places), group, direction, camera) for i in group
         }
-        answer, ratio = self._answer, 0.0
+        answer, ratio = answer or self._answer, 0.0
+        # The first to leave by an answer stands for its rays, wherever they were cast.
+        asked, self._credited = answer is not self._credited, answer
         if answer is not None and situation.queue.least_occluded:
             ratio = answer.first_hit.get(group[0], 0.0)
         self.log.append(

@@ -77,6 +77,9 @@ class Situation:
         By ID, where a person gave one.
     direction : str or (3,) tuple of float, optional
         D as it was asked for; None is the opposite of the view.
+    ahead : tuple of dict of int to Berth
+        Departures that `at_step` has taken back, the next one first: going forward again
+        repeats them. Any other command that moves, hides or shows objects forgets them.
     transfer_function : TransferFunction
     """
 
@@ -88,6 +91,26 @@ class Situation:
     queue: Queue = field(default_factory=Queue)
     names: Mapping[int, str] = field(default_factory=dict)
     direction: str | tuple[float, float, float] | None = None
+    ahead: tuple[Mapping[int, Berth], ...] = ()
+
+    @property
+    def departures(self) -> tuple[tuple[int, ...], ...]:
+        """Who is out, group by group in the order in which they left."""
+        return tuple(dict.fromkeys(berth.group for berth in self.out.values()))
+
+    def at_step(self, step: int) -> Situation:
+        """Return the situation with so many departures done, as far as they are known.
+
+        Hidden objects go too: the start of an unpacking is a packed bag.
+        """
+        done = self.departures
+        if step >= len(done):
+            known = self.ahead[: step - len(done)]
+            berths = {i: berth for departure in known for i, berth in departure.items()}
+            return replace(self.with_out(berths), ahead=self.ahead[len(known) :])
+        gone = [{i: self.out[i] for i in group if i in self.out} for group in done[step:]]
+        back = [i for departure in gone for i in departure]
+        return replace(self.with_back(back), ahead=(*gone, *self.ahead))
 
     def state(self, object_id: int) -> ObjectState:
         """Return where an object is once nobody flies any more."""
@@ -100,22 +123,21 @@ class Situation:
     def with_out(self, berths: Mapping[int, Berth]) -> Situation:
         """Return the situation after objects have left the bag."""
         queue = self.queue.without(berths)
-        return replace(self, out={**self.out, **berths}, queue=queue)
+        return replace(self, out={**self.out, **berths}, queue=queue, ahead=())
 
     def with_back(self, ids: Iterable[int]) -> Situation:
         """Return the situation after objects have gone back, the first given at the head."""
         back = tuple(ids)
         returned = set(back)
         kept = {i: berth for i, berth in self.out.items() if i not in returned}
-        return replace(self, out=kept, queue=self.queue.put_back(back))
+        return replace(self, out=kept, queue=self.queue.put_back(back), ahead=())
 
     def with_hidden(self, ids: Iterable[int]) -> Situation:
         """Return the situation after objects have been put out of sight."""
         gone = frozenset(ids)
         inspected = None if self.inspected in gone else self.inspected
-        return replace(
-            self, hidden=self.hidden | gone, inspected=inspected, queue=self.queue.without(gone)
-        )
+        queue = self.queue.without(gone)
+        return replace(self, hidden=self.hidden | gone, inspected=inspected, queue=queue, ahead=())
 
     def with_shown(self, ids: Iterable[int]) -> Situation:
         """Return the situation after objects have come into sight again.
@@ -125,7 +147,7 @@ class Situation:
         back = frozenset(ids) & self.hidden
         blocking = any(i not in self.out for i in back)
         queue = replace(self.queue, groups=()) if blocking else self.queue
-        return replace(self, hidden=self.hidden - back, queue=queue)
+        return replace(self, hidden=self.hidden - back, queue=queue, ahead=())
 
     def with_changes_of(self, source: Situation, target: Situation) -> Situation:
         """Return this situation with what differs from `source` to `target` set as in `target`.

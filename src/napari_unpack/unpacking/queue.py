@@ -27,6 +27,8 @@ class Queue:
         True when nobody was free and the only entry is the least occluded object.
     packed : frozenset of int
         Who was in the bag when it was filled. Who comes in later may stand in front of others.
+    terms : tuple
+        The rules it was filled by, whatever they are.
 
     Notes
     -----
@@ -40,19 +42,22 @@ class Queue:
     restored: tuple[int, ...] = ()
     least_occluded: bool = False
     packed: frozenset[int] = frozenset()
+    terms: tuple[object, ...] = ()
 
     @property
     def ids(self) -> tuple[int, ...]:
         """Every object in the queue, the next one first."""
         return tuple(i for group in self.groups for i in group)
 
-    def serves(self, direction: Iterable[float], packed: Collection[int]) -> bool:
+    def serves(
+        self, direction: Iterable[float], packed: Collection[int], terms: tuple[object, ...] = ()
+    ) -> bool:
         """Tell whether the next one may leave without asking again.
 
-        It must have been filled for this D with all who are packed now in the bag, and hold
-        something, all of it packed, and no restored object.
+        It must have been filled for this D and by these rules with all who are packed now in
+        the bag, and hold something, all of it packed, and no restored object.
         """
-        if self.direction is None or not self.groups or self.restored:
+        if self.direction is None or not self.groups or self.restored or terms != self.terms:
             return False
         inside = frozenset(packed)
         if not (inside <= self.packed and inside.issuperset(self.ids)):
@@ -86,6 +91,7 @@ class Queue:
         packed: Iterable[int],
         rank: dict[int, float] | None = None,
         least_occluded: bool = False,
+        terms: tuple[object, ...] = (),
     ) -> Queue:
         """Return the queue for a new answer.
 
@@ -101,6 +107,8 @@ class Queue:
             Smaller leaves earlier; a group counts as its smallest. Without it, by ID.
         least_occluded : bool
             Whether this is the least occluded object for want of a free one.
+        terms : tuple
+            The rules by which they are free.
 
         Returns
         -------
@@ -117,4 +125,4 @@ class Queue:
 
         ready = tuple(sorted((tuple(sorted(g)) for g in groups), key=key))
         z, y, x = (float(v) for v in direction)
-        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed))
+        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed), terms)

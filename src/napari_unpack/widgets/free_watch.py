@@ -92,7 +92,8 @@ class FreeWatch(QObject):
         session, answer = self._bench.session, self._answer
         leaving = session.unpackable()
         packed = frozenset(i for i, state in session.states.items() if state.name == "PACKED")
-        if answer is not None and answer.serves(session.unpack_direction, packed):
+        fits = answer is not None and answer.criterion == session.criterion
+        if fits and answer.serves(session.unpack_direction, packed):
             groups = answer.groups(packed, session.most_in_group)
             self.known.emit(frozenset(int(i) for group in groups for i in group))
         else:

@@ -59,9 +59,10 @@ TITLES = {
 
 @dataclass(frozen=True)
 class _Facts:
-    """What never changes about an object; volume in cm³, edges in mm."""
+    """What never changes about an object; `label` is the ID people know; cm³, mm."""
 
     id: int
+    label: int
     volume: float
     edges: tuple[float, float, float]
     density: float
@@ -283,7 +284,7 @@ def _tip(facts: _Facts, live: _Live, column: Column) -> str:
     if column in (Column.EYE, Column.SWATCH):
         return TITLES[column][1]
     told = [
-        f"{live.name}, object {facts.id}, {live.words}",
+        f"{live.name}, object {facts.label}, {live.words}",
         f"{_amount(facts.volume)} cm³, {_text(facts, live, Column.SIZE)} mm",
         f"density {_text(facts, live, Column.DENSITY)}",
     ]
@@ -310,6 +311,7 @@ def _facts_of(session: Any) -> list[_Facts]:
     return [
         _Facts(
             id=int(object_id),
+            label=int(session.label_of(int(object_id))),
             volume=float(record.volume_mm3) / 1000,
             edges=tuple(float(edge) for edge in by_id[int(object_id)]),  # type: ignore[arg-type]
             density=float(record.mean_density),

@@ -1,0 +1,141 @@
+"""The unpacking gone along forwards and backwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bags import hooked, session_of, stack_of_plates
+
+from napari_unpack.session import ObjectState
+from napari_unpack.session.pictures import scene
+
+
+def out(session):
+    return [i for i, s in session.states.items() if s is ObjectState.UNPACKED]
+
+
+def test_going_to_a_step_takes_back_and_repeats_departures():
+    session = session_of(stack_of_plates())
+    assert session.step == 0
+    assert session.steps == ()
+    assert session.go_to(3) == 3
+    assert out(session) == [1, 2, 3]
+    assert session.steps == ((1,), (2,), (3,))
+    assert session.go_to(1) == 1
+    assert out(session) == [1]
+    assert session.steps == ((1,), (2,), (3,))
+    assert session.go_to(99) == 5
+    assert out(session) == [1, 2, 3, 4, 5]
+    assert session.go_to(0) == 0
+    assert session.steps == ((1,), (2,), (3,), (4,), (5,))
+    with pytest.raises(ValueError, match="step must not be negative, got -1"):
+        session.go_to(-1)
+
+
+def test_repeated_departures_end_where_they_did_also_when_moved_by_hand():
+    session = session_of(stack_of_plates())
+    session.go_to(4)
+    session.place(2, replace(session.poses[2], center=np.array([0.0, 30.0, 40.0]), scale=0.5))
+    before = session.poses
+    session.go_to(0)
+    session.go_to(4)
+    for i, pose in before.items():
+        np.testing.assert_array_equal(session.poses[i].center, pose.center)
+        np.testing.assert_array_equal(session.poses[i].rotation, pose.rotation)
+        assert session.poses[i].scale == pose.scale
+
+
+def test_a_group_is_one_step():
+    session = session_of(hooked())
+    session.go_to(1)
+    assert session.steps == ((1, 2),)
+    assert session.go_to(99) == 2
+    assert session.go_to(1) == 1
+    assert out(session) == [1, 2]
+
+
+def test_scrubbing_is_one_step_of_undo_and_back_at_the_start_all_is_packed_as_before():
+    session = session_of(stack_of_plates())
+    session.recolor()
+    size = (60, 80)
+    first = scene(session, session.overview(), size, backend="cpu")
+    for step in (1, 3, 5, 2, 4, 1):
+        session.go_to(step)
+    unpacked = scene(session, session.overview(), size, backend="cpu")
+    assert np.abs(unpacked - first).max() > 0.1
+    session.go_to(0)
+    np.testing.assert_array_equal(scene(session, session.overview(), size, backend="cpu"), first)
+    assert session.undo() == "scrub"
+    assert session.step == 0
+    assert session.steps == ()
+    session.redo()
+    assert len(session.steps) == 5
+
+
+def test_another_command_forgets_what_was_taken_back_and_the_queue_goes_on():
+    session = session_of(stack_of_plates())
+    session.go_to(3)
+    session.go_to(1)
+    session.hide([2])
+    assert session.steps == ((1,),)
+    session.go_to(3)
+    assert session.steps == ((1,), (3,), (4,))
+    session.show()
+    assert session.restore(1) == (4,)
+    assert session.steps == ((1,), (3,))
+
+
+def test_hidden_objects_that_were_out_are_packed_at_the_start():
+    session = session_of(stack_of_plates())
+    session.go_to(2)
+    session.hide([1])
+    session.go_to(0)
+    session.show()
+    assert set(session.states.values()) == {ObjectState.PACKED}
+
+
+def test_where_nobody_is_free_scrubbing_stops_and_says_so():
+    session = session_of(hooked())
+    session.take_least_occluded, session.most_in_group = False, 1
+    heard = []
+    session.events.message.connect(heard.append)
+    assert session.go_to(3) == 0
+    assert "Nothing is free" in heard[0]
+
+
+def test_other_rules_make_the_old_answer_worthless():
+    session = session_of(stack_of_plates())
+    assert session.unpackable() == (1,)
+    assert session.occlusion_question() is None
+    late = session._question(frozenset(session.ids), session.unpack_direction).answer()
+    session.tolerance = 0.9999
+    assert session.queue.ids == ()
+    assert session.occlusion_question() is not None
+    assert not session.accept_answer(late)
+    session.tolerance = 0.0
+    assert session.unpackable() == (1,)
+    session.unpack(1)
+    session.rule = "first_hit"
+    session.undo()
+    # The queue of then was filled by another rule.
+    assert not session.queue.serves(
+        session.unpack_direction, frozenset(session.ids), session._terms
+    )
+    for name, bad in (("rule", "best"), ("tolerance", 1.5), ("most_in_group", 0)):
+        with pytest.raises(ValueError, match=name):
+            setattr(session, name, bad)
+
+
+def test_rays_cast_elsewhere_count_as_a_query_in_the_log():
+    session = session_of(stack_of_plates())
+    question = session.occlusion_question()
+    assert session.accept_answer(question.answer())
+    session.unpack(1)
+    session.unpack(1)
+    session.view = replace(session.view, direction=(-1.0, 0.0, 0.0))
+    session.unpack(1)
+    assert [entry.event for entry in session.log] == ["query run", "queue reuse", "query run"]
+    assert session.log[1].seconds == 0
+    assert session.log[0].seconds > 0
