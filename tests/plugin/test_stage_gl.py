@@ -8,6 +8,7 @@ from conftest import canvas
 
 from napari_unpack.layers import compat, studio
 from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.rendering import textures
 from napari_unpack.rendering.programs import ShaderError
 from napari_unpack.session import ObjectState
 
@@ -168,6 +169,24 @@ def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
     assert len(heard) == 1
     assert words in heard[0]
     np.testing.assert_allclose(canvas(viewer), wanted, atol=3)
+
+
+def test_a_volume_too_large_for_the_driver_is_drawn_coarser_and_the_user_is_told(
+    staged, monkeypatch
+) -> None:
+    viewer, stage = staged
+    heard = []
+    stage.events.message.connect(heard.append)
+    monkeypatch.setattr(textures, "largest_side", lambda: 32)
+    stage.backend = "gl"
+    assert stage.settle(60)
+    assert stage.casts_with == "gl"
+    canvas(viewer)
+    shape = "x".join(map(str, stage.session.labels.shape))
+    assert len(heard) == 1
+    assert shape in heard[0]
+    assert "too large for this graphics driver" in heard[0]
+    assert canvas(viewer).std() > 10
 
 
 def test_auto_takes_gl_on_hardware_and_the_cpu_on_a_software_rasteriser(

@@ -65,7 +65,7 @@ class Projector:
         self._drawn, self._landed = drawn, landed
         self._packed_ids: frozenset[int] = frozenset()
         self._jobs, self._failed = jobs, failed
-        self.studio = Studio(session, self._gl_failed)
+        self.studio = Studio(session, self._gl_failed, failed)
         self.bag = PackedPainter(session, jobs, packed.show, self.studio, lambda: packed.visible)
         self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)

@@ -52,6 +52,8 @@ class Studio:
         What is shown.
     failed : callable
         Given a sentence when GL turns out not to serve; the CPU has taken over by then.
+    told : callable
+        Given a sentence where GL serves, but draws the volume coarser than it is.
 
     Attributes
     ----------
@@ -65,9 +67,12 @@ class Studio:
     rays are cast only when something they depend on has changed (`TintedCaster`).
     """
 
-    def __init__(self, session: Any, failed: Callable[[str], None]) -> None:
+    def __init__(
+        self, session: Any, failed: Callable[[str], None], told: Callable[[str], None]
+    ) -> None:
         self.wanted = "auto"
-        self._session, self._failed = session, failed
+        self._session, self._failed, self._told = session, failed, told
+        self._notice: str | None = None
         self._renderer: str | None = None
         self._broken = False
         self._crop: Crop | None = None
@@ -247,6 +252,9 @@ class Studio:
             return None
         if caster.passes > passes:
             done(perf_counter() - began)
+        if self._notice is None and self._store.notice is not None:
+            self._notice = self._store.notice
+            self._told(self._notice)
         return picture
 
     def _look(self, crop: Crop, key: object, tints: NDArray[np.float32]) -> _Known:
