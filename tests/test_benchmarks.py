@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -13,6 +14,8 @@ from benchmarks.__main__ import main
 from benchmarks.packing import pack
 from benchmarks.row import Row, ms
 from benchmarks.rows import ORDER, chosen
+from benchmarks.segmentation.bags import Case
+from benchmarks.segmentation.report import Report, markdown
 
 
 def test_every_row_can_be_chosen_by_a_part_of_its_name() -> None:
@@ -58,3 +61,20 @@ def test_the_plot_marks_every_step_at_which_the_queue_was_asked() -> None:
         for a, t in (("1", "9"), ("0", "8"), ("1", "7"))
     ]
     assert plots.svg(rows).count("<circle") == 2
+
+
+def test_the_segmentation_report_takes_each_method_at_its_best_setting() -> None:
+    labels = np.repeat([1, 2, 3, 4], 4).reshape(1, 1, -1)
+    kinds = pd.Series(["box", "box", "rod", "rod"], index=[1, 2, 3, 4])
+    case = Case("one", labels, labels, (1.0, 1.0, 1.0), kinds, kinds)
+    report = Report()
+    report.add("cut", "cut fine", case, np.arange(16).reshape(1, 1, -1), 1.0)
+    report.add("cut", "cut coarse", case, np.minimum(labels, 3), 2.0)
+    report.add("truth", "truth", case, labels, 3.0)
+    assert report.best() == {"cut": "cut coarse", "truth": "truth"}
+    assert report.metrics().loc["cut coarse", "f1"] == pytest.approx(2 * 2 / 7)
+    assert report.metrics().loc["truth", "seconds"] == 3.0
+    by_kind = report.by("kind")
+    assert by_kind.loc["rod"].tolist() == [2, 0.0, 1.0]
+    assert by_kind.loc["box"].tolist() == [2, 1.0, 1.0]
+    assert "| rod | 2 | 0.00 | 1.00 |" in markdown(by_kind, "kind")

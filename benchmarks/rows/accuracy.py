@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.row import Row, ms
 from benchmarks.scenes import Scenes
-from benchmarks.segmentation import watersheds
+from benchmarks.segmentation.peers import watersheds
 from napari_unpack import score, segment, simulate_bag
 
 HELD_OUT = (9001, 9002, 9003)

@@ -1,0 +1,111 @@
+"""Plain ways to find objects in the same foreground, each over a grid of its settings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cc3d
+import edt
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from napari_unpack.segmentation.checks import checked_spacing
+from napari_unpack.segmentation.foreground import find_levels, foreground, peel
+from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.shape_cuts import shape_cuts
+from napari_unpack.segmentation.splitting import parts_of
+
+Labels = NDArray[np.integer[Any]]
+Found = Iterator[tuple[str, Labels]]
+SMALLEST = 500
+MOST_WALKED = 400_000
+"""Voxels of matter at half resolution beyond which a random walker does not fit."""
+
+
+def matter_of(volume: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return the foreground that every method is given."""
+    levels = find_levels(volume)
+    return np.asarray(peel(foreground(volume, levels), volume, levels.air))
+
+
+def components(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield the connected components."""
+    parts = cc3d.connected_components(matter_of(volume), connectivity=6)
+    yield "components", cc3d.dust(parts, threshold=SMALLEST)
+
+
+def watersheds(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield distance transform + peaks + watershed over a grid of settings."""
+    from skimage.segmentation import watershed
+
+    matter = matter_of(volume)
+    depth = edt.edt(matter, anisotropy=spacing, black_border=True)
+    for sigma, distance in itertools.product((1.0, 2.0), (6, 10, 15)):
+        smooth = gaussian_filter(depth, sigma)
+        seeds = _peaks(smooth, matter, distance)
+        yield f"watershed s{sigma:g} d{distance}", watershed(-smooth, seeds, mask=matter)
+
+
+def random_walks(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield random walks from the peaks of depth, at half resolution, where they fit."""
+    from skimage.segmentation import random_walker
+
+    half = tuple(slice(None, None, 2) for _ in range(3))
+    matter = matter_of(volume)[half]
+    if np.count_nonzero(matter) > MOST_WALKED:
+        return
+    values = gaussian_filter(volume.astype(np.float32), 1.0)[half]
+    values = np.log(np.maximum(values, 0) + 100)
+    depth = gaussian_filter(edt.edt(matter, anisotropy=spacing, black_border=True), 1.0)
+    for distance in (7,):
+        seeds = _peaks(depth, matter, distance)
+        # What no seed reaches would have no answer.
+        pieces = cc3d.connected_components(matter, connectivity=6)
+        reached = np.isin(pieces, np.unique(pieces[seeds > 0]))
+        marked = np.where(reached & matter, seeds, -1)
+        walked = random_walker(values, marked, beta=130, mode="cg_j", tol=1e-3, copy=True)
+        labels = np.maximum(np.asarray(walked), 0).astype(np.int32)
+        whole = labels.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+        yield f"random walker d{distance}", whole[tuple(slice(n) for n in volume.shape)]
+
+
+def distance_trees(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield recursive distance-tree cuts that stop at an isoperimetric ratio."""
+    pieces = cc3d.connected_components(matter_of(volume), connectivity=6)
+    pieces = cc3d.dust(pieces, threshold=SMALLEST)
+    size = checked_spacing(spacing)
+    for stop in (0.02, 0.04, 0.08):
+        labels = np.zeros(volume.shape, np.int32)
+        whole = Region(pieces > 0, volume, (0, 0, 0), size)
+        stack = [whole.part(pieces == name) for name in np.unique(pieces)[1:]]
+        count = 0
+        while stack:
+            region = stack.pop()
+            cut = next((c for c in shape_cuts(region, SMALLEST) if c.ratio <= stop), None)
+            if cut is None:
+                count += 1
+                labels[region.box][region.mask] = count
+            else:
+                stack.extend(parts_of(region, cut))
+        yield f"distance tree {stop:g}/mm", labels
+
+
+def _peaks(depth: NDArray[Any], matter: NDArray[np.bool_], distance: int) -> NDArray[np.int32]:
+    from skimage.feature import peak_local_max
+
+    peaks = peak_local_max(depth, min_distance=distance, labels=matter.astype(np.int32))
+    seeds = np.zeros(depth.shape, np.int32)
+    seeds[tuple(peaks.T)] = np.arange(1, len(peaks) + 1)
+    return seeds
+
+
+PEERS: tuple[tuple[str, Callable[[NDArray[Any], Any], Found]], ...] = (
+    ("components", components),
+    ("watershed", watersheds),
+    ("random walker", random_walks),
+    ("distance tree", distance_trees),
+)
+"""Families of settings; the best of each by mean F1 stands in the table."""
