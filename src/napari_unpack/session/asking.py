@@ -18,12 +18,14 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
 from napari_unpack.unpacking import Blocking, free_ids, ratios
+from napari_unpack.unpacking.groups import blocking_graph
 from napari_unpack.unpacking.occlusion import Rule
 
 MOST_RAYS = 2048
 """Most rays along one side of the picture that decides who is free."""
 
 Mask = NDArray[np.bool_]
+Table = tuple[NDArray[np.int64], Mask]
 Size = tuple[int, int]
 
 
@@ -37,10 +39,14 @@ class Casters:
         (camera, visible, size) -> OcclusionCounts.
     ids : callable
         (camera, visible, size, layers) -> (layers, H, W) int32.
+    pull : callable, optional
+        (direction, visible) -> (ids, blocks) by moving the voxels themselves, or None where
+        there are too many objects. Without it the table of the rays is all there is.
     """
 
     occlusion: Callable[[Camera, Mask, Size], OcclusionCounts]
     ids: Callable[[Camera, Mask, Size, int], NDArray[np.int32]]
+    pull: Callable[[Vector, Mask], Table | None] | None = None
 
 
 def imaging_casters(
@@ -85,7 +91,12 @@ def imaging_casters(
             labels, spacing, camera, visible, size, layers, bricks=bricks(), backend=backend()
         )
 
-    return Casters(occlusion, ids)
+    def pull(direction: Vector, visible: Mask) -> Table | None:
+        from napari_unpack.raycasting.pulling import met_when_pulled
+
+        return met_when_pulled(labels, spacing, direction, visible)
+
+    return Casters(occlusion, ids, pull)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +165,8 @@ class OcclusionQuestion:
         See `unpacking.free_ids`.
     cast : callable
         Returns the counts.
+    pull : callable, optional
+        Returns who is met by whom when the voxels are moved; asked for the rule "exact" only.
     """
 
     direction: Vector
@@ -161,14 +174,29 @@ class OcclusionQuestion:
     rule: Rule
     tolerance: float
     cast: Callable[[], OcclusionCounts]
+    pull: Callable[[], Table | None] | None = None
 
     def answer(self) -> OcclusionAnswer:
-        """Cast the rays and work out the answer; may run on any thread."""
+        """Cast the rays and work out the answer; may run on any thread.
+
+        Notes
+        -----
+        Rays rank the objects and tell who is free within the tolerance. Who blocks whom is what
+        the voxels themselves meet on their way, where that can be had: off the axes rays find
+        things that merely touch to be held by the corners of each other's voxels.
+        """
         start = perf_counter()
         counts = self.cast()
         met = {int(i) for i in counts.ids}
         free = frozenset(free_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
-        blocking = Blocking.of(counts, self.rule, self.tolerance)
+        table = self.pull() if self.pull is not None and self.rule == "exact" else None
+        if table is None:
+            blocking = Blocking.of(counts, self.rule, self.tolerance)
+        else:
+            ids, blocks = table
+            exempt = free if self.tolerance > 0 else frozenset()
+            blocking = Blocking(blocking_graph(blocks, ids, exempt))
+            free = frozenset(i for i, before in blocking.graph.in_degree() if not before)
         if blocking is not None:
             blocking.graph.add_nodes_from(self.packed - met)
         return OcclusionAnswer(

@@ -241,9 +241,15 @@ class Session(SessionSteps):
         pitch = float(self.spacing.min())
         lower, upper = self.bag.lower, self.bag.upper
         camera, size = view_along(direction, lower, upper, pitch, self._camera)
-        visible, cast = self._table(packed), self.casters.occlusion
+        visible, casters = self._table(packed), self.casters
+        pull = casters.pull
         return OcclusionQuestion(
-            direction, packed, self.rule, self.tolerance, lambda: cast(camera, visible, size)
+            direction,
+            packed,
+            self.rule,
+            self.tolerance,
+            lambda: casters.occlusion(camera, visible, size),
+            None if pull is None else lambda: pull(direction, visible),
         )
 
     def _known_answer(self, packed: frozenset[int], afresh: bool = False) -> OcclusionAnswer:
