@@ -24,6 +24,7 @@ class FakeSession(SimpleNamespace):
     """What pictures ask of a session, and nothing more."""
 
     __hash__ = object.__hash__
+    clipping = np.zeros((0, 2, 3))
 
     def packed_tints(self) -> np.ndarray:
         tints = np.zeros((4, 4), np.float32)

@@ -115,7 +115,7 @@ def twin(session: Any) -> Any:
         session.rule,
         session.tolerance,
     )
-    other.show_unlabelled = session.show_unlabelled
+    other.show_unlabelled, other.clipping = session.show_unlabelled, session.clipping
     other.most_in_group, other.backend = session.most_in_group, session.backend
     if session.direction is not None:
         other.direction = session.direction

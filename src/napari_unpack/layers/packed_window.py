@@ -65,6 +65,7 @@ def recast_objects(
         window=window,
         shading=LIGHT,
         bricks=crop.bricks,
+        clipping=session.clipping,
         backend=backend,
     )
     top, left = row - shot.patch.row, col - shot.patch.col

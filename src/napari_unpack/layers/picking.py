@@ -53,5 +53,6 @@ def pick_packed(session: Any, crop: Crop, frame: Frame, row: float, col: float) 
         look.table(TABLE_ENTRIES),
         look.domain,
         session.packed_tints(),
+        session.clipping,
     )
     return [label for label, share in by_contribution(shares) if label > 0 and share > LEAST_ALPHA]

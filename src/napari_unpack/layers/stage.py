@@ -14,6 +14,7 @@ from qtpy.QtCore import QCoreApplication, QEventLoop
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers import compat
 from napari_unpack.layers.at_rest import AtRest
+from napari_unpack.layers.cutting import Cutting
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.packed import PackedLayer
@@ -331,8 +332,10 @@ class Stage:
         self.viewer.layers.events.removed.connect(self._on_removed)
         compat.when_window_closes(self.viewer, self.close)
         self._pointer = Pointer(self.viewer, self)
+        self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
 
     def _disconnect(self) -> None:
+        self._cutting.close()
         for signal, slot in self._wires():
             signal.disconnect(slot, missing_ok=True)
         self.viewer.layers.events.removed.disconnect(self._on_removed)

@@ -133,7 +133,7 @@ class Studio:
         shape = np.asarray(self._session.labels.shape)
         tints = self._session.packed_tints
         ends = np.zeros(3), shape - 1.0
-        return self._shot("packed", ends, None, camera, size, step, tints, done)
+        return self._shot("packed", ends, None, camera, size, step, tints, done, self._clipping)
 
     def moving(
         self,
@@ -169,6 +169,10 @@ class Studio:
         """Free what is on the graphics card; the context need not be current."""
         self._free()
         self._crop = None
+
+    def _clipping(self) -> NDArray[np.float64]:
+        planes: NDArray[np.float64] = self._session.clipping
+        return planes
 
     def _object(
         self,
@@ -207,6 +211,7 @@ class Studio:
         step: float,
         tints: Callable[[], NDArray[np.float32]],
         done: Callable[[float], None],
+        clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
     ) -> LiveShot | None:
         if self._crop is None:
             return None
@@ -224,12 +229,17 @@ class Studio:
         def develop() -> Picture | None:
             part = window.row, window.col, *window.size
             rays = rays_for(camera, size, spacing, affine, step, part)
-            return self._cast(key, rays, tints(), done)
+            return self._cast(key, rays, tints(), done, clipping())
 
         return LiveShot(window, camera, size, develop)
 
     def _cast(
-        self, key: object, rays: Rays, tints: NDArray[np.float32], done: Callable[[float], None]
+        self,
+        key: object,
+        rays: Rays,
+        tints: NDArray[np.float32],
+        done: Callable[[float], None],
+        clipping: NDArray[np.float64] | None,
     ) -> Picture | None:
         if self._store is None or self._crop is None or not self.active:
             return None
@@ -241,7 +251,7 @@ class Studio:
         # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
         try:
             framebuffer.forget_complaints()
-            picture = caster.cast(rays, known.look, known.occupied)
+            picture = caster.cast(rays, known.look, known.occupied, clipping=clipping)
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:

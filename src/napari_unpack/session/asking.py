@@ -50,7 +50,10 @@ class Casters:
 
 
 def imaging_casters(
-    labels: NDArray[np.uint16], spacing: NDArray[np.float64], backend: Callable[[], str]
+    labels: NDArray[np.uint16],
+    spacing: NDArray[np.float64],
+    backend: Callable[[], str],
+    clipping: Callable[[], NDArray[np.float64]],
 ) -> Casters:
     """Return the casters of `imaging` for a label volume.
 
@@ -62,6 +65,8 @@ def imaging_casters(
         Voxel size in mm, z y x.
     backend : callable
         Returns "auto", "cpu" or "gl" when asked.
+    clipping : callable
+        Returns the (N, 2, 3) planes that cut the picture; they cut no occlusion.
 
     Returns
     -------
@@ -88,8 +93,9 @@ def imaging_casters(
         from napari_unpack.imaging import cast_ids
 
         return cast_ids(
-            labels, spacing, camera, visible, size, layers, bricks=bricks(), backend=backend()
-        )
+            labels, spacing, camera, visible, size, layers,
+            bricks=bricks(), clipping=clipping(), backend=backend(),
+        )  # fmt: skip
 
     def pull(direction: Vector, visible: Mask) -> Table | None:
         from napari_unpack.raycasting.pulling import met_when_pulled

@@ -12,6 +12,9 @@ from napari_unpack.geometry.compaction import compact_labels
 
 MOST_ID = 65535
 
+MOST_PLANES = 8
+"""Clipping planes that both backends take."""
+
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
     """Return a volume one can look into.
@@ -117,3 +120,25 @@ def checked_count(n: int) -> int:
     if n < 1:
         raise ValueError(f"n_or_ids must be at least 1 object, or a list of IDs, got {n!r}")
     return int(n)
+
+
+def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:
+    """Return clipping planes as (N, 2, 3) float64, none for None; a copy nobody can write to.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another, there are more than 8, or a normal has no direction.
+    """
+    array = np.zeros((0, 2, 3)) if planes is None else np.array(planes, dtype=np.float64)
+    if array.size == 0:
+        array = array.reshape(0, 2, 3)
+    if array.ndim != 3 or array.shape[1:] != (2, 3) or len(array) > MOST_PLANES:
+        raise ValueError(
+            f"clipping must be (N, 2, 3) with N up to {MOST_PLANES}, a point and a normal a plane "
+            f"in voxels z y x, got shape {array.shape}"
+        )
+    if not np.isfinite(array).all() or (np.abs(array[:, 1]).max(axis=1, initial=0.0) == 0).any():
+        raise ValueError("clipping must hold finite points and normals that are not zero")
+    array.flags.writeable = False
+    return array

@@ -18,7 +18,12 @@ from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.asking import Casters, imaging_casters
-from napari_unpack.session.checks import checked_labels, checked_spacing, checked_volume
+from napari_unpack.session.checks import (
+    checked_labels,
+    checked_planes,
+    checked_spacing,
+    checked_volume,
+)
 from napari_unpack.session.departures import Bag, launch
 from napari_unpack.session.events import SessionEvents
 from napari_unpack.session.history import History, Step
@@ -97,8 +102,11 @@ class SessionCore:
         self.backend = "auto"
         self._tint_mode: Mode = "perceptual"
         self._show_unlabelled = False
+        self._clipping = checked_planes(None)
         self.events = SessionEvents()
-        self.casters = casters or imaging_casters(self.labels, self.spacing, lambda: self.backend)
+        self.casters = casters or imaging_casters(
+            self.labels, self.spacing, lambda: self.backend, lambda: self._clipping
+        )
         self._ids = tuple(int(i) for i in self.boxes.ids)
         self._known = frozenset(self._ids)
         self._facts = object_table(

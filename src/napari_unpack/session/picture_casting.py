@@ -34,6 +34,8 @@ class Look:
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
         Who casts.
+    clipping : (N, 2, 3) ndarray of float64, optional
+        Planes (point, normal) in voxels of the crop; what lies behind one is cut away.
     """
 
     transfer_function: TransferFunctionLike
@@ -42,6 +44,7 @@ class Look:
     spacing: NDArray[np.float64]
     step_scale: float = 1.0
     backend: str = "auto"
+    clipping: NDArray[np.float64] | None = None
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -53,6 +56,7 @@ class Look:
             self.shading,
             self.step_scale,
             self.backend,
+            b"" if self.clipping is None else self.clipping.tobytes(),
         )
 
 
@@ -99,6 +103,7 @@ def cast_crop(
         step_scale=look.step_scale,
         shading=look.shading,
         bricks=crop.bricks,
+        clipping=look.clipping,
         backend=look.backend,
     )
     return Patch(rgba, depth, window[0], window[1], plane)

@@ -7,6 +7,7 @@ napari's layers draw the same patches as cards (layers/); films and scripts comp
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -67,6 +68,10 @@ class Depicted(Pictured, Protocol):
     def flights(self) -> Mapping[int, Any]:
         """Flights in the air."""
 
+    @property
+    def clipping(self) -> NDArray[np.float64]:
+        """(N, 2, 3) planes that cut what is packed, voxels."""
+
     def packed_tints(self) -> NDArray[np.float32]:
         """(M, 4) tints, zero but for what is packed."""
 
@@ -104,7 +109,7 @@ def packed_patch(
     Patch
         The window of the picture that the volume's box covers.
     """
-    look = _look(session, session.packed_tints(), shading, step_scale, backend)
+    look = _packed_look(session, shading, step_scale, backend)
     return cast_crop(_BOOK.of(session).whole(), None, camera, size, look)
 
 
@@ -253,7 +258,7 @@ def scene(
     changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
     """
     cache = _BOOK.of(session)
-    packed = _look(session, session.packed_tints(), shading, 1.0, backend)
+    packed = _packed_look(session, shading, 1.0, backend)
     key = ("packed", packed.key, _camera_key(camera), size)
     patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
     inspected = [i for i, state in session.states.items() if state.value == "inspected"]
@@ -308,6 +313,13 @@ def _placed_sprite(
     )
     row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
     return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
+
+
+def _packed_look(
+    session: Depicted, shading: Shading | None, step_scale: float, backend: str
+) -> Look:
+    look = _look(session, session.packed_tints(), shading, step_scale, backend)
+    return replace(look, clipping=session.clipping)
 
 
 def _look(

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction, assign_hues, interference
-from napari_unpack.session.checks import checked_ids
+from napari_unpack.session.checks import checked_ids, checked_planes
 from napari_unpack.session.core import SessionCore
 from napari_unpack.session.state import ObjectState
 
@@ -63,6 +64,23 @@ class SessionSight(SessionCore):
             )
         situation = replace(self._situation, transfer_function=transfer_function)
         self._do("transfer function", situation, merge=True)
+
+    @property
+    def clipping(self) -> NDArray[np.float64]:
+        """Planes that cut the packed bag open, (N, 2, 3): point and normal, voxels z y x.
+
+        What lies behind one, (p - point) . normal < 0, is not shown; nothing else changes, so
+        that what is cut away still blocks. Setting it takes None for no plane, is told as a
+        change of the transfer function, and is not undoable.
+        """
+        return self._clipping
+
+    @clipping.setter
+    def clipping(self, planes: ArrayLike | None) -> None:
+        wanted = checked_planes(planes)
+        if not np.array_equal(wanted, self._clipping):
+            self._clipping = wanted
+            self.events.transfer_function.emit(self.transfer_function)
 
     @property
     def selected(self) -> frozenset[int]:

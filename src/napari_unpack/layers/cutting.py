@@ -1,0 +1,69 @@
+"""napari's clipping planes of the packed layer, handed to the session and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Cutting:
+    """Keeps a session cut open where the packed layer is.
+
+    Parameters
+    ----------
+    layer : PackedLayer
+        Its `experimental_clipping_planes` are in data coordinates, which are voxels.
+    session : Session
+        Its `clipping` follows them, and they follow it.
+    sources : sequence of napari layers
+        The user's own; the first with clipping planes lends them where the session has none.
+    changed : callable
+        Called when other objects than before may be in view.
+    """
+
+    def __init__(
+        self, layer: Any, session: Any, sources: Sequence[Any], changed: Callable[[], None]
+    ) -> None:
+        self._layer, self._session, self._changed = layer, session, changed
+        self._telling = False
+        lent = (enabled_planes(source) for source in sources)
+        if not len(session.clipping):
+            session.clipping = next((planes for planes in lent if len(planes)), None)
+        self._follow_session()
+        layer.experimental_clipping_planes.events.connect(self._follow_layer)
+        session.events.transfer_function.connect(self._follow_session)
+
+    def close(self) -> None:
+        """Follow no more; the session stays cut as it is."""
+        self._layer.experimental_clipping_planes.events.disconnect(self._follow_layer)
+        self._session.events.transfer_function.disconnect(self._follow_session, missing_ok=True)
+
+    def _follow_layer(self, event: Any = None) -> None:
+        planes = enabled_planes(self._layer)
+        if not self._telling and not np.array_equal(planes, self._session.clipping):
+            self._session.clipping = planes
+            self._changed()
+
+    def _follow_session(self) -> None:
+        wanted = self._session.clipping
+        if np.array_equal(enabled_planes(self._layer), wanted):
+            return
+        self._telling = True
+        try:
+            self._layer.experimental_clipping_planes = [
+                {"position": tuple(point), "normal": tuple(normal), "enabled": True}
+                for point, normal in wanted
+            ]
+        finally:
+            self._telling = False
+        self._changed()
+
+
+def enabled_planes(layer: Any) -> NDArray[np.float64]:
+    """Return a layer's clipping planes that are on, (N, 2, 3): point and normal, voxels z y x."""
+    planes = getattr(layer, "experimental_clipping_planes", ())
+    rows = [(p.position, p.normal) for p in planes if p.enabled]
+    return np.array(rows, dtype=np.float64).reshape(-1, 2, 3)
