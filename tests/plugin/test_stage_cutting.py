@@ -62,7 +62,7 @@ def test_an_object_that_leaves_a_cut_bag_leaves_it_cut(staged, session) -> None:
 
 
 def test_what_is_cut_away_cannot_be_picked(staged, session) -> None:
-    viewer, stage = staged
+    stage = staged[1]
     camera, size = stage.frame.camera, stage.frame.size
     row, col = camera.project(session.boxes.center(1, session.spacing)[None], size)[0]
     before = stage._projector.packed_at(row, col)
