@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,12 +32,7 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
         If it is not 3D, is empty, constant, or has no finite value.
     """
     array = np.asarray(volume)
-    if array.ndim != 3:
-        raise ValueError(f"volume must have 3 axes (z, y, x), got shape {array.shape}")
-    if array.size == 0:
-        raise ValueError(f"volume must not be empty, got shape {array.shape}")
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"volume must hold real numbers, got dtype {array.dtype}")
+    checked_form(array.shape, array.dtype)
     if array.dtype.kind == "b":
         array = array.view(np.uint8)
     low, high = finite_range(array)
@@ -45,6 +41,25 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
             f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
         )
     return array
+
+
+def checked_form(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, int, int]:
+    """Return the shape of a density volume, or say what is wrong with it or its type.
+
+    Raises
+    ------
+    TypeError
+        If the values are not real numbers.
+    ValueError
+        If it is not 3D, or empty.
+    """
+    if len(shape) != 3:
+        raise ValueError(f"volume must have 3 axes (z, y, x), got shape {shape}")
+    if 0 in shape:
+        raise ValueError(f"volume must not be empty, got shape {shape}")
+    if dtype.kind not in "buif":
+        raise TypeError(f"volume must hold real numbers, got dtype {dtype}")
+    return shape[0], shape[1], shape[2]
 
 
 def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
@@ -65,6 +80,26 @@ def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
     if low > high:
         raise ValueError("volume has no finite value: all of it is NaN or infinite")
     return low, high
+
+
+def check_out(out: Any, shape: tuple[int, int, int]) -> None:
+    """Say what is wrong with an array that labels are to be written to.
+
+    Raises
+    ------
+    TypeError
+        If it does not hold integers of 16 bits at least, or cannot be written to.
+    ValueError
+        If its shape is not the volume's.
+    """
+    dtype = np.dtype(getattr(out, "dtype", object))
+    if not hasattr(out, "__setitem__") or dtype.kind not in "ui" or dtype.itemsize < 2:
+        raise TypeError(
+            f"out must be an array of integers of 16 bits or more that can be written to, got "
+            f"{type(out).__name__} of {dtype}"
+        )
+    if tuple(out.shape) != shape:
+        raise ValueError(f"out must have the volume's shape {shape}, got {tuple(out.shape)}")
 
 
 def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:

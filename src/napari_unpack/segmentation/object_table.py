@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 from numba import njit
@@ -10,7 +12,81 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.sources import Box
 from napari_unpack.segmentation.splitting import Oracle
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What is added up over the voxels of every label, block by block.
+
+    Parameters
+    ----------
+    totals : (M, 5) ndarray of float64
+        By label: voxels, the sums of z, y and x (voxels), density.
+    area : (M,) ndarray of float64
+        Faces to other labels, background and the volume's border, mm^2.
+    """
+
+    totals: NDArray[np.float64]
+    area: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, top: int) -> Sums:
+        """Return sums of nothing for labels up to `top`."""
+        return cls(np.zeros((top + 1, 5)), np.zeros(top + 1))
+
+    def add(
+        self,
+        labels: NDArray[np.int32],
+        density: NDArray[np.generic],
+        spacing: Spacing,
+        start: tuple[int, int, int] = (0, 0, 0),
+        inner: Box | None = None,
+    ) -> None:
+        """Add a block.
+
+        Parameters
+        ----------
+        labels : (Z, Y, X) ndarray of int32
+            The block, with the voxels around it where the volume has them.
+        density : (Z, Y, X) ndarray
+            Density of the same voxels.
+        spacing : (float, float, float)
+            Voxel size z y x, mm.
+        start : (int, int, int)
+            First of these voxels in the volume.
+        inner : tuple of slice, optional
+            Those of them that count; the others are neighbours only. By default all.
+        """
+        box = inner or (
+            slice(0, labels.shape[0]),
+            slice(0, labels.shape[1]),
+            slice(0, labels.shape[2]),
+        )
+        bounds = np.array([(s.start, s.stop) for s in box], np.int64)
+        faces = np.prod(spacing) / np.array(spacing)
+        _add(labels, density, bounds, np.array(start), faces, self.totals, self.area)
+
+    def table(self, spacing: Spacing, confidence: dict[int, float]) -> pd.DataFrame:
+        """Return the table of all labels that have voxels, columns as in `Segmentation`."""
+        ids = np.flatnonzero(self.totals[:, 0])
+        totals, counts = self.totals[ids], self.totals[ids, 0]
+        volume = counts * float(np.prod(spacing))
+        centers = totals[:, 1:4] / counts[:, None] * np.array(spacing)
+        return pd.DataFrame(
+            {
+                "voxels": counts.astype(np.int64),
+                "volume_mm3": volume,
+                "mean_density": totals[:, 4] / counts,
+                "z": centers[:, 0],
+                "y": centers[:, 1],
+                "x": centers[:, 2],
+                "isoperimetric_ratio": self.area[ids] / volume,
+                "confidence": np.array([confidence[k] for k in ids.tolist()], np.float64),
+            },
+            index=pd.Index(ids, name="id"),
+        )
 
 
 def object_table(
@@ -37,33 +113,38 @@ def object_table(
     pandas.DataFrame
         Indexed by id, columns as in `pipeline.Segmentation`.
     """
+    sums = Sums.empty(int(labels.max(initial=0)))
+    sums.add(labels, density, spacing)
+    return sums.table(spacing, confidences(labels, density, spacing, oracle))
+
+
+def confidences(
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    oracle: Oracle | None = None,
+) -> dict[int, float]:
+    """Judge every object.
+
+    Parameters
+    ----------
+    labels, density, spacing, oracle
+        As for `object_table`.
+
+    Returns
+    -------
+    dict of int to float
+        By label.
+    """
     boxes = label_boxes(labels)
-    top = int(boxes.ids[-1]) if len(boxes.ids) else 0
-    sums, area = _measure(labels, density, top, np.prod(spacing) / np.array(spacing))
-    sums, area = sums[boxes.ids], area[boxes.ids]
-    counts = boxes.counts.astype(np.float64)
-    volume = counts * float(np.prod(spacing))
-    centers = sums[:, :3] / counts[:, None] * np.array(spacing)
     judge = oracle or plain_confidence
-    confidence = []
+    found = {}
     for name in boxes.ids.tolist():
         box = boxes.slices(name)
         first = (box[0].start, box[1].start, box[2].start)
         region = Region(labels[box] == name, density[box], first, spacing)
-        confidence.append(float(judge(region)))
-    return pd.DataFrame(
-        {
-            "voxels": boxes.counts,
-            "volume_mm3": volume,
-            "mean_density": sums[:, 3] / counts,
-            "z": centers[:, 0],
-            "y": centers[:, 1],
-            "x": centers[:, 2],
-            "isoperimetric_ratio": area / volume,
-            "confidence": np.array(confidence, np.float64),
-        },
-        index=pd.Index(boxes.ids, name="id"),
-    )
+        found[name] = float(judge(region))
+    return found
 
 
 def plain_confidence(region: Region) -> float:
@@ -79,22 +160,21 @@ def plain_confidence(region: Region) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _measure(labels, density, top, faces):  # type: ignore[no-untyped-def]
-    sums = np.zeros((top + 1, 4), np.float64)
-    area = np.zeros(top + 1, np.float64)
+def _add(labels, density, inner, start, faces, totals, area):  # type: ignore[no-untyped-def]
     depth, height, width = labels.shape
-    for z in range(depth):
-        for y in range(height):
-            for x in range(width):
+    for z in range(inner[0, 0], inner[0, 1]):
+        for y in range(inner[1, 0], inner[1, 1]):
+            for x in range(inner[2, 0], inner[2, 1]):
                 label = labels[z, y, x]
                 if label == 0:
                     continue
-                sums[label, 0] += z
-                sums[label, 1] += y
-                sums[label, 2] += x
+                totals[label, 0] += 1
+                totals[label, 1] += z + start[0]
+                totals[label, 2] += y + start[1]
+                totals[label, 3] += x + start[2]
                 value = np.float64(density[z, y, x])
                 if value == value:
-                    sums[label, 3] += value
+                    totals[label, 4] += value
                 if z == 0 or labels[z - 1, y, x] != label:
                     area[label] += faces[0]
                 if z == depth - 1 or labels[z + 1, y, x] != label:
@@ -107,4 +187,3 @@ def _measure(labels, density, top, faces):  # type: ignore[no-untyped-def]
                     area[label] += faces[2]
                 if x == width - 1 or labels[z, y, x + 1] != label:
                     area[label] += faces[2]
-    return sums, area

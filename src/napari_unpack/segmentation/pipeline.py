@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,23 +15,24 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
-from napari_unpack.segmentation.checks import Spacing, checked_spacing, checked_volume
+from napari_unpack.segmentation.checks import Spacing, check_out, checked_spacing, checked_volume
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.matter import checked_way, find_matter
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
-from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.region import FEWEST, Region
 from napari_unpack.segmentation.shells import find_shell
+from napari_unpack.segmentation.sources import source_of
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
 from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.working_grid import MOST
 
 # Times the median density of matter.
 LIGHT = 2.2
-# Voxels that show a shape.
-FEWEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +42,14 @@ class Segmentation:
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
-        Object IDs 1, 2, ... from the largest object to the smallest; 0 is background.
+        Object IDs 1, 2, ... from the largest object to the smallest; 0 is background. The array
+        given as `out`, where one was.
     objects : pandas.DataFrame
         Indexed by id: voxels, volume_mm3, mean_density, z, y, x (centroid, mm),
         isoperimetric_ratio (surface over volume, 1/mm), confidence in [0, 1].
     """
 
-    labels: NDArray[np.int32]
+    labels: Any
     objects: pd.DataFrame
 
 
@@ -63,13 +66,16 @@ def segment(
     step: float = 0.11,
     rule: SplitRule | None = None,
     judge: Affinity | None = None,
+    working: int = MOST,
+    out: Any = None,
 ) -> Segmentation:
     """Find the objects of a packed volume.
 
     Parameters
     ----------
     volume : (Z, Y, X) array_like
-        Densities, any real type and scale; NaN is background.
+        Densities, any real type and scale; NaN is background. A zarr or dask array, or a memory
+        map, is read block by block where it is larger than `working`.
     spacing : (3,) sequence of float
         Voxel size z y x, mm.
     oracle : callable, optional
@@ -93,6 +99,12 @@ def segment(
     judge : Affinity, optional
         Decides which parts are joined again where there is no oracle; by default the one that
         ships with the package.
+    working : int
+        Larger volumes are reduced to so many voxels at most, on which the objects are found;
+        their labels are then refined to full resolution; see `large`.
+    out : (Z, Y, X) array of int, optional
+        Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
+        array. By default a new ndarray of int32.
 
     Returns
     -------
@@ -101,13 +113,15 @@ def segment(
     Raises
     ------
     TypeError
-        If the volume does not hold real numbers.
+        If the volume does not hold real numbers, or `out` no integers.
     ValueError
-        If the volume or the spacing is not usable, or nothing is found.
+        If the volume, the spacing or `out` is not usable, or nothing is found.
     """
-    density = checked_volume(volume)
+    source = source_of(volume)
     size = checked_spacing(spacing)
     way = checked_way(foreground)
+    if out is not None:
+        check_out(out, source.shape)
     tell = progress or _silent
     find = partial(
         segment_grid,
@@ -120,9 +134,28 @@ def segment(
         judge=judge,
         oracle=oracle,
     )
+    if source.size > working:
+        fewest = int(max(smallest / float(np.prod(size)), FEWEST))
+        labels, table = segment_large(
+            source,
+            size,
+            find,
+            tell,
+            working=working,
+            foreground=way,
+            fewest=fewest,
+            oracle=oracle,
+            out=out,
+        )
+        tell(1.0, f"{len(table)} objects")
+        return Segmentation(labels, table)
+    density = checked_volume(np.asarray(source.array))
     labels = find(density, size, tell)
     tell(0.95, "Measuring objects")
     table = object_table(labels, density, size, oracle)
+    if out is not None:
+        out[...] = labels
+        labels = out
     tell(1.0, f"{len(table)} objects")
     return Segmentation(labels, table)
 

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
 
+FEWEST = 100
+"""Voxels that show a shape."""
+
 
 @dataclass(frozen=True, eq=False)
 class Region:

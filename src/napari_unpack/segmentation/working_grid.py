@@ -1,0 +1,145 @@
+"""The working grid: a volume too large to be worked on whole, reduced by block means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.sources import Source, blocks
+
+MOST = 12_000_000
+"""Voxels that are worked on whole."""
+BLOCK = 16_000_000
+"""Voxels that are read at once."""
+SAMPLES = 4_000_000
+
+Factors = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingGrid:
+    """A reduced volume.
+
+    Parameters
+    ----------
+    density : (z, y, x) ndarray of float
+        Mean of the finite densities in every cell; NaN where there is none.
+    factors : (int, int, int)
+        Voxels to a cell, z y x; the last cell of an axis may have fewer.
+    spacing : (float, float, float)
+        Cell size z y x, mm.
+    sample : (a, b, c) ndarray
+        Every so many-th voxel of the volume itself, about 4 million.
+    """
+
+    density: NDArray[np.floating[Any]]
+    factors: Factors
+    spacing: Spacing
+    sample: NDArray[Any]
+
+
+def reduction(shape: tuple[int, int, int], spacing: Spacing, most: int = MOST) -> Factors:
+    """Choose how many voxels become one cell along each axis.
+
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Voxels z y x.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    most : int
+        Cells at most.
+
+    Returns
+    -------
+    (int, int, int)
+        The smallest factors that suffice, the finer axes reduced first so that cells come near
+        to cubes; an axis of one cell is left alone.
+    """
+    factors = [1, 1, 1]
+
+    def cells(axis: int) -> int:
+        return -(-shape[axis] // factors[axis])
+
+    while int(np.prod([cells(a) for a in range(3)], dtype=np.int64)) > most:
+        axes = [a for a in range(3) if cells(a) > 1]
+        finest = min(axes, key=lambda a: (factors[a] * spacing[a], -cells(a)))
+        factors[finest] += 1
+    return factors[0], factors[1], factors[2]
+
+
+def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOCK) -> WorkingGrid:
+    """Reduce a volume in one pass, block by block.
+
+    Parameters
+    ----------
+    source : Source
+        The volume.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    factors : (int, int, int)
+        See `reduction`.
+    most : int
+        Voxels read at once.
+
+    Returns
+    -------
+    WorkingGrid
+
+    Raises
+    ------
+    ValueError
+        If the volume is constant or has no finite value.
+    """
+    wide = np.float64 if source.dtype.itemsize > 4 else np.float32
+    shape = tuple(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
+    means = np.empty(shape, wide)
+    stride = max(1, int(np.ceil((source.size / SAMPLES) ** (1 / 3))))
+    sample = np.empty(tuple(-(-n // stride) for n in source.shape), source.dtype)
+    low, high = np.inf, -np.inf
+    for box, cells in blocks(source.shape, factors, most):
+        block = source.read(box)
+        least, largest = _means(block, np.array(factors), means[cells])
+        low, high = min(low, least), max(high, largest)
+        first = [-s.start % stride for s in box]
+        there = tuple(slice(-(-s.start // stride), -(-s.stop // stride)) for s in box)
+        sample[there] = block[first[0] :: stride, first[1] :: stride, first[2] :: stride]
+    if low > high:
+        raise ValueError("volume has no finite value: all of it is NaN or infinite")
+    if low == high:
+        raise ValueError(
+            f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
+        )
+    z, y, x = (s * f for s, f in zip(spacing, factors, strict=True))
+    return WorkingGrid(means, factors, (z, y, x), sample)
+
+
+@njit(cache=True, nogil=True)
+def _means(block, factors, means):  # type: ignore[no-untyped-def]
+    """Write the mean of every cell; return the least and largest finite value."""
+    low, high = np.inf, -np.inf
+    depth, height, width = block.shape
+    sums = np.zeros(means.shape[2])
+    counts = np.zeros(means.shape[2], np.int64)
+    for k in range(means.shape[0]):
+        for j in range(means.shape[1]):
+            sums[:] = 0
+            counts[:] = 0
+            for z in range(k * factors[0], min((k + 1) * factors[0], depth)):
+                for y in range(j * factors[1], min((j + 1) * factors[1], height)):
+                    for i in range(means.shape[2]):
+                        for x in range(i * factors[2], min((i + 1) * factors[2], width)):
+                            value = np.float64(block[z, y, x])
+                            if np.isfinite(value):
+                                sums[i] += value
+                                counts[i] += 1
+                                low = min(low, value)
+                                high = max(high, value)
+            for i in range(means.shape[2]):
+                means[k, j, i] = sums[i] / counts[i] if counts[i] else np.nan
+    return low, high
