@@ -20,6 +20,7 @@ ORDER = (
     "recolouring",
     "unpacking_steps",
     "accuracy",
+    "scaling",
     "plugin_start",
     "gpu",
 )
