@@ -13,17 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAST_PIXELS = 64
-"""Least length of a sprite's longer side."""
+"""Least length of a sprite's longer side, where the window has room for as many as there are."""
+
+MOST_INSIDE = 256
+"""So many sprites stand in the window whatever its shape, if need be smaller than that."""
 
 GAP = 8
 """Least distance in pixels between sprites, from the bag and from the window's edge."""
 
 LEAST_BAG = 0.27
 """Least radius of the bag's circle, in the window's shorter side, for the sake of sprites."""
-
-CROWDED_BAG = 0.36
-"""Its radius where even that leaves too little room: the sprites that find none in the window
-are planned outside it, where zooming out shows them."""
 
 
 WEIGHT_OF_BAG = 1.5
@@ -41,13 +40,14 @@ class Slots:
     cell_mm : float
         Side of a cell: a sprite's longer side is at most this.
     least_mm : float
-        Length of `LEAST_PIXELS` pixels: a sprite's longer side is at least this.
+        A sprite's longer side is at least this: `LEAST_PIXELS` pixels, or the cell's side where
+        that is smaller.
     height_mm : float
         Visible height at which the plan holds: the camera's `height`.
     bag_radius_px : float
         Radius of the bag's circle on the screen, perspective included.
     visible : int
-        Slots that lie in the window at that height; fewer than N only in windows too small.
+        Slots that lie in the window at that height: all, up to `MOST_INSIDE`.
     """
 
     centers: NDArray[np.float64]
@@ -87,13 +87,14 @@ def arrange(
     fov : float
         Vertical field of view in degrees; 0 is orthographic.
     least_pixels, gap : int
-        Least longer side of a sprite, and distance between neighbours.
+        Least longer side of a sprite, and distance between neighbours; both shrink where the
+        window is too small for so many.
 
     Returns
     -------
     Slots
-        No cell comes nearer than `gap` to another, to the bag's circle or, where it is visible,
-        to the window's edge.
+        No cell overlaps another, the bag's circle or, for the first `MOST_INSIDE`, the window's
+        edge.
 
     Raises
     ------
@@ -104,7 +105,9 @@ def arrange(
     -----
     For every cell side the grid's cells are sorted by distance from the middle; the bag may
     grow until `count` cells are left outside it. Of these the side is taken for which
-    radius^WEIGHT_OF_BAG * side is largest. In perspective a sphere of radius r at distance d
+    radius^WEIGHT_OF_BAG * side is largest. Where there is none of at least `least_pixels`, sides
+    and gaps shrink by a tenth until one is found, for the first `MOST_INSIDE`; further ones are
+    planned beyond the window, where zooming out shows them. In perspective a sphere of radius r at distance d
     covers the circle r d / sqrt(d^2 - r^2) of the pivot plane.
     """
     if count < 0:
@@ -114,32 +117,45 @@ def arrange(
     if min(canvas_size) < 1:
         raise ValueError(f"canvas_size must be at least (1, 1) pixels, got {canvas_size!r}")
     height, width = int(canvas_size[0]), int(canvas_size[1])
-    side, radius = _best_plan(count, height, width, least_pixels, gap)
+    inside = min(count, MOST_INSIDE)
+    side, radius, gap = _best_plan(inside, height, width, least_pixels, gap)
     cells, visible = _cells(count, height, width, side, radius, gap)
     mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
     centers = np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1)
-    return Slots(centers, side * mm, least_pixels * mm, height * mm, radius, visible)
+    least = min(float(least_pixels), side)
+    return Slots(centers, side * mm, least * mm, height * mm, radius, visible)
 
 
 def _best_plan(
-    count: int, height: int, width: int, least_pixels: int, gap: int
-) -> tuple[float, float]:
-    """Return the cell side and the radius of the bag's circle, pixels."""
+    count: int, height: int, width: int, least_pixels: float, gap: float
+) -> tuple[float, float, float]:
+    """Return the cell side, the radius of the bag's circle, and the gap, pixels."""
     short = min(height, width)
-    least, most = LEAST_BAG * short, short / 2 - gap
     plans = []
     for side in range(least_pixels, int(max(least_pixels, min(short * 0.3, 320))) + 1, 2):
-        reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
-        if len(reach) < count:
-            break
-        radius = min([most, *reach[max(count - 1, 0) : count]])
-        if radius >= least:
-            plans.append((radius**WEIGHT_OF_BAG * side, float(side), float(radius)))
+        plan = _plan(count, height, width, side, gap)
+        if plan is not None:
+            plans.append(plan)
     if plans:
-        return max(plans)[1:]
-    reach = _nearest(_grid(height, width, least_pixels, gap), least_pixels) - gap
-    crowded = CROWDED_BAG * short
-    return float(least_pixels), float(max(min([most, *reach[reach >= crowded]]), crowded, 1.0))
+        return max(plans, key=lambda plan: plan[1] ** WEIGHT_OF_BAG * plan[0])
+    side = float(least_pixels)
+    while True:
+        side *= 0.9
+        plan = _plan(count, height, width, side, min(gap, side / 8))
+        if plan is not None:
+            return plan
+
+
+def _plan(
+    count: int, height: int, width: int, side: float, gap: float
+) -> tuple[float, float, float] | None:
+    """Return side, radius and gap where `count` cells fit outside a bag that is large enough."""
+    short = min(height, width)
+    reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
+    if len(reach) < count:
+        return None
+    radius = min([short / 2 - gap, *reach[max(count - 1, 0) : count]])
+    return (float(side), float(radius), gap) if radius >= LEAST_BAG * short else None
 
 
 def _grid(height: float, width: float, side: float, gap: float) -> NDArray[np.float64]:
@@ -189,7 +205,7 @@ def _in_order(cells: NDArray[np.float64]) -> NDArray[np.float64]:
     Sprites so flank the bag and grow up and down, right and left in turn. Bags are wide rather
     than high, so that the cells in the corners, though near the circle, look far from the bag.
     """
-    row, col = np.round(cells).T
+    row, col = np.round(cells, 6).T
     return cells[np.lexsort((col < 0, np.abs(col), row > 0, np.abs(row)))]
 
 
