@@ -107,8 +107,8 @@ def arrange(
     grow until `count` cells are left outside it. Of these the side is taken for which
     radius^WEIGHT_OF_BAG * side is largest. Where there is none of at least `least_pixels`, sides
     and gaps shrink by a tenth until one is found, for the first `MOST_INSIDE`; further ones are
-    planned beyond the window, where zooming out shows them. In perspective a sphere of radius r at distance d
-    covers the circle r d / sqrt(d^2 - r^2) of the pivot plane.
+    planned beyond the window, where zooming out shows them. In perspective a sphere of radius r
+    at distance d covers the circle r d / sqrt(d^2 - r^2) of the pivot plane.
     """
     if count < 0:
         raise ValueError(f"count must not be negative, got {count!r}")
