@@ -132,7 +132,7 @@ def _best_plan(
     """Return the cell side, the radius of the bag's circle, and the gap, pixels."""
     short = min(height, width)
     plans = []
-    for side in range(least_pixels, int(max(least_pixels, min(short * 0.3, 320))) + 1, 2):
+    for side in np.arange(least_pixels, max(least_pixels, min(short * 0.3, 320)) + 1, 2):
         plan = _plan(count, height, width, side, gap)
         if plan is not None:
             plans.append(plan)
