@@ -19,8 +19,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.picture_cache import Crop, PictureCache
 from napari_unpack.session.pictures import packed_patch
 
-MOVING_RAYS = 384
-FEWEST_RAYS = 160
+FEWEST_RAYS = 384
 FRAME_SECONDS = 0.085
 GL_FRAME_SECONDS = 0.012
 GL_RAYS_STEP = 32
@@ -74,7 +73,7 @@ class PackedPainter:
         self._state = 0
         self._shot: Shot | None = None
         self._finest: tuple[Frame, int] | None = None
-        self._rays = float(MOVING_RAYS)
+        self._rays = float(FEWEST_RAYS)
         self._touched: set[int] = set()
         self._crop: Crop | None = None
         self._rest = QTimer()
@@ -108,7 +107,7 @@ class PackedPainter:
 
     def change_caster(self) -> None:
         """Cast again since the studio has become active, or is so no more."""
-        self._shot, self._live, self._rays = None, None, float(MOVING_RAYS)
+        self._shot, self._live, self._rays = None, None, float(FEWEST_RAYS)
         self._rest.setInterval(REST_MS)
         self.recast()
 
@@ -255,7 +254,7 @@ class PackedPainter:
     def _adapt(self, seconds: float, wanted: float, frame: Frame) -> None:
         change = (wanted / max(seconds, 1e-4)) ** 0.5
         self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
-        self._rays = min(self._rays, max(MOVING_RAYS, min(frame.size)))
+        self._rays = min(self._rays, max(FEWEST_RAYS, min(frame.size)))
 
     def _cast(self, frame: Frame, size: tuple[int, int], step: float) -> tuple[Shot | None, float]:
         self.passes += 1

@@ -1,0 +1,81 @@
+"""The packed picture among other layers, by depth; and under the hand, where it is coarser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+
+def greenness(viewer, stage, world) -> float:
+    """Return how green the canvas is around a point, 0 to 1."""
+    picture = canvas(viewer)
+    row, col = stage.frame.camera.project(np.asarray(world, dtype=float)[None], stage.frame.size)[0]
+    scale = np.array(picture.shape[:2]) / stage.frame.size
+    r, c = (int(round(v)) for v in (row * scale[0], col * scale[1]))
+    patch = picture[r - 2 : r + 3, c - 2 : c + 3].reshape(-1, 3)
+    return float((patch[:, 1] - patch[:, [0, 2]].max(axis=1)).clip(0).mean() / 255)
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize("fov", [0, 35])
+@pytest.mark.parametrize("above", [True, False])
+def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
+    staged, session, backend, fov, above
+) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    stage.backend = backend
+    viewer.scene.camera.perspective = fov
+    function = session.transfer_function
+    session.transfer_function = type(function)([(0, 0.0), (300, 0.0), (500, 1.0), (4000, 1.0)])
+    session.accept_hues(dict.fromkeys(session.ids, 0.0), undoable=False)
+    assert stage.settle(60)
+    center = session.boxes.center(1, session.spacing)
+    ray = stage.frame.camera.direction
+    before, behind = center - 40 * ray, center + 10 * ray
+    for world, wanted in ((before, True), (behind, False)):
+        points = viewer.add_points(
+            [world], size=8, face_color=[0, 1, 0, 1], border_width=0, name="probe"
+        )
+        if not above:
+            viewer.layers.move(len(viewer.layers) - 1, 0)
+        viewer.layers.selection.active = stage.packed
+        assert stage.settle(60)
+        green = greenness(viewer, stage, world)
+        assert (green > 0.6) if wanted else (green < 0.25), (world, green)
+        viewer.layers.remove(points.name)
+
+
+def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(staged, qtbot) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    viewer.window.resize(1000, 900)
+    assert stage.settle(60)
+    bag = stage._projector.bag
+    interval = bag._rest.interval()
+    bag._rest.setInterval(60_000)
+    viewer.scene.camera.angles = (12, -35, 70)
+    qtbot.waitUntil(
+        lambda: (
+            stage.packed.shot is not None
+            and stage.packed.shot.camera is stage.frame.camera
+            and stage.packed.shot.size != stage.frame.size
+        ),
+        timeout=20000,
+    )
+    assert min(stage.packed.shot.size) >= 384
+    coarse = canvas(viewer)
+    bag._rest.setInterval(interval)
+    bag._rest.start()
+    assert stage.settle(60)
+    assert stage.packed.shot.size == stage.frame.size
+    fine = canvas(viewer)
+    assert fine.std() > 10
+    difference = np.abs(coarse - fine)
+    assert difference.mean() < 4
+    # Neither brighter nor moved: where the bag is seen the means agree, and so do its edges.
+    seen = fine.max(axis=2) > 60
+    assert abs(coarse[seen].mean() - fine[seen].mean()) < 4
+    drift = [np.mean(np.nonzero(p.max(axis=2) > 60), axis=1) for p in (coarse, fine)]
+    assert np.abs(drift[0] - drift[1]).max() < 0.5
