@@ -12,7 +12,7 @@ def greenness(viewer, stage, world) -> float:
     picture = canvas(viewer)
     row, col = stage.frame.camera.project(np.asarray(world, dtype=float)[None], stage.frame.size)[0]
     scale = np.array(picture.shape[:2]) / stage.frame.size
-    r, c = (int(round(v)) for v in (row * scale[0], col * scale[1]))
+    r, c = (round(float(v)) for v in (row * scale[0], col * scale[1]))
     patch = picture[r - 2 : r + 3, c - 2 : c + 3].reshape(-1, 3)
     return float((patch[:, 1] - patch[:, [0, 2]].max(axis=1)).clip(0).mean() / 255)
 
