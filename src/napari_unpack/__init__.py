@@ -25,6 +25,8 @@ _HOMES = {
     "pick": "napari_unpack.imaging",
     "Session": "napari_unpack.session",
     "movie": "napari_unpack.io",
+    "open_session": "napari_unpack.io",
+    "save_session": "napari_unpack.io",
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from napari_unpack.io.films import movie
     from napari_unpack.io.images import save_png
     from napari_unpack.io.scan import Scan
+    from napari_unpack.io.sessions import open_session, save_session
     from napari_unpack.io.tables import save_objects_csv
     from napari_unpack.io.volumes import load_labels, load_volume, save_scan
 
@@ -20,9 +21,11 @@ _HOMES = {
     "load_labels": "volumes",
     "load_volume": "volumes",
     "movie": "films",
+    "open_session": "sessions",
     "save_objects_csv": "tables",
     "save_png": "images",
     "save_scan": "volumes",
+    "save_session": "sessions",
 }
 
 __all__ = [
@@ -30,9 +33,11 @@ __all__ = [
     "load_labels",
     "load_volume",
     "movie",
+    "open_session",
     "save_objects_csv",
     "save_png",
     "save_scan",
+    "save_session",
 ]
 
 

@@ -1,0 +1,295 @@
+"""Session files: everything needed to go on where one stopped."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.io.session_arrays import ArrayFacts, Told, read_array, write_array
+from napari_unpack.io.session_stores import (
+    MANIFEST,
+    Source,
+    opened_for_reading,
+    opened_for_writing,
+)
+from napari_unpack.session.fields import Fields
+
+Progress = Callable[[float, str], None]
+FORMAT = "napari-unpack session"
+VERSION = 1
+LARGEST_MANIFEST = 1 << 28
+PICTURE = (240, 320)
+
+
+def save_session(
+    session: Any,
+    path: str | Path,
+    copy: bool = True,
+    volume_path: str | Path | None = None,
+    labels_path: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Save a session: a file or folder from which `open_session` goes on.
+
+    Parameters
+    ----------
+    session : Session
+        What is in the air is saved as landed. The steps of undo are not saved.
+    path : str or Path
+        One file where it ends in .unpack or .zip, else a folder. What is there already is
+        replaced once the new one is whole, and only then.
+    copy : bool
+        Put the volume and the labels in. False refers to `volume_path`, and to `labels_path`
+        where that is given, instead: small, but the files must stay.
+    volume_path, labels_path : str or Path, optional
+        Files that `load_volume` and `load_labels` read these arrays from.
+    progress : callable, optional
+        Takes (fraction, text); raising in it cancels and leaves what was there.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    ValueError
+        If `copy` is False without a `volume_path`, or a file does not hold these arrays.
+    OSError
+        If it cannot be written, such as on a full disk; what was there stays.
+
+    Notes
+    -----
+    JSON, PNG and .npz alone, nothing that is run on opening. Arrays are written with shape, dtype and SHA-256, which
+    are checked on opening.
+    """
+    from importlib.metadata import version
+
+    from napari_unpack.session.record import record_of
+
+    target = Path(path).expanduser()
+    tell = progress or (lambda fraction, text: None)
+    if not copy and volume_path is None:
+        raise ValueError("copy=False needs volume_path, the file the volume came from")
+    tell(0.0, "Saving")
+    manifest: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "written_by": f"napari-unpack {version('napari-unpack')}",
+        "session": record_of(session),
+    }
+    arrays = {"volume": np.asarray(session.volume), "labels": _given_labels(session)}
+    files = {"volume": volume_path, "labels": labels_path}
+    ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
+    try:
+        with opened_for_writing(target) as sink:
+            for name, array in arrays.items():
+                file = files[name]
+                told = _part(tell, *ends[name], f"Saving the {name}")
+                if copy or file is None:
+                    with sink.open(f"{name}.npz") as stream:
+                        facts = write_array(stream, array, told)
+                    where = {"file": f"{name}.npz"}
+                else:
+                    facts = ArrayFacts.of(array)
+                    where = {"reference": _reference(Path(file), target, name, facts)}
+                manifest[name] = where | {
+                    "shape": list(facts.shape),
+                    "dtype": facts.dtype,
+                    "sha256": facts.sha256,
+                }
+            tell(0.9, "Saving the state")
+            with sink.open("picture.png") as stream:
+                stream.write(_picture(session))
+            with sink.open(MANIFEST) as stream:
+                stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
+    except OSError as error:
+        if error.errno is None or isinstance(error, FileNotFoundError):
+            raise
+        reason = f"could not save {target}: {error.strerror}; what was there before is unchanged"
+        raise OSError(error.errno, reason) from error
+    tell(1.0, "Saved")
+    return target
+
+
+def open_session(
+    path: str | Path,
+    volume: NDArray[Any] | None = None,
+    labels: NDArray[Any] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Open a session where it was left.
+
+    Parameters
+    ----------
+    path : str or Path
+        From `save_session`.
+    volume, labels : (Z, Y, X) ndarray, optional
+        The arrays themselves, for a session that refers to files which are gone.
+    progress : callable, optional
+        Takes (fraction, text); raising in it cancels.
+
+    Returns
+    -------
+    Session
+        In exactly the state saved, with nothing to undo.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it, or a file it refers to, is not there.
+    ValueError
+        If it is damaged, no session, of a newer version, or refers to other data than it was
+        saved with; the message says what.
+    """
+    from napari_unpack.session.record import session_from
+
+    source = Path(path).expanduser()
+    tell = progress or (lambda fraction, text: None)
+    tell(0.0, "Opening the session")
+    try:
+        with opened_for_reading(source) as store:
+            fields = _manifest(store, source)
+            given = {"volume": volume, "labels": labels}
+            ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.8)}
+            found = {
+                name: _array(
+                    store,
+                    fields.part(name),
+                    source,
+                    name,
+                    given[name],
+                    _part(tell, *ends[name], f"Reading the {name}"),
+                )
+                for name in ("volume", "labels")
+            }
+    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
+        raise ValueError(f"{source} is damaged or not whole: {error}") from error
+    tell(0.8, "Making the session ready")
+    session = session_from(fields["session"], found["volume"], found["labels"])
+    tell(1.0, "Opened")
+    return session
+
+
+def _manifest(store: Source, source: Path) -> Fields:
+    if MANIFEST not in store.names:
+        raise ValueError(f"{source} is no session: it lacks {MANIFEST}")
+    with store.open(MANIFEST) as stream:
+        text = stream.read(LARGEST_MANIFEST + 1)
+    if len(text) > LARGEST_MANIFEST:
+        raise ValueError(f"{source} is no session: its {MANIFEST} is too large")
+    try:
+        data = json.loads(text.decode(), parse_constant=_no_constant)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"{source} is damaged: {MANIFEST} is not readable: {error}") from error
+    fields = Fields(data, MANIFEST)
+    if not fields.has("format") or fields["format"] != FORMAT:
+        raise ValueError(f"{source} is no session of napari-unpack")
+    version = fields.integer("version", 1)
+    if version > VERSION:
+        raise ValueError(
+            f"{source} was saved by a newer napari-unpack (form {version}; this one reads up to "
+            f"{VERSION}): update napari-unpack to open it"
+        )
+    return fields
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"{MANIFEST} must hold finite numbers, got {name}")
+
+
+def _array(
+    store: Source,
+    fields: Fields,
+    source: Path,
+    name: str,
+    given: NDArray[Any] | None,
+    told: Told,
+) -> NDArray[Any]:
+    shape = tuple(int(n) for n in fields.array("shape", (3,)))
+    facts = ArrayFacts(shape, fields.text("dtype"), fields.text("sha256"))
+    if given is not None:
+        array = np.asarray(given).astype(facts.dtype, copy=False)
+        facts.check(array, f"the {name} given")
+        return array
+    if fields.has("file"):
+        member = fields.text("file")
+        if member != f"{name}.npz":
+            raise ValueError(f"{source} must keep its {name} as '{name}.npz', got {member!r}")
+        if member not in store.names:
+            raise ValueError(f"{source} is not whole: it lacks {member}")
+        with store.open(member) as stream:
+            return read_array(_seekable(stream), facts, f"{member} of {source}", told)
+    return _referred(fields.text("reference"), source, name, facts)
+
+
+def _seekable(stream: IO[bytes]) -> IO[bytes]:
+    return stream if stream.seekable() else io.BytesIO(stream.read())
+
+
+def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDArray[Any]:
+    """Read an array from the file a session refers to."""
+    outside = ".." in (*PurePosixPath(reference).parts, *PureWindowsPath(reference).parts)
+    if outside or not reference:
+        raise ValueError(
+            f"{source} refers to its {name} by a path that leaves its folder: {reference!r}"
+        )
+    file = Path(reference)
+    if not file.is_absolute():
+        file = source.parent / file
+    if not file.exists():
+        raise FileNotFoundError(
+            f"{source} refers to its {name} in {file}, which is not there: put it back, or pass "
+            f"{name}= to open_session"
+        )
+    array = _loaded(file, name)
+    facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
+    return array.astype(facts.dtype, copy=False)
+
+
+def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:
+    """Return how a session refers to a file, which must hold the array."""
+    file = file.expanduser().resolve()
+    array = _loaded(file, name)
+    facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
+    home = target.absolute().parent.resolve()
+    return file.relative_to(home).as_posix() if file.is_relative_to(home) else str(file)
+
+
+def _loaded(file: Path, name: str) -> NDArray[Any]:
+    from napari_unpack.io.volumes import load_labels, load_volume
+
+    return load_volume(file).volume if name == "volume" else load_labels(file)[0]
+
+
+def _given_labels(session: Any) -> NDArray[Any]:
+    """Return the labels with the IDs they came with."""
+    ids = session.ids
+    if session.label_of(ids[-1]) == ids[-1]:
+        return np.asarray(session.labels)
+    given = np.zeros(ids[-1] + 1, np.int64)
+    given[list(ids)] = [session.label_of(i) for i in ids]
+    return np.asarray(given[session.labels])
+
+
+def _picture(session: Any) -> bytes:
+    """Return a small picture of the bag as PNG, for people who look into the file."""
+    import imageio.v3 as iio
+
+    from napari_unpack.io.images import straight_bytes
+    from napari_unpack.session.pictures import scene
+
+    image = scene(session, session.camera, PICTURE, backend="cpu")
+    return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
+
+
+def _part(tell: Progress, start: float, end: float, text: str) -> Told:
+    return lambda fraction: tell(start + (end - start) * fraction, text)

@@ -1,0 +1,138 @@
+"""Plain data read with care: what a file says is checked before it is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Fields:
+    """A JSON object, field by field.
+
+    Parameters
+    ----------
+    data : object
+        As JSON gave it.
+    where : str
+        Its name in error messages.
+
+    Raises
+    ------
+    ValueError
+        If it is no object; and from every method if the field is missing or of another kind,
+        naming the field.
+    """
+
+    def __init__(self, data: Any, where: str) -> None:
+        if not isinstance(data, dict):
+            raise ValueError(f"{where} must be an object, got {_short(data)}")
+        self._data, self._where = data, where
+
+    def has(self, name: str) -> bool:
+        """Tell whether a field is there and not null."""
+        return self._data.get(name) is not None
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a field as it is."""
+        if name not in self._data:
+            raise ValueError(f"{self._where} lacks {name!r}")
+        return self._data[name]
+
+    def part(self, name: str) -> Fields:
+        """Return a field that is an object."""
+        return Fields(self[name], f"{self._where}.{name}")
+
+    def parts(self, name: str) -> Iterator[Fields]:
+        """Yield the objects of a list."""
+        for k, item in enumerate(self.items(name)):
+            yield Fields(item, f"{self._where}.{name}[{k}]")
+
+    def text(self, name: str, among: tuple[str, ...] = ()) -> str:
+        """Return a text, one of some where these are given."""
+        value = self[name]
+        if not isinstance(value, str) or (among and value not in among):
+            self._refuse(name, f"one of {', '.join(among)}" if among else "text", value)
+        return str(value)
+
+    def flag(self, name: str) -> bool:
+        """Return true or false."""
+        value = self[name]
+        if not isinstance(value, bool):
+            self._refuse(name, "true or false", value)
+        return bool(value)
+
+    def integer(self, name: str, least: int = 0) -> int:
+        """Return a whole number."""
+        value = self[name]
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            self._refuse(name, f"a whole number from {least}", value)
+        return int(value)
+
+    def number(self, name: str) -> float:
+        """Return a finite number."""
+        return float(self.array(name, ()))
+
+    def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return finite numbers in a shape."""
+        value = self[name]
+        try:
+            found = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            found = np.array(np.nan)
+        if found.shape != shape or not np.isfinite(found).all():
+            wanted = " x ".join(map(str, shape)) + " finite numbers" if shape else "a finite number"
+            self._refuse(name, wanted, value)
+        return found
+
+    def ids(self, name: str, known: frozenset[int]) -> tuple[int, ...]:
+        """Return known object IDs, each once."""
+        values = self.items(name)
+        whole = all(isinstance(i, int) and not isinstance(i, bool) for i in values)
+        if not whole or not known.issuperset(values) or len(set(values)) != len(values):
+            self._refuse(name, "IDs of objects in the labels, each once", values)
+        return tuple(values)
+
+    def groups(self, name: str, known: frozenset[int]) -> tuple[tuple[int, ...], ...]:
+        """Return lists of known object IDs, no ID twice in all of them."""
+        lists = self.items(name)
+        flat = [i for group in lists for i in (group if isinstance(group, list) else [group])]
+        Fields({name: flat}, self._where).ids(name, known)
+        if not all(isinstance(group, list) for group in lists):
+            self._refuse(name, "lists of IDs", lists)
+        return tuple(tuple(group) for group in lists)
+
+    def by_id(self, name: str, known: frozenset[int]) -> dict[int, Any]:
+        """Return an object whose keys are known object IDs."""
+        found = {}
+        for key, value in self.part(name)._data.items():
+            if not (key.isascii() and key.isdigit() and int(key) in known):
+                self._refuse(name, "keyed by IDs of objects in the labels", key)
+            found[int(key)] = value
+        return found
+
+    def items(self, name: str) -> list[Any]:
+        """Return a list."""
+        value = self[name]
+        if not isinstance(value, list):
+            self._refuse(name, "a list", value)
+        return list(value)
+
+    def columns(self, name: str) -> dict[str, Any]:
+        """Return lists by name; numbers with nulls among them are floats with NaN."""
+        part = self.part(name)
+        found = {key: part.items(key) for key in part._data}
+        for key, values in found.items():
+            if None in values and all(isinstance(v, int | float | None) for v in values):
+                found[key] = [np.nan if v is None else float(v) for v in values]
+        return found
+
+    def _refuse(self, name: str, wanted: str, value: Any) -> None:
+        raise ValueError(f"{self._where}.{name} must be {wanted}, got {_short(value)}")
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

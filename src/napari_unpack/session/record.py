@@ -1,0 +1,354 @@
+"""A session as plain data, and back: all of it but volume, labels and the steps of undo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.appearance import TransferFunction
+from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.session.fields import Fields
+from napari_unpack.session.log import LogEntry
+from napari_unpack.session.session import Session
+from napari_unpack.session.state import Berth, Situation
+from napari_unpack.unpacking import Queue
+from napari_unpack.unpacking.occlusion import Rule
+
+_NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
+
+
+def record_of(session: Session) -> dict[str, Any]:
+    """Return a session as plain data.
+
+    Parameters
+    ----------
+    session : Session
+        What is in the air counts as landed.
+
+    Returns
+    -------
+    dict
+        Of what JSON knows, floats exact; NaN does not occur.
+    """
+    camera, view = session.camera, session.view
+    return {
+        "spacing": session.spacing.tolist(),
+        "situation": _situation(session),
+        "rules": {
+            "rule": session.rule,
+            "tolerance": session.tolerance,
+            "most_in_group": session.most_in_group,
+            "take_least_occluded": session.take_least_occluded,
+        },
+        "look": {
+            "tint_mode": session.tint_mode,
+            "show_unlabelled": session.show_unlabelled,
+            "locked_hues": sorted(session.locked_hues),
+            "hue_margin": session.hue_margin,
+            "colored": session._colored,
+        },
+        "camera": {
+            "rotation": camera.rotation.tolist(),
+            "center": camera.center.tolist(),
+            "height": camera.height,
+            "fov": camera.fov,
+        },
+        "view": {
+            "direction": list(view.direction),
+            "up": None if view.up is None else list(view.up),
+            "center": None if view.center is None else list(view.center),
+            "height": view.height,
+            "fov": view.fov,
+        },
+        "canvas_size": list(session.canvas_size),
+        "seconds": session.seconds,
+        "selected": sorted(session.selected),
+        "log": [
+            {
+                "event": entry.event,
+                "ids": list(entry.ids),
+                "packed": entry.packed,
+                "ratio": entry.ratio,
+                "seconds": entry.seconds,
+            }
+            for entry in session.log
+        ],
+        "objects": _table(session),
+    }
+
+
+def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike) -> Session:
+    """Make the session a record was made of.
+
+    Parameters
+    ----------
+    record : mapping
+        From `record_of`.
+    volume : (Z, Y, X) array_like
+        Density.
+    labels : (Z, Y, X) array_like of int
+        Object IDs, with the IDs they were given with.
+
+    Returns
+    -------
+    Session
+        In exactly that state, with nothing to undo.
+
+    Raises
+    ------
+    ValueError
+        If the record says something that cannot be, naming the field; or as for `Session`.
+    """
+    fields = Fields(record, "session")
+    spacing = fields.array("spacing", (3,))
+    session = Session(volume, labels, spacing, _objects(fields.part("objects")))
+    known = frozenset(session.ids)
+    rules, look, camera = fields.part("rules"), fields.part("look"), fields.part("camera")
+    session.rule = rules.text("rule", get_args(Rule))  # type: ignore[assignment]
+    session.tolerance = rules.number("tolerance")
+    session.most_in_group = rules.integer("most_in_group", 1)
+    session.take_least_occluded = rules.flag("take_least_occluded")
+    session.tint_mode = look.text("tint_mode", get_args(Mode))  # type: ignore[assignment]
+    session.show_unlabelled = look.flag("show_unlabelled")
+    session.locked_hues = frozenset(look.ids("locked_hues", known))
+    session.hue_margin = look.number("hue_margin")
+    session._colored = look.flag("colored")
+    height, width = (int(n) for n in fields.array("canvas_size", (2,)))
+    session.canvas_size = height, width
+    session.seconds = _positive(fields, "seconds")
+    session.view = _read_view(fields.part("view"))
+    session._camera = Camera(
+        _rotation(camera),
+        camera.array("center", (3,)),
+        _positive(camera, "height"),
+        _angle(camera),
+    )
+    session.log.extend(_log(fields, known))
+    session._situation = _read_situation(fields.part("situation"), session, known)
+    session._tell_states(known)
+    session.select(fields.ids("selected", known))
+    return session
+
+
+def _read_view(fields: Fields) -> View:
+    def triple(name: str) -> tuple[float, float, float] | None:
+        if not fields.has(name):
+            return None
+        z, y, x = (float(v) for v in fields.array(name, (3,)))
+        return z, y, x
+
+    height = _positive(fields, "height") if fields.has("height") else None
+    direction = triple("direction") or (0.0, 0.0, 1.0)
+    return View(direction, triple("up"), triple("center"), height, _angle(fields))
+
+
+def _situation(session: Session) -> dict[str, Any]:
+    now = session._situation
+    queue = now.queue
+    colors = now.transfer_function.colors
+    return {
+        "transfer_function": {
+            "points": [list(point) for point in now.transfer_function.points],
+            "colors": None if colors is None else [[d, list(rgb)] for d, rgb in colors],
+        },
+        "hues": {str(i): hue for i, hue in now.hues.items()},
+        "names": {str(i): name for i, name in now.names.items()},
+        "out": [_berth(i, berth) for i, berth in now.out.items()],
+        "ahead": [[_berth(i, b) for i, b in departure.items()] for departure in now.ahead],
+        "hidden": sorted(now.hidden),
+        "inspected": now.inspected,
+        "direction": list(now.direction) if isinstance(now.direction, tuple) else now.direction,
+        "queue": {
+            "groups": [list(group) for group in queue.groups],
+            "direction": None if queue.direction is None else list(queue.direction),
+            "restored": list(queue.restored),
+            "least_occluded": queue.least_occluded,
+            "packed": sorted(queue.packed),
+            "by_these_rules": queue.terms == session._terms,
+        },
+    }
+
+
+def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> Situation:
+    hues = session.hues
+    for i, hue in fields.by_id("hues", known).items():
+        if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
+            raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
+        hues[i] = float(hue)
+    names = {i: str(name) for i, name in fields.by_id("names", known).items()}
+    out = dict(_read_berth(part, known, len(known)) for part in fields.parts("out"))
+    slots = [berth.slot for berth in out.values()]
+    if len(set(slots)) != len(slots):
+        raise ValueError("session.situation.out must give every object a slot of its own")
+    hidden = frozenset(fields.ids("hidden", known))
+    inspected = fields.integer("inspected") if fields.has("inspected") else None
+    if inspected is not None and inspected not in known - hidden:
+        raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
+    return replace(
+        session._situation,
+        transfer_function=_read_densities(fields.part("transfer_function")),
+        hues=hues,
+        names=names,
+        out=out,
+        ahead=tuple(_read_ahead(fields, known, out)),
+        hidden=hidden,
+        inspected=inspected,
+        direction=_read_direction(fields),
+        queue=_read_queue(fields.part("queue"), session, known),
+    )
+
+
+def _berth(object_id: int, berth: Berth) -> dict[str, Any]:
+    placed = berth.placed
+    return {
+        "id": object_id,
+        "slot": berth.slot,
+        "rotation": berth.rotation.tolist(),
+        "picture_mm": list(berth.picture_mm),
+        "direction": np.asarray(berth.direction).tolist(),
+        "group": list(berth.group),
+        "placed": None
+        if placed is None
+        else {
+            "center": np.asarray(placed.center).tolist(),
+            "rotation": np.asarray(placed.rotation).tolist(),
+            "scale": float(placed.scale),
+        },
+    }
+
+
+def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int, Berth]:
+    object_id, slot = fields.integer("id"), fields.integer("slot")
+    group = fields.ids("group", known)
+    if object_id not in group or slot >= count:
+        raise ValueError(
+            f"a departure must name an object of its group and a slot below {count}, got object "
+            f"{object_id}, group {group}, slot {slot}"
+        )
+    width, height = (float(v) for v in fields.array("picture_mm", (2,)))
+    placed = None
+    if fields.has("placed"):
+        part = fields.part("placed")
+        placed = Pose(part.array("center", (3,)), _rotation(part), _positive(part, "scale"))
+    direction = fields.array("direction", (3,))
+    return object_id, Berth(slot, _rotation(fields), (width, height), direction, group, placed)
+
+
+def _read_ahead(
+    fields: Fields, known: frozenset[int], out: Mapping[int, Berth]
+) -> list[dict[int, Berth]]:
+    found, seen = [], set(out)
+    for k, _ in enumerate(fields.items("ahead")):
+        departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
+        berths = dict(_read_berth(part, known, len(known)) for part in departure.parts("ahead"))
+        if seen.intersection(berths):
+            raise ValueError("session.situation.ahead must name nobody who is out already")
+        seen.update(berths)
+        found.append(berths)
+    return found
+
+
+def _read_queue(fields: Fields, session: Session, known: frozenset[int]) -> Queue:
+    direction = None
+    if fields.has("direction"):
+        z, y, x = (float(v) for v in fields.array("direction", (3,)))
+        direction = z, y, x
+    return Queue(
+        fields.groups("groups", known),
+        direction,
+        fields.ids("restored", known),
+        fields.flag("least_occluded"),
+        frozenset(fields.ids("packed", known)),
+        session._terms if fields.flag("by_these_rules") else (),
+    )
+
+
+def _read_densities(fields: Fields) -> TransferFunction:
+    try:
+        return TransferFunction(fields["points"], fields["colors"])
+    except (TypeError, IndexError) as error:
+        raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
+
+
+def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
+    if not fields.has("direction"):
+        return None
+    if isinstance(fields["direction"], str):
+        return fields.text("direction", ("up",))
+    z, y, x = (float(v) for v in fields.array("direction", (3,)))
+    return z, y, x
+
+
+def _rotation(fields: Fields) -> NDArray[np.float64]:
+    rotation = fields.array("rotation", (3, 3))
+    proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+    if not proper or np.linalg.det(rotation) < 0:
+        raise ValueError(f"a rotation must be one, got {rotation.tolist()}")
+    return rotation
+
+
+def _positive(fields: Fields, name: str) -> float:
+    value = fields.number(name)
+    if value <= 0:
+        raise ValueError(f"session {name} must be positive, got {value}")
+    return value
+
+
+def _angle(fields: Fields) -> float:
+    fov = fields.number("fov")
+    if not 0.0 <= fov < 170.0:
+        raise ValueError(f"session.camera.fov must be in [0, 170), got {fov}")
+    return fov
+
+
+def _log(fields: Fields, known: frozenset[int]) -> list[LogEntry]:
+    return [
+        LogEntry(
+            entry.text("event"),
+            entry.ids("ids", known),
+            entry.integer("packed"),
+            entry.number("ratio"),
+            entry.number("seconds"),
+        )
+        for entry in fields.parts("log")
+    ]
+
+
+def _table(session: Session) -> dict[str, Any]:
+    facts = session._facts
+    return {
+        "ids": [session.label_of(int(i)) for i in facts.index],
+        "columns": {
+            str(name): [_plain(v) for v in facts[name].tolist()]
+            for name in facts
+            if name != "label"
+        },
+    }
+
+
+def _objects(fields: Fields) -> Any:
+    import pandas as pd
+
+    ids, columns = fields.items("ids"), fields.columns("columns")
+    for name in _NUMBERS.intersection(columns):
+        if not all(isinstance(v, int | float) for v in columns[name]):
+            raise ValueError(f"session.objects.columns.{name} must hold numbers")
+    try:
+        return pd.DataFrame(columns, index=pd.Index(ids, name="id", dtype=np.int64))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"session.objects is malformed: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, bool | int | float | str) or value is None:
+        return value
+    return str(value)

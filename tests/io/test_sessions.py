@@ -1,0 +1,327 @@
+"""Session files: what comes back is what was saved, and nothing else is believed."""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import napari_unpack as nu
+from napari_unpack.io import Scan, save_scan
+from napari_unpack.io.session_stores import holds_session
+from napari_unpack.session.pictures import scene
+
+SIZE = (72, 96)
+
+
+def bag():
+    """Return volume and labels of nine boxes in three layers."""
+    rng = np.random.default_rng(3)
+    labels = np.zeros((20, 24, 28), np.int32)
+    for k in range(9):
+        z, y, x = 1 + 6 * (k // 3), 2 + 7 * (k % 3), 2 + 8 * ((k * 2) % 3)
+        labels[z : z + 5, y : y + 6, x : x + 7] = k + 1
+    volume = np.where(labels > 0, 900 + 60 * labels, 0) + rng.integers(0, 9, labels.shape)
+    return volume.astype(np.int16), labels
+
+
+def used():
+    """Return a session with something of everything."""
+    volume, labels = bag()
+    facts = pd.DataFrame(
+        {"name": [f"Thing {i}" for i in range(1, 10)], "kind": list("abcdefghi")},
+        index=pd.Index(range(1, 10), name="id"),
+    )
+    s = nu.Session(volume, labels, (2.0, 1.0, 1.5), facts)
+    s.view = nu.View((1.0, 0.2, 0.1), fov=12.0)
+    s.recolor()
+    s.rule, s.tolerance, s.most_in_group = "exact", 0.01, 3
+    s.take_least_occluded, s.hue_margin, s.locked_hues = True, 0.3, frozenset({2})
+    s.unpack(4)
+    first = next(iter(s.poses))
+    s.place(first, replace(s.poses[first], center=np.array([0.0, 11.0, -7.0]), scale=1.25))
+    s.go_to(5)
+    s.go_to(3)
+    s.rename(7, "a knife")
+    s.transfer_function = nu.TransferFunction([(0, 0), (500, 0.1), (1500, 0.7)])
+    s.hide([9])
+    s.unpack(1)
+    s.go_to(4)
+    s.go_to(3)
+    s.select([3, 4])
+    s.canvas_size, s.seconds = (300, 400), 0.7
+    return s
+
+
+def everything(s):
+    berths = {
+        i: (b.slot, b.rotation.tolist(), b.picture_mm, b.group, np.asarray(b.direction).tolist())
+        for i, b in s._situation.out.items()
+    }
+    poses = {i: (p.center.tolist(), p.rotation.tolist(), p.scale) for i, p in s.poses.items()}
+    return {
+        "states": {i: state.value for i, state in s.states.items()},
+        "order": list(s._situation.out),
+        "berths": berths,
+        "poses": poses,
+        "hues": s.hues,
+        "queue": (s.queue.groups, s.queue.restored, s.queue.direction, s.queue.packed),
+        "steps": (s.steps, s.step),
+        "rules": (s.rule, s.tolerance, s.most_in_group, s.take_least_occluded),
+        "look": (s.tint_mode, s.show_unlabelled, s.locked_hues, s.hue_margin),
+        "density": s.transfer_function,
+        "view": s.view,
+        "camera": (s.camera.rotation.tolist(), s.camera.center.tolist(), s.camera.height),
+        "size": (s.canvas_size, s.seconds, s.selected, s.direction),
+        "log": s.log,
+        "spacing": s.spacing.tolist(),
+    }
+
+
+@pytest.fixture(scope="module")
+def session():
+    return used()
+
+
+@pytest.fixture
+def saved(session, tmp_path):
+    return nu.save_session(session, tmp_path / "bag.unpack")
+
+
+@pytest.mark.parametrize("name", ["bag.unpack", "bag.zip", "bag"])
+def test_a_session_comes_back_exactly_as_it_was(session, tmp_path, name):
+    path = nu.save_session(session, tmp_path / name)
+    assert path.is_dir() == (name == "bag")
+    assert holds_session(path)
+    found = nu.open_session(path)
+    assert everything(found) == everything(session)
+    np.testing.assert_array_equal(found.volume, session.volume)
+    assert found.volume.dtype == session.volume.dtype
+    np.testing.assert_array_equal(found.labels, session.labels)
+    pd.testing.assert_frame_equal(found.objects, session.objects)
+    assert found.history.done == ()
+    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
+
+
+def test_pictures_are_equal_to_the_pixel_and_unpacking_goes_on_alike(saved):
+    session, found = used(), nu.open_session(saved)
+    for _ in range(3):
+        np.testing.assert_array_equal(
+            scene(found, found.overview(), SIZE, backend="cpu"),
+            scene(session, session.overview(), SIZE, backend="cpu"),
+        )
+        assert found.unpack(2) == session.unpack(2)
+        assert everything(found)["poses"] == everything(session)["poses"]
+    assert found.go_to(0) == session.go_to(0) == 0
+    assert everything(found)["states"] == everything(session)["states"]
+
+
+def test_large_ids_and_an_inspection_come_back(tmp_path):
+    volume, labels = bag()
+    s = nu.Session(volume.astype(np.float32), labels.astype(np.int64) * 10**9)
+    s.direction = "up"
+    s.inspect(4)
+    found = nu.open_session(nu.save_session(s, tmp_path / "s.unpack"))
+    assert [found.label_of(i) for i in found.ids] == [i * 10**9 for i in range(1, 10)]
+    assert found.states[4].value == "inspected"
+    assert everything(found) == everything(s)
+
+
+def test_a_session_may_refer_to_its_files(session, tmp_path):
+    volume, labels = bag()
+    (tmp_path / "data").mkdir()
+    there = tmp_path / "data" / "scan.npz"
+    save_scan(Scan(volume, (2.0, 1.0, 1.5), labels), there)
+    path = tmp_path / "small.unpack"
+    nu.save_session(session, path, copy=False, volume_path=there, labels_path=there)
+    with zipfile.ZipFile(path) as archive:
+        assert set(archive.namelist()) == {"session.json", "picture.png"}
+        manifest = json.loads(archive.read("session.json"))
+    assert manifest["volume"]["reference"] == "data/scan.npz"
+    assert everything(nu.open_session(path)) == everything(session)
+    there.rename(tmp_path / "elsewhere.npz")
+    with pytest.raises(FileNotFoundError, match=r"refers to its volume in .*scan.npz"):
+        nu.open_session(path)
+    assert everything(nu.open_session(path, volume, labels)) == everything(session)
+    with pytest.raises(ValueError, match="the volume given is not what it was"):
+        nu.open_session(path, volume + 1, labels)
+    save_scan(Scan(volume + 1, (1, 1, 1), labels), there)
+    with pytest.raises(ValueError, match="is not what it was when the session was saved"):
+        nu.open_session(path)
+    with pytest.raises(ValueError, match="is not what it was"):
+        nu.save_session(session, path, copy=False, volume_path=there)
+    with pytest.raises(ValueError, match="copy=False needs volume_path"):
+        nu.save_session(session, path, copy=False)
+
+
+def changed(path, change, member="session.json"):
+    """Rewrite one member of a session file."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    if member == "session.json":
+        manifest = json.loads(parts[member])
+        parts[member] = json.dumps(manifest if (new := change(manifest)) is None else new).encode()
+    else:
+        parts[member] = change(parts[member])
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in parts.items():
+            if data is not None:
+                archive.writestr(name, data)
+    return path
+
+
+def setting(*keys, to):
+    def change(manifest):
+        part = manifest
+        for key in keys[:-1]:
+            part = part[key]
+        part[keys[-1]] = to
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (setting("version", to=2), "newer napari-unpack .form 2"),
+        (setting("version", to="1"), "version must be a whole number"),
+        (setting("format", to="something"), "is no session of napari-unpack"),
+        (setting("volume", "shape", to=[20, 24, 29]), "but the session says"),
+        (setting("volume", "shape", to=[10**6] * 3), "but the session says"),
+        (setting("volume", "dtype", to="|O"), "but the session says"),
+        (setting("labels", "sha256", to="0" * 64), "checksum is wrong"),
+        (setting("volume", "file", to="../volume.npz"), "must keep its volume as"),
+        (setting("volume", to={"reference": "../x.npz"}), "lacks 'shape'"),
+        (setting("session", "spacing", to=[1, 0, 1]), "positive"),
+        (setting("session", "situation", "hues", to={"44": 0.5}), "keyed by IDs"),
+        (setting("session", "situation", "hues", to={"1": 7}), "from 0 to 1"),
+        (setting("session", "situation", "hidden", to=[99]), "IDs of objects"),
+        (setting("session", "situation", "inspected", to=99), "an object in sight"),
+        (setting("session", "situation", "out", 0, "slot", to=900), "a slot below 9"),
+        (setting("session", "situation", "out", 0, "rotation", to=[[1, 0, 0]] * 3), "rotation"),
+        (setting("session", "situation", "out", 0, "group", to=[{}]), "IDs of objects"),
+        (setting("session", "situation", "out", to={}), "must be a list"),
+        (setting("session", "situation", "ahead", to=[[1]]), "must be an object"),
+        (setting("session", "situation", "queue", "groups", to=[[1], [1]]), "each once"),
+        (setting("session", "situation", "transfer_function", "points", to=[1]), "malformed"),
+        (setting("session", "situation", "direction", to="sideways"), "one of up"),
+        (setting("session", "rules", "rule", to="mine"), "one of exact"),
+        (setting("session", "camera", "rotation", to=[[2, 0, 0], [0, 1, 0], [0, 0, 1]]), "rotat"),
+        (setting("session", "camera", "fov", to=200), "fov"),
+        (setting("session", "view", "direction", to=[0, 0, 0]), "direction"),
+        (setting("session", "look", "colored", to=1), "true or false"),
+        (setting("session", "objects", "ids", to=["a"]), "malformed"),
+        (setting("session", "objects", "columns", "voxels", to=["a"] * 9), "must hold numbers"),
+        (setting("session", "log", to=5), "must be a list"),
+        (setting("session", to=[]), "must be an object"),
+        (lambda manifest: [], "must be an object"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_a_sentence(saved, change, said):
+    with pytest.raises(ValueError, match=said):
+        nu.open_session(changed(saved, change))
+
+
+def test_a_reference_may_not_leave_the_folder(saved):
+    for bad in ("../secret.npz", "a/../../x.npz", "..\\x.npz"):
+
+        def change(manifest, bad=bad):
+            manifest["volume"] = {**manifest["volume"], "reference": bad}
+            manifest["volume"].pop("file", None)
+
+        with pytest.raises(ValueError, match="a path that leaves its folder"):
+            nu.open_session(changed(saved, change))
+
+
+def test_a_file_that_is_cut_short_damaged_or_something_else_is_refused(saved, tmp_path):
+    whole = saved.read_bytes()
+    for length in (0, 10, len(whole) // 3, len(whole) - 30):
+        saved.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match=r"no session, or not whole|damaged or not whole"):
+            nu.open_session(saved)
+    damaged = bytearray(whole)
+    damaged[len(whole) // 3] ^= 0xFF
+    saved.write_bytes(bytes(damaged))
+    with pytest.raises(ValueError, match=r"damaged|not whole|lacks|readable"):
+        nu.open_session(saved)
+    saved.write_bytes(whole)
+    changed(saved, lambda data: data[: len(data) // 2], "volume.npz")
+    with pytest.raises(ValueError, match="damaged or not whole"):
+        nu.open_session(saved)
+    changed(saved, lambda data: None, "volume.npz")
+    with pytest.raises(ValueError, match=r"lacks volume.npz"):
+        nu.open_session(saved)
+    (tmp_path / "other.zip").write_bytes(b"PK\5\6" + bytes(18))
+    with pytest.raises(ValueError, match="is no session: it lacks"):
+        nu.open_session(tmp_path / "other.zip")
+    with pytest.raises(FileNotFoundError, match="no such session"):
+        nu.open_session(tmp_path / "nothing.unpack")
+
+
+def test_a_zip_with_paths_outside_and_a_folder_with_links_are_refused(saved, session, tmp_path):
+    with zipfile.ZipFile(saved, "a") as archive:
+        archive.writestr("../../evil.txt", "x")
+    with pytest.raises(ValueError, match=r"it holds '../../evil.txt'"):
+        nu.open_session(saved)
+    assert not (tmp_path.parent / "evil.txt").exists()
+    folder = nu.save_session(session, tmp_path / "folder")
+    (folder / "volume.npz").rename(tmp_path / "away.npz")
+    (folder / "volume.npz").symlink_to(tmp_path / "away.npz")
+    with pytest.raises(ValueError, match="must be a plain file in its folder, not a link"):
+        nu.open_session(folder)
+
+
+@pytest.mark.parametrize("name", ["bag.unpack", "bag"])
+def test_a_full_disk_leaves_the_old_session(session, tmp_path, name):
+    path = nu.save_session(session, tmp_path / name)
+    before = everything(nu.open_session(path))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (6000, hard))
+    try:
+        with pytest.raises(OSError, match="what was there before is unchanged"):
+            nu.save_session(session, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert everything(nu.open_session(path)) == before
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_cancelling_leaves_the_old_session_and_a_folder_of_others_is_not_touched(session, tmp_path):
+    path = nu.save_session(session, tmp_path / "s.unpack")
+    size = path.stat().st_mtime_ns
+
+    def stop(fraction, text):
+        if fraction > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        nu.save_session(session, path, progress=stop)
+    assert path.stat().st_mtime_ns == size
+    assert [p.name for p in tmp_path.iterdir()] == ["s.unpack"]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(ValueError, match="is there and is no session"):
+        nu.save_session(session, tmp_path / "mine")
+    assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        nu.save_session(session, tmp_path / "no" / "s.unpack")
+    again = nu.save_session(session, tmp_path / "kept")
+    nu.save_session(session, again)
+    shutil.rmtree(again)
+
+
+def test_saving_says_how_far_it_is(session, tmp_path):
+    told = []
+    nu.save_session(session, tmp_path / "s.unpack", progress=lambda f, t: told.append(f))
+    assert told == sorted(told)
+    assert (told[0], told[-1]) == (0.0, 1.0)
+    told.clear()
+    nu.open_session(tmp_path / "s.unpack", progress=lambda f, t: told.append(f))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
