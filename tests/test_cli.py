@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import napari_unpack as nu
 from napari_unpack.cli import Ticker, app
 from napari_unpack.io import Scan, load_labels, load_volume, save_scan
 
@@ -158,3 +159,49 @@ def test_progress_is_one_line_a_step_and_not_one_a_count(
         tell(0.3 + i / 10_000, f"Splitting: {i} objects")
     tell(0.8, "Joining")
     assert capsys.readouterr().err.splitlines() == [" 30%  Splitting: 0 objects", " 80%  Joining"]
+
+
+def test_a_saved_session_is_taken_where_a_volume_is(bag: Path) -> None:
+    scan = load_volume(bag)
+    session = nu.Session(scan.volume, scan.labels)
+    session.direction = "+x"
+    session.unpack(2)
+    saved = nu.save_session(session, bag.with_name("bag.unpack"))
+    result = run("order", saved, "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    rows = [line.split()[:2] for line in result.stdout.splitlines()]
+    assert rows[1:] == [["1", "3"], ["2", "2"], ["3", "1"]]
+    some = run("order", saved, "--backend", "cpu", "--count", 1)
+    assert [line.split()[:2] for line in some.stdout.splitlines()[1:]] == rows[1:3]
+    out = bag.with_name("now.png")
+    assert run("render", saved, out, "--size", 60, 80, "--backend", "cpu").exit_code == 0
+    assert iio.imread(out).shape == (60, 80, 4)
+    refused = run("order", saved, "--labels", bag)
+    assert refused.exit_code == 1
+    assert "a session has labels of its own" in refused.output
+    film = bag.with_name("frames")
+    filmed = run(
+        "movie",
+        saved,
+        film,
+        "--turntable",
+        "--turn-seconds",
+        1,
+        "--fps",
+        2,
+        "--size",
+        40,
+        60,
+        "--backend",
+        "cpu",
+    )
+    assert filmed.exit_code == 0, filmed.output
+    assert len(list(film.iterdir())) == 2
+
+
+def test_the_table_is_written_as_a_page_and_as_csv(bag: Path) -> None:
+    for name in ("table.html", "table.csv"):
+        result = run("table", bag, bag.with_name(name), "--backend", "cpu")
+        assert result.exit_code == 0, result.output
+        assert "Object 2" in bag.with_name(name).read_text(encoding="utf-8")
+    assert run("table", bag, bag.with_name("table.txt")).exit_code == 1

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from napari_unpack.geometry.view import FROM_ABOVE
+from napari_unpack.geometry.view import FROM_ABOVE, View
 
 app = typer.Typer(
     name="napari-unpack",
@@ -26,7 +26,8 @@ Input = Annotated[
     Path,
     typer.Argument(
         metavar="INPUT",
-        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr.",
+        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr; "
+        "for order, render and movie also a saved session.",
     ),
 ]
 LabelsOption = Annotated[
@@ -41,11 +42,14 @@ Direction = Annotated[
     ),
 ]
 Look = Annotated[
-    tuple[float, float, float],
-    typer.Option("--view", metavar="Z Y X", help="Direction of looking."),
+    tuple[float, float, float] | None,
+    typer.Option(
+        "--view",
+        metavar="Z Y X",
+        help="Direction of looking; by default from above, or a session's.",
+    ),
 ]
 Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
-BY_DEFAULT = FROM_ABOVE
 
 
 def main() -> None:
@@ -172,7 +176,7 @@ def order(
     source: Input,
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = BY_DEFAULT,
+    view: Look = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
 ) -> None:
@@ -181,11 +185,14 @@ def order(
 
     session = _open(source, labels, direction, view, backend)
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
-    for step, ids in enumerate(unpack_in_order(session, count or None), start=1):
+    gone = session.steps[: session.step]
+    left = max(count - sum(map(len, gone)), 0)
+    more = unpack_in_order(session, left or None) if left or not count else ()
+    for step, ids in enumerate((*gone, *more), start=1):
         for i in ids:
             facts = session.objects.loc[i]
             typer.echo(
-                f"{step:>4}  {i:>5}  {str(facts['name'])[:23]:<24}"
+                f"{step:>4}  {session.label_of(i):>5}  {str(facts['name'])[:23]:<24}"
                 f"{facts['volume_mm3'] / 1000:>11.1f}{facts['mean_density']:>9.0f}"
             )
 
@@ -197,7 +204,7 @@ def render(
     output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Picture to write, .png.")],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = BY_DEFAULT,
+    view: Look = None,
     unpacked: Annotated[int, typer.Option(min=0, help="Objects to unpack before.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
@@ -207,11 +214,12 @@ def render(
     """Draw the bag and what is unpacked beside it."""
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import framed, unpack_in_order
+    from napari_unpack.io.session_stores import holds_session
     from napari_unpack.session.pictures import scene
 
     _check_output(output, (".png",))
     session = _open(source, labels, direction, view, backend)
-    camera = framed(session, size)
+    camera = session.camera if holds_session(source) else framed(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
     typer.echo(f"wrote {save_png(scene(session, camera, size, backend=backend), output)}")
@@ -221,22 +229,32 @@ def render(
 @_told
 def movie(
     source: Input,
-    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Film to write, .mp4 or .gif.")],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUTPUT", help="Film to write: .mp4, .gif, or a new folder for PNG pictures."
+        ),
+    ],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = BY_DEFAULT,
+    view: Look = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects to unpack; 0 for all.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
     ] = (720, 960),
     fps: Annotated[int, typer.Option(min=1, help="Frames a second.")] = 25,
     seconds: Annotated[float, typer.Option(help="Of one flight.")] = 0.8,
+    turntable: Annotated[
+        bool, typer.Option("--turntable", help="Turn the bag once round instead of unpacking it.")
+    ] = False,
+    turn_seconds: Annotated[float, typer.Option(help="Of one turn of the turntable.")] = 8.0,
     backend: Backend = "auto",
 ) -> None:
-    """Film the unpacking."""
+    """Film the unpacking, or the bag from all around."""
     from napari_unpack.io import movie as film
+    from napari_unpack.io.film_files import checked_film
 
-    _check_output(output, (".mp4", ".gif"))
+    _check_output(checked_film(output), ("",))
     session = _open(source, labels, direction, view, backend)
     path = film(
         session,
@@ -247,8 +265,33 @@ def movie(
         seconds=seconds,
         backend=backend,
         progress=Ticker(),
+        kind="turntable" if turntable else "unpacking",
+        turn_seconds=turn_seconds,
     )
     typer.echo(f"wrote {path}")
+
+
+@app.command()
+@_told
+def table(
+    source: Input,
+    output: Annotated[
+        Path, typer.Argument(metavar="OUTPUT", help="Table to write: .html with pictures, or .csv.")
+    ],
+    labels: LabelsOption = None,
+    view: Look = None,
+    backend: Backend = "auto",
+) -> None:
+    """Write the table of objects, as one web page with a picture of each, or as CSV."""
+    from napari_unpack.io import save_objects_csv, save_objects_page
+
+    _check_output(output, (".html", ".csv"))
+    session = _open(source, labels, None, view, backend)
+    if output.suffix.lower() == ".csv":
+        typer.echo(f"wrote {save_objects_csv(session.objects, output)}")
+    else:
+        path = save_objects_page(session, output, source.stem, progress=Ticker(), backend=backend)
+        typer.echo(f"wrote {path}")
 
 
 @app.command()
@@ -286,16 +329,28 @@ def _open(
     source: Path,
     labels: Path | None,
     direction: str | None,
-    view: tuple[float, float, float],
+    view: tuple[float, float, float] | None,
     backend: str,
 ) -> Any:
-    from napari_unpack.io import load_labels, load_volume
+    from napari_unpack.io import load_labels, load_volume, open_session
     from napari_unpack.io.headless import opened
+    from napari_unpack.io.session_stores import holds_session
 
+    if holds_session(source):
+        if labels is not None:
+            raise ValueError("a session has labels of its own: leave --labels out")
+        session = open_session(source, progress=Ticker())
+        session.leave()
+        session.backend = backend
+        if view is not None:
+            session.view = View(view)
+        if direction is not None:
+            session.direction = _direction(direction)
+        return session
     scan = load_volume(source)
     if labels is not None:
         scan = scan.with_labels(load_labels(labels)[0])
-    return opened(scan, view, _direction(direction), Ticker(), backend)
+    return opened(scan, view or FROM_ABOVE, _direction(direction), Ticker(), backend)
 
 
 def _check_output(path: Path, suffixes: tuple[str, ...]) -> None:

@@ -1,5 +1,6 @@
 """Films: playable, of the right size and length, whole or not there at all."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +8,13 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
+from napari_unpack.io.films import turned
 from napari_unpack.io.headless import framed, twin, unpack_in_order
+from napari_unpack.io.images import straight_bytes
 from napari_unpack.session import Session
+from napari_unpack.session.pictures import scene
 
 
 @pytest.fixture
@@ -77,7 +82,7 @@ def test_cancelling_leaves_no_file(tmp_path: Path, session: Any) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("film.avi", {}, r"must end in .mp4 or .gif, got 'film.avi'"),
+        ("film.avi", {}, r"must end in .mp4 or .gif.*got 'film.avi'"),
         ("film.mp4", {"size": (1, 64)}, "size, fps and seconds must be positive"),
         ("film.mp4", {"fps": 0}, "size, fps and seconds must be positive"),
         ("film.mp4", {"seconds": -1.0}, "size, fps and seconds must be positive"),
@@ -115,3 +120,53 @@ def test_a_framed_session_has_room_for_all(session: Any) -> None:
     assert session.canvas_size == (300, 400)
     assert camera is session.camera
     assert camera.height == pytest.approx(session.slots.height_mm)
+
+
+def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
+    tmp_path: Path, session: Any
+) -> None:
+    session.view = View((0.4, 1.0, 0.0))
+    session.unpack(1)
+    told: list[float] = []
+    path = movie(
+        session,
+        tmp_path / "round",
+        size=(80, 100),
+        fps=4,
+        backend="cpu",
+        kind="turntable",
+        turn_seconds=2.0,
+        progress=lambda fraction, text: told.append(fraction),
+    )
+    files = sorted(p.name for p in path.iterdir())
+    assert files == [f"frame-{k:05d}.png" for k in range(1, 9)]
+    frames = [iio.imread(path / name).astype(int) for name in files]
+    assert {frame.shape for frame in frames} == {(80, 100, 3)}
+    still = twin(session, packed=False)
+    first = straight_bytes(scene(still, framed(still, (80, 100)), (80, 100), backend="cpu"))
+    np.testing.assert_array_equal(frames[0], first[..., :3])
+    assert all(np.abs(a - b).max() > 40 for a, b in pairwise(frames))
+    assert (told[0], told[-1]) == (0.0, 1.0)
+    assert session.step == 1
+    # The same folder may be filmed into again, another may not.
+    movie(session, path, size=(8, 8), fps=1, backend="cpu", kind="turntable", turn_seconds=2.0)
+    assert len(list(path.iterdir())) == 2
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(ValueError, match="holds something else"):
+        movie(session, tmp_path / "mine", kind="turntable")
+    with pytest.raises(ValueError, match="kind must be unpacking or turntable"):
+        movie(session, tmp_path / "x.mp4", kind="slow")
+
+
+@pytest.mark.parametrize("direction", [(0.3, 1.0, 0.2), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+def test_a_turned_camera_goes_once_round(direction: Any) -> None:
+    camera = View(direction).camera((10, 10, 10), (1, 1, 1))
+    half = turned(camera, np.pi)
+    np.testing.assert_allclose(half.rotation @ half.rotation.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(turned(half, np.pi).rotation, camera.rotation, atol=1e-12)
+    assert half.direction @ camera.direction < 0.9
+    if abs(direction[1]) < 0.5:
+        # Seen along the ground, half a turn shows the other side, upright still.
+        np.testing.assert_allclose(half.direction, -camera.direction, atol=1e-12)
+        np.testing.assert_allclose(half.up, camera.up, atol=1e-12)

@@ -306,7 +306,7 @@ def test_cancelling_leaves_the_old_session_and_a_folder_of_others_is_not_touched
     assert [p.name for p in tmp_path.iterdir()] == ["s.unpack"]
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
-    with pytest.raises(ValueError, match="is there and is no session"):
+    with pytest.raises(ValueError, match="is there and holds something else"):
         nu.save_session(session, tmp_path / "mine")
     assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
     with pytest.raises(FileNotFoundError, match="no folder"):

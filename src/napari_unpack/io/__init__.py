@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from napari_unpack.io.films import movie
     from napari_unpack.io.images import save_png
+    from napari_unpack.io.pages import save_objects_page
     from napari_unpack.io.scan import Scan
     from napari_unpack.io.sessions import open_session, save_session
     from napari_unpack.io.tables import save_objects_csv
@@ -23,6 +24,7 @@ _HOMES = {
     "movie": "films",
     "open_session": "sessions",
     "save_objects_csv": "tables",
+    "save_objects_page": "pages",
     "save_png": "images",
     "save_scan": "volumes",
     "save_session": "sessions",
@@ -35,6 +37,7 @@ __all__ = [
     "movie",
     "open_session",
     "save_objects_csv",
+    "save_objects_page",
     "save_png",
     "save_scan",
     "save_session",

@@ -1,10 +1,11 @@
-"""Write a file wholly or not at all."""
+"""Write a file, or a folder, wholly or not at all."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -39,9 +40,63 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         # mkstemp makes files private; a result has the mode any new file has.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
+        temporary.chmod(0o666 & ~_mask())
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_written_whole(path: str | Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]:
+    """Give a temporary folder that replaces `path` on success and vanishes on any error.
+
+    Parameters
+    ----------
+    path : str or Path
+        What shall be written; the folder it stands in must exist.
+    is_ours : callable
+        Given what is there already, tells whether it may be replaced; an empty folder may.
+
+    Yields
+    ------
+    Path
+        An empty folder beside it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder it stands in does not exist.
+    ValueError
+        If something else is there.
+    """
+    target = Path(path)
+    if target.exists() and not (target.is_dir() and (is_ours(target) or not any(target.iterdir()))):
+        raise ValueError(f"{target} is there and holds something else: choose another name")
+    if not target.absolute().parent.is_dir():
+        raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
+    temporary = Path(tempfile.mkdtemp(dir=target.absolute().parent, prefix=f".{target.name}-"))
+    try:
+        yield temporary
+        temporary.chmod(0o777 & ~_mask())
+        _replace_folder(temporary, target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _replace_folder(new: Path, path: Path) -> None:
+    old = new.with_name(f"{new.name}-old")
+    if path.exists():
+        path.replace(old)
+    try:
+        new.replace(path)
+    except OSError:
+        if old.exists():
+            old.replace(path)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _mask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,23 +1,25 @@
-"""Films of an unpacking, without a window."""
+"""Films of an unpacking, or of the bag turning round, without a window."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from napari_unpack.geometry.view import Camera
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
+from napari_unpack.io.film_files import Frame, checked_film, film_writer
 from napari_unpack.io.headless import Progress, framed, packed_count, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.session.pictures import BACKGROUND, scene
 
-Frame = NDArray[np.uint8]
-FORMATS = (".mp4", ".gif")
+KINDS = ("unpacking", "turntable")
+ROOM = 1.03
+"""Visible height of a turntable, in heights of the bag."""
+
 REST = (0.6, 0.12, 1.2)
 """Seconds of standstill before the first flight, after each, and at the end."""
 
@@ -32,8 +34,10 @@ def movie(
     backend: str = "auto",
     background: Sequence[float] = BACKGROUND,
     progress: Progress | None = None,
+    kind: str = "unpacking",
+    turn_seconds: float = 8.0,
 ) -> Path:
-    """Film how a bag is unpacked, from everything packed to the last object.
+    """Film how a bag is unpacked, from everything packed to the last object, or how it turns.
 
     Parameters
     ----------
@@ -41,7 +45,8 @@ def movie(
         The bag, its colours, view and direction. Not changed: a twin of it is filmed, so this
         may run on a thread of its own.
     path : str or Path
-        .mp4 (H.264) or .gif; its folder must exist.
+        .mp4 (H.264), .gif, or the name of a folder, without a suffix, for PNG pictures; the
+        folder it stands in must exist.
     count : int, optional
         How many objects to unpack; by default all that are not hidden.
     size : (int, int)
@@ -57,6 +62,10 @@ def movie(
     progress : callable, optional
         Takes (fraction, text) before every flight and frame; raising in it cancels and leaves
         no file.
+    kind : {"unpacking", "turntable"}
+        A turntable shows the session as it stands, from all around.
+    turn_seconds : float
+        What one turn of the turntable takes.
 
     Returns
     -------
@@ -66,100 +75,108 @@ def movie(
     Raises
     ------
     ValueError
-        If the format is unknown, or a number not positive.
+        If the format or the kind is unknown, or a number not positive.
     FileNotFoundError
         If the folder does not exist.
     """
-    target = Path(path)
-    suffix = target.suffix.lower()
-    if suffix not in FORMATS:
-        raise ValueError(f"a film must end in {' or '.join(FORMATS)}, got {target.name!r}")
+    target = checked_film(path)
+    if kind not in KINDS:
+        raise ValueError(f"kind must be {' or '.join(KINDS)}, got {kind!r}")
     even = int(size[0]) // 2 * 2, int(size[1]) // 2 * 2
-    if min(even) < 2 or fps < 1 or not seconds > 0:
+    if min(even) < 2 or fps < 1 or not (seconds > 0 and turn_seconds > 0):
         raise ValueError(
-            f"size, fps and seconds must be positive, got {size!r}, {fps!r} and {seconds!r}"
+            f"size, fps and seconds must be positive, got {size!r}, {fps!r} and "
+            f"{(seconds, turn_seconds)!r}"
         )
-    with written_whole(target) as temporary:
-        writing = mp4_writer if suffix == ".mp4" else _gif
-        with writing(temporary, even, fps) as write:
+    tell = progress or (lambda fraction, text: None)
+    with film_writer(target, even, fps) as write:
+        if kind == "turntable":
+            filmed = twin(session, packed=False)
+            camera = framed(filmed, even) if filmed.step else _close(filmed, even)
+            stage = _Stage(filmed, camera, even, fps, backend, background, tell)
+            frames = _turning(stage, turn_seconds)
+        else:
             filmed = twin(session)
             camera = framed(filmed, even)
-            for frame in _frames(
-                filmed, camera, even, count, fps, seconds, backend, background, progress
-            ):
-                write(frame)
+            stage = _Stage(filmed, camera, even, fps, backend, background, tell)
+            frames = _unpacking(stage, count, seconds)
+        for frame in frames:
+            write(frame)
     return target
 
 
-def _frames(
-    session: Any,
-    camera: Camera,
-    size: tuple[int, int],
-    count: int | None,
-    fps: int,
-    seconds: float,
-    backend: str,
-    background: Sequence[float],
-    progress: Progress | None,
-) -> Iterator[Frame]:
-    def picture(time: float | None = None) -> Frame:
-        image = scene(session, camera, size, time, background, backend)
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    session: Any
+    camera: Camera
+    size: tuple[int, int]
+    fps: int
+    backend: str
+    background: Sequence[float]
+    tell: Callable[[float, str], None]
+
+    def picture(self, camera: Camera, time: float | None = None) -> Frame:
+        image = scene(self.session, camera, self.size, time, self.background, self.backend)
         return straight_bytes(image[..., :3])
 
-    def still(rest: float) -> Iterator[Frame]:
-        frame = picture()
-        for _ in range(max(1, round(rest * fps))):
+    def still(self, rest: float) -> Iterator[Frame]:
+        frame = self.picture(self.camera)
+        for _ in range(max(1, round(rest * self.fps))):
             yield frame
 
+
+def _unpacking(film: _Stage, count: int | None, seconds: float) -> Iterator[Frame]:
+    session, tell = film.session, film.tell
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
     session.animated, session.seconds = True, seconds
-    tell = progress or (lambda fraction, text: None)
     tell(0.0, "Filming")
-    yield from still(REST[0])
+    yield from film.still(REST[0])
     gone = 0
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
         start = min(flight.start for flight in flights.values())
         length = max(flight.start + flight.seconds for flight in flights.values()) - start
-        frames = max(1, round(length * fps))
+        frames = max(1, round(length * film.fps))
         for i in range(frames):
             part = gone + len(flights) * i / frames
             tell(min(part / wanted, 1.0), f"Filming: {gone} of {wanted} objects out")
-            yield picture(start + (i + 1) * length / frames)
+            yield film.picture(film.camera, start + (i + 1) * length / frames)
         for object_id in flights:
             session.land(object_id)
         gone += len(flights)
-        yield from still(REST[1])
-    yield from still(REST[2])
+        yield from film.still(REST[1])
+    yield from film.still(REST[2])
     tell(1.0, "Filmed")
 
 
-@contextmanager
-def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
-    """Open an H.264 film; what it yields takes (H, W, 3) uint8 frames of an even size."""
-    import imageio_ffmpeg
-
-    writer = imageio_ffmpeg.write_frames(
-        str(path),
-        (size[1], size[0]),
-        fps=fps,
-        codec="libx264",
-        quality=8,
-        macro_block_size=2,
-        output_params=["-movflags", "+faststart"],
-        ffmpeg_log_level="error",
-    )
-    writer.send(None)
-    try:
-        yield lambda frame: writer.send(np.ascontiguousarray(frame))
-    finally:
-        writer.close()
+def _turning(film: _Stage, seconds: float) -> Iterator[Frame]:
+    """Turn the bag once round the vertical; the film may be played in a loop."""
+    frames = max(2, round(seconds * film.fps))
+    for i in range(frames):
+        film.tell(i / frames, f"Filming: {i} of {frames} pictures")
+        yield film.picture(turned(film.camera, 2 * np.pi * i / frames))
+    film.tell(1.0, "Filmed")
 
 
-@contextmanager
-def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
-    import imageio.v2 as iio
+def _close(session: Any, size: tuple[int, int]) -> Camera:
+    """Return the camera that just holds the bag at every turn, nothing being out of it."""
+    aspect = min(1.0, size[1] / size[0])
+    camera: Camera = session.overview()
+    half_angle = np.radians(camera.fov) / 2
+    height = 2 * ROOM * session.bag.radius / (aspect * np.cos(half_angle))
+    return replace(camera, height=float(height))
 
-    with iio.get_writer(path, format="GIF", mode="I", duration=1000 / fps, loop=0) as writer:
-        yield writer.append_data  # type: ignore[attr-defined]
+
+def turned(camera: Camera, angle: float) -> Camera:
+    """Return a camera that has gone round its centre.
+
+    Parameters
+    ----------
+    camera : Camera
+    angle : float
+        Radians, about the vertical of the scan; about the picture's where one looks along it.
+    """
+    upright = np.array(GRAVITY_UP)
+    axis = upright if abs(float(camera.direction @ upright)) < STEEPEST else camera.up
+    return replace(camera, rotation=camera.rotation @ rotation_about(axis, -angle))

@@ -90,20 +90,28 @@ def framed(session: Any, size: tuple[int, int]) -> Camera:
     return camera
 
 
-def twin(session: Any) -> Any:
-    """Return a session of its own on the same bag, with everything packed.
+def twin(session: Any, packed: bool = True) -> Any:
+    """Return a session of its own on the same bag.
 
     Parameters
     ----------
     session : Session
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
+    packed : bool
+        With everything packed; False takes over what is out and how it is held as well.
 
     Returns
     -------
     Session
     """
     from napari_unpack.session import ObjectState, Session
+    from napari_unpack.session.record import given_labels, record_of, session_from
 
+    if not packed:
+        same = session_from(record_of(session), session.volume, given_labels(session))
+        same.leave()
+        same.backend = session.backend
+        return same
     other = Session(
         session.volume, session.labels, session.spacing, session.objects, session.casters
     )

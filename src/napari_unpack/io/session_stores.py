@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
 import stat
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Protocol
 
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import folder_written_whole, written_whole
 
 ZIP_SUFFIXES = (".unpack", ".zip")
 MANIFEST = "session.json"
@@ -95,42 +93,13 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
         ):
             yield _ZipSink(archive)
         return
-    if _is_of_others(path):
+    if path.exists() and not path.is_dir():
         raise ValueError(
             f"{path} is there and is no session: choose another name, or one that ends in "
             f"{' or '.join(ZIP_SUFFIXES)} for a single file"
         )
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"no folder {path.parent} to write {path.name} into")
-    temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
-    try:
+    with folder_written_whole(path, lambda folder: (folder / MANIFEST).exists()) as temporary:
         yield _FolderSink(temporary)
-        _replace_folder(temporary, path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _is_of_others(path: Path) -> bool:
-    """Tell whether something is there that is neither a session nor an empty folder."""
-    if path.is_dir():
-        return not (path / MANIFEST).exists() and any(path.iterdir())
-    return path.exists()
-
-
-def _replace_folder(new: Path, path: Path) -> None:
-    mask = os.umask(0)
-    os.umask(mask)
-    new.chmod(0o777 & ~mask)
-    old = new.with_name(f"{new.name}-old")
-    if path.exists():
-        path.replace(old)
-    try:
-        new.replace(path)
-    except OSError:
-        if old.exists():
-            old.replace(path)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
 
 
 @contextmanager

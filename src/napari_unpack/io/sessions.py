@@ -68,12 +68,12 @@ def save_session(
 
     Notes
     -----
-    JSON, PNG and .npz alone, nothing that is run on opening. Arrays are written with shape, dtype and SHA-256, which
-    are checked on opening.
+    JSON, PNG and .npz alone, nothing that is run on opening. Arrays are written with shape,
+    dtype and SHA-256, which are checked on opening.
     """
     from importlib.metadata import version
 
-    from napari_unpack.session.record import record_of
+    from napari_unpack.session.record import given_labels, record_of
 
     target = Path(path).expanduser()
     tell = progress or (lambda fraction, text: None)
@@ -86,7 +86,7 @@ def save_session(
         "written_by": f"napari-unpack {version('napari-unpack')}",
         "session": record_of(session),
     }
-    arrays = {"volume": np.asarray(session.volume), "labels": _given_labels(session)}
+    arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     files = {"volume": volume_path, "labels": labels_path}
     ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
     try:
@@ -268,16 +268,6 @@ def _loaded(file: Path, name: str) -> NDArray[Any]:
     from napari_unpack.io.volumes import load_labels, load_volume
 
     return load_volume(file).volume if name == "volume" else load_labels(file)[0]
-
-
-def _given_labels(session: Any) -> NDArray[Any]:
-    """Return the labels with the IDs they came with."""
-    ids = session.ids
-    if session.label_of(ids[-1]) == ids[-1]:
-        return np.asarray(session.labels)
-    given = np.zeros(ids[-1] + 1, np.int64)
-    given[list(ids)] = [session.label_of(i) for i in ids]
-    return np.asarray(given[session.labels])
 
 
 def _picture(session: Any) -> bytes:

@@ -137,6 +137,16 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     return session
 
 
+def given_labels(session: Session) -> NDArray[Any]:
+    """Return the (Z, Y, X) labels with the IDs they came with."""
+    ids = session.ids
+    if session.label_of(ids[-1]) == ids[-1]:
+        return np.asarray(session.labels)
+    given = np.zeros(ids[-1] + 1, np.int64)
+    given[list(ids)] = [session.label_of(i) for i in ids]
+    return np.asarray(given[session.labels])
+
+
 def _read_view(fields: Fields) -> View:
     def triple(name: str) -> tuple[float, float, float] | None:
         if not fields.has(name):

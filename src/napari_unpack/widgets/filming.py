@@ -101,7 +101,7 @@ def picture(viewer: Any, stage: Any) -> Picture:
 
 def write_film(frames: list[Picture], path: Path) -> None:
     """Write frames as an H.264 film; an odd edge is cut off, as video wants."""
-    from napari_unpack.io.films import mp4_writer
+    from napari_unpack.io.film_files import mp4_writer
 
     height, width = (n // 2 * 2 for n in frames[0].shape[:2])
     with mp4_writer(path, (height, width), FPS) as write:

@@ -1,0 +1,107 @@
+"""The web page of objects: whole, safe, and true to the table."""
+
+from __future__ import annotations
+
+import base64
+import io
+from html.parser import HTMLParser
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+from napari_unpack.io import save_objects_page
+
+
+class Cells(HTMLParser):
+    """Collect tags, table cells and sources."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.rows: list[list[str]] = []
+        self.values: list[list[str | None]] = []
+        self.tags: set[str] = set()
+        self._inside = False
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.tags.add(tag)
+        self.sources += [v for k, v in attrs if k in ("src", "href")]
+        if tag == "tr":
+            self.rows.append([])
+            self.values.append([])
+        if tag in ("td", "th"):
+            self._inside = True
+            self.rows[-1].append("")
+            self.values[-1].append(found.get("data-value"))
+
+    def handle_endtag(self, tag):
+        if tag in ("td", "th"):
+            self._inside = False
+
+    def handle_data(self, data):
+        if self._inside:
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> tuple[str, Cells]:
+    labels = np.zeros((20, 22, 40), np.uint16)
+    for i in (1, 2, 3):
+        labels[4:16, 4:18, 12 * i - 8 : 12 * i + 2] = i
+    session = nu.Session(np.where(labels > 0, 1500, 0).astype(np.uint16), labels, (1, 1, 2))
+    session.direction = "-x"
+    session.unpack(1)
+    session.rename(2, "<b>a & b</b>")
+    session.hide([3])
+    before = dict(session.states)
+    path = save_objects_page(session, tmp_path_factory.mktemp("p") / "bag.html", "A <bag>")
+    assert session.states == before
+    text = Path(path).read_text(encoding="utf-8")
+    cells = Cells()
+    cells.feed(text)
+    return text, cells
+
+
+def test_it_needs_nothing_from_elsewhere(page):
+    text, cells = page
+    assert "http" not in text
+    assert "@import" not in text
+    assert cells.sources
+    assert all(source.startswith("data:image/png;base64,") for source in cells.sources)
+    assert "<h1>A &lt;bag&gt;</h1>" in text
+    assert "prefers-color-scheme: dark" in text
+
+
+def test_it_says_what_the_table_says(page):
+    _, cells = page
+    assert len(cells.rows) == 4
+    first, second, third = cells.rows[1:]
+    assert first[1:5] == ["1", "Object 1", "taken out", "1"]
+    assert second[1:5] == ["2", "<b>a & b</b>", "in the bag", ""]
+    assert third[3] == "hidden"
+    # 12 x 14 x 10 voxels of 2 mm3.
+    assert cells.values[1][5] == "3360"
+    assert first[5:8] == ["3.4", "20 × 14 × 12", "1500"]
+    assert first[8] == "–"
+    assert "b" not in cells.tags
+
+
+def test_every_picture_shows_its_object(page):
+    _, cells = page
+    pictures = [
+        iio.imread(io.BytesIO(base64.b64decode(source.partition(",")[2])))
+        for source in cells.sources
+    ]
+    assert len(pictures) == 4
+    for picture in pictures[1:]:
+        assert max(picture.shape) <= 260
+        assert (picture[..., 3] > 200).mean() > 0.3
+
+
+def test_another_suffix_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"must end in .html, got 'a.txt'"):
+        save_objects_page(None, tmp_path / "a.txt")
