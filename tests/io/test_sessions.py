@@ -49,6 +49,7 @@ def used():
     s.go_to(5)
     s.go_to(3)
     s.rename(7, "a knife")
+    s.clipping = [[(3, 3, 3), (1, 0, 0.5)]]
     s.transfer_function = nu.TransferFunction([(0, 0), (500, 0.1), (1500, 0.7)])
     s.hide([9])
     s.unpack(1)
@@ -75,6 +76,7 @@ def everything(s):
         "steps": (s.steps, s.step),
         "rules": (s.rule, s.tolerance, s.most_in_group, s.take_least_occluded),
         "look": (s.tint_mode, s.show_unlabelled, s.locked_hues, s.hue_margin),
+        "clipping": s.clipping.tolist(),
         "density": s.transfer_function,
         "view": s.view,
         "camera": (s.camera.rotation.tolist(), s.camera.center.tolist(), s.camera.height),

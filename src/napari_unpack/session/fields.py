@@ -80,6 +80,7 @@ class Fields:
         value = self[name]
         try:
             found = np.array(value, dtype=np.float64)
+            found = found.reshape(shape) if found.size == 0 == np.prod(shape) else found
         except (TypeError, ValueError):
             found = np.array(np.nan)
         if found.shape != shape or not np.isfinite(found).all():

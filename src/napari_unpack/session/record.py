@@ -53,6 +53,7 @@ def record_of(session: Session) -> dict[str, Any]:
             "locked_hues": sorted(session.locked_hues),
             "hue_margin": session.hue_margin,
             "colored": session._colored,
+            "clipping": session.clipping.tolist(),
         },
         "camera": {
             "rotation": camera.rotation.tolist(),
@@ -120,6 +121,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     session.locked_hues = frozenset(look.ids("locked_hues", known))
     session.hue_margin = look.number("hue_margin")
     session._colored = look.flag("colored")
+    session.clipping = look.array("clipping", (len(look.items("clipping")), 2, 3))
     height, width = (int(n) for n in fields.array("canvas_size", (2,)))
     session.canvas_size = height, width
     session.seconds = _positive(fields, "seconds")
