@@ -126,6 +126,8 @@ class OcclusionAnswer:
         What the question took.
     criterion : (str, float)
         The rule and the tolerance it was asked with.
+    edition : int
+        Of the labels it was asked about.
     """
 
     direction: Vector
@@ -135,6 +137,7 @@ class OcclusionAnswer:
     first_hit: Mapping[int, float]
     seconds: float
     criterion: tuple[str, float] = ("exact", 0.0)
+    edition: int = 0
 
     def serves(self, direction: Vector, packed: frozenset[int]) -> bool:
         """Tell whether it holds for this D and these objects, or more than these."""
@@ -173,6 +176,8 @@ class OcclusionQuestion:
         Returns the counts.
     pull : callable, optional
         Returns who is met by whom when the voxels are moved; asked for the rule "exact" only.
+    edition : int
+        Of the labels.
     """
 
     direction: Vector
@@ -181,6 +186,7 @@ class OcclusionQuestion:
     tolerance: float
     cast: Callable[[], OcclusionCounts]
     pull: Callable[[], Table | None] | None = None
+    edition: int = 0
 
     def answer(self) -> OcclusionAnswer:
         """Cast the rays and work out the answer; may run on any thread.
@@ -213,6 +219,7 @@ class OcclusionQuestion:
             ratios(counts),
             perf_counter() - start,
             (self.rule, self.tolerance),
+            self.edition,
         )
 
 

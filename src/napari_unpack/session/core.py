@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.appearance import TransferFunction, golden_hue, tints_of
 from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.asking import Casters, imaging_casters
@@ -24,6 +22,7 @@ from napari_unpack.session.checks import (
     checked_spacing,
     checked_volume,
 )
+from napari_unpack.session.contents import Contents, touched_between
 from napari_unpack.session.departures import Bag, launch
 from napari_unpack.session.events import SessionEvents
 from napari_unpack.session.history import History, Step
@@ -92,10 +91,11 @@ class SessionCore:
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         self.volume = checked_volume(volume)
-        self.labels, self._given_ids = checked_labels(labels, self.volume.shape)
+        checked, self._given_ids = checked_labels(labels, self.volume.shape)
         self.spacing = checked_spacing(spacing)
-        self.boxes = label_boxes(self.labels)
-        self.bag = Bag(self.labels, self.boxes, self.spacing)
+        boxes = label_boxes(checked)
+        facts = object_table(self.volume, checked, boxes, self.spacing, objects, self._given_ids)
+        self._given_casters = casters
         self.clock = clock
         self.animated = False
         self.seconds = 1.2
@@ -104,17 +104,15 @@ class SessionCore:
         self._show_unlabelled = False
         self._clipping = checked_planes(None)
         self.events = SessionEvents()
-        self.casters = casters or imaging_casters(
-            self.labels, self.spacing, lambda: self.backend, lambda: self._clipping
-        )
-        self._ids = tuple(int(i) for i in self.boxes.ids)
-        self._known = frozenset(self._ids)
-        self._facts = object_table(
-            self.volume, self.labels, self.boxes, self.spacing, objects, self._given_ids
-        )
+        # Tables by ID and slots grow with the labels and never shrink: a worker may still cast
+        # labels that have been repaired since.
+        self._top, self._most = 0, 0
+        self._hold(Contents(checked, boxes, facts))
         self._situation = Situation(
             TransferFunction.default_for(self.volume), {i: golden_hue(i) for i in self._ids}
         )
+        self._prepared: Contents | None = None
+        self._edition = 0
         self._history = History()
         self._flights: dict[int, Flight] = {}
         self._selected: frozenset[int] = frozenset()
@@ -128,10 +126,23 @@ class SessionCore:
         self._tints: tuple[int, NDArray[np.float32]] = (-1, np.zeros((0, 4), np.float32))
         self._slots: tuple[object, Slots] | None = None
 
-    @cached_property
+    def _hold(self, contents: Contents) -> None:
+        """Take over labels, and all that follows from them."""
+        self._contents = contents
+        self.labels, self.boxes, self._facts = contents.labels, contents.boxes, contents.facts
+        self.bag = Bag(self.labels, self.boxes, self.spacing)
+        self.casters = self._given_casters or imaging_casters(
+            self.labels, self.spacing, lambda: self.backend, lambda: self._clipping
+        )
+        self._ids = tuple(int(i) for i in self.boxes.ids)
+        self._known = frozenset(self._ids)
+        self._top = max(self._top, self._ids[-1])
+        self._most = max(self._most, len(self._ids))
+
+    @property
     def display_labels(self) -> NDArray[np.uint16]:
         """Labels grown into the fringe around objects, for pictures; (Z, Y, X) uint16."""
-        return grow_labels(self.labels)
+        return self._contents.display
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -265,10 +276,10 @@ class SessionCore:
     @property
     def slots(self) -> Slots:
         """Where unpacked objects wait, planned for all of them at once."""
-        key = (self._canvas_size, self._camera.fov)
+        key = (self._canvas_size, self._camera.fov, self._most, self.bag.radius)
         if self._slots is None or self._slots[0] != key:
-            count, radius = len(self._ids), self.bag.radius
-            self._slots = key, arrange(count, radius, self._canvas_size, self._camera.fov)
+            radius = self.bag.radius
+            self._slots = key, arrange(self._most, radius, self._canvas_size, self._camera.fov)
         return self._slots[1]
 
     def packed_tints(self) -> NDArray[np.float32]:
@@ -280,7 +291,7 @@ class SessionCore:
         if kept[0] != now:
             hues = self._situation.hues
             shown = {i: hues[i] for i, state in self.states.items() if state.value == "packed"}
-            table = tints_of(shown, self._ids[-1], mode=self.tint_mode)
+            table = tints_of(shown, self._top, mode=self.tint_mode)
             if self._show_unlabelled:
                 table[0] = VEIL
             table.flags.writeable = False
@@ -295,7 +306,7 @@ class SessionCore:
         """
         situation = self._situation
         hue = situation.hues[object_id]
-        table = tints_of({object_id: hue}, self._ids[-1], mode=self.tint_mode)
+        table = tints_of({object_id: hue}, self._top, mode=self.tint_mode)
         density = float(self._facts.at[object_id, "mean_density"])
         opacity = float(situation.transfer_function.opacity_at(density))
         table[object_id, 3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
@@ -340,11 +351,16 @@ class SessionCore:
         """Pass to another situation: start flights, and tell what has changed."""
         before, states = self._situation, self.states
         self._situation = situation
+        edited = self._follow_labels(before, situation)
         self._refly(before, situation)
         self._changes += 1
-        changed = {i for i, state in self.states.items() if state is not states[i]}
+        changed = {i for i, state in self.states.items() if state is not states.get(i)}
         changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
         changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
+        if edited:
+            self.events.labels.emit(edited)
+            # Slots may have been planned anew.
+            changed.update(situation.out)
         if situation.hues is not before.hues:
             self.events.hues.emit(dict(situation.hues))
         if situation.transfer_function is not before.transfer_function:
@@ -352,6 +368,28 @@ class SessionCore:
         self._tell_states(changed)
         if situation.queue is not before.queue or situation.direction != before.direction:
             self.events.queue.emit(situation.queue.ids)
+
+    def _follow_labels(self, before: Situation, after: Situation) -> frozenset[int]:
+        """Make the labels those of a situation; return the objects touched."""
+        if after.edit is before.edit:
+            return frozenset()
+        old, prepared = self._contents, self._prepared
+        self._prepared = None
+        fits = prepared is not None and prepared.edit is after.edit
+        self._hold(prepared if fits and prepared is not None else old.at(after.edit))
+        touched = touched_between(before.edit, after.edit)
+        for i in touched:
+            self._flights.pop(i, None)
+        gone = self._selected - self._known
+        if gone:
+            self._selected -= gone
+            self.events.selected.emit(self._selected)
+        self._forget_answers()
+        return touched
+
+    def _forget_answers(self) -> None:
+        """Forget what was found out about other labels."""
+        self._edition += 1
 
     def _refly(self, before: Situation, after: Situation) -> None:
         for i in list(self._flights):

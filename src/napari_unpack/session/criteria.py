@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import get_args
 
 from napari_unpack.session.asking import OcclusionAnswer
-from napari_unpack.session.sight import SessionSight
+from napari_unpack.session.repair import SessionRepair
 from napari_unpack.unpacking.occlusion import Rule
 
 
-class SessionCriteria(SessionSight):
+class SessionCriteria(SessionRepair):
     """The settings by which the queue is filled; none is undoable.
 
     Setting one that differs empties the queue, so that the next question goes by it.

@@ -45,12 +45,15 @@ class Survey:
         What it took.
     tolerance : float
         It was asked with.
+    edition : int
+        Of the labels.
     """
 
     packed: frozenset[int]
     outlooks: tuple[Outlook, ...]
     seconds: float
     tolerance: float = 0.0
+    edition: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +68,14 @@ class SurveyQuestion:
         See `unpacking.free_ids`.
     cast : callable
         Given D, returns the counts along it.
+    edition : int
+        Of the labels.
     """
 
     packed: frozenset[int]
     tolerance: float
     cast: Callable[[Vector], OcclusionCounts]
+    edition: int = 0
 
     def answer(self, progress: Progress | None = None) -> Survey:
         """Cast the rays; may run on any thread.
@@ -92,7 +98,9 @@ class SurveyQuestion:
             if outlook is None:
                 break
             found += [outlook, outlook.opposite()] if halved else [outlook]
-        return Survey(self.packed, tuple(found), perf_counter() - start, self.tolerance)
+        return Survey(
+            self.packed, tuple(found), perf_counter() - start, self.tolerance, self.edition
+        )
 
 
 class SessionDirections(SessionCriteria):
@@ -161,7 +169,7 @@ class SessionDirections(SessionCriteria):
             looking, size = view_along(direction, lower, upper, pitch, camera)
             return cast(looking, visible, size)
 
-        return SurveyQuestion(packed, self.tolerance, counts)
+        return SurveyQuestion(packed, self.tolerance, counts, self._edition)
 
     def accept_survey(self, survey: Survey) -> bool:
         """Take over a survey; return False where somebody has come back meanwhile."""
@@ -212,7 +220,7 @@ class SessionDirections(SessionCriteria):
         return least_unearthing(survey.outlooks, packed, object_id, self.unpack_direction)
 
     def _asked_so(self, survey: Survey) -> bool:
-        return survey.tolerance == self.tolerance
+        return survey.tolerance == self.tolerance and survey.edition == self._edition
 
     def _known_survey(self, ask: bool) -> Survey | None:
         question = self.survey_question()

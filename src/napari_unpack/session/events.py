@@ -12,6 +12,7 @@ class SessionEvents(SignalGroup):
     """
 
     states = Signal(frozenset, description="IDs whose state, pose or name changed")
+    labels = Signal(frozenset, description="IDs that came, went or have other voxels now")
     hues = Signal(dict, description="{id: hue}, all of them")
     transfer_function = Signal(object, description="the new TransferFunction")
     queue = Signal(tuple, description="IDs that can leave, the next one first")

@@ -62,7 +62,7 @@ class Session(SessionSteps):
     def accept_answer(self, answer: OcclusionAnswer) -> bool:
         """Take over an answer; return False, having done nothing, where it is out of date."""
         fits = answer.serves(self.unpack_direction, self._packed(self._situation))
-        if not fits or answer.criterion != self.criterion:
+        if not fits or answer.criterion != self.criterion or answer.edition != self._edition:
             return False
         self._answer = answer
         self.unpackable()
@@ -250,7 +250,13 @@ class Session(SessionSteps):
             self.tolerance,
             lambda: casters.occlusion(camera, visible, size),
             None if pull is None else lambda: pull(direction, visible),
+            self._edition,
         )
+
+    def _forget_answers(self) -> None:
+        super()._forget_answers()
+        self._answer = self._other_answer = self._credited = self._survey = None
+        self.__dict__.pop("bag_up", None)
 
     def _known_answer(self, packed: frozenset[int], afresh: bool = False) -> OcclusionAnswer:
         direction, known = self.unpack_direction, self._answer
@@ -348,7 +354,7 @@ class Session(SessionSteps):
         answer: OcclusionAnswer | None = None,
     ) -> Situation:
         taken = {berth.slot for berth in situation.out.values()}
-        places = iter(k for k in range(len(self._ids)) if k not in taken)
+        places = iter(k for k in range(self._most) if k not in taken)
         camera = self._camera
         direction = self.unpack_direction if along is None else along
         berths: dict[int, Berth] = {

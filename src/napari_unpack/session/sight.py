@@ -186,6 +186,6 @@ class SessionSight(SessionCore):
             self._enter(situation)
 
     def _table(self, ids: Iterable[int]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        visible = np.zeros(self._ids[-1] + 1, dtype=np.bool_)
+        visible = np.zeros(self._top + 1, dtype=np.bool_)
         visible[list(ids)] = True
         return visible

@@ -9,6 +9,7 @@ from enum import Enum
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.session.contents import Edit
 from napari_unpack.unpacking import Queue, Slots
 
 
@@ -80,6 +81,8 @@ class Situation:
     ahead : tuple of dict of int to Berth
         Departures that `at_step` has taken back, the next one first: going forward again
         repeats them. Any other command that moves, hides or shows objects forgets them.
+    edit : Edit, optional
+        The last repair of the labels; None as they were given.
     transfer_function : TransferFunction
     """
 
@@ -92,6 +95,7 @@ class Situation:
     names: Mapping[int, str] = field(default_factory=dict)
     direction: str | tuple[float, float, float] | None = None
     ahead: tuple[Mapping[int, Berth], ...] = ()
+    edit: Edit | None = None
 
     @property
     def departures(self) -> tuple[tuple[int, ...], ...]:

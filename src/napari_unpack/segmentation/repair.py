@@ -1,0 +1,178 @@
+"""Repair of labels by hand: split, merge, delete, and what a brush has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.segmentation.cut_between import cut_between
+
+Labels = NDArray[np.integer[Any]]
+Box = tuple[slice, slice, slice]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelEdit:
+    """Voxels that get another label.
+
+    Parameters
+    ----------
+    box : (slice, slice, slice)
+        Around them, z y x.
+    where : (N,) ndarray of int64
+        Flat indices into the box, ascending.
+    before, after : (N,) ndarray of int
+        Labels they had, and get.
+    """
+
+    box: Box
+    where: NDArray[np.int64]
+    before: Labels
+    after: Labels
+
+    @property
+    def touched(self) -> frozenset[int]:
+        """Objects that gain or lose voxels."""
+        both = np.concatenate([self.before, self.after])
+        return frozenset(int(i) for i in np.unique(both) if i)
+
+    def apply(self, labels: Labels) -> Labels:
+        """Return labels with the edit made; a copy."""
+        changed = labels.copy()
+        part = changed[self.box]
+        part[np.unravel_index(self.where, part.shape)] = self.after
+        return changed
+
+    def reverse(self) -> LabelEdit:
+        """Return the edit that takes this one back."""
+        return LabelEdit(self.box, self.where, self.after, self.before)
+
+
+def split_between(
+    labels: Labels,
+    boxes: LabelBoxes,
+    density: ArrayLike,
+    spacing: Sequence[float],
+    a: Sequence[int],
+    b: Sequence[int],
+    new_id: int,
+) -> LabelEdit:
+    """Split the object that holds two voxels, so that each part holds one of them.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+        Object IDs.
+    boxes : LabelBoxes
+        Of these labels.
+    density : (Z, Y, X) array_like
+        The cut prefers its steps.
+    spacing : (3,) sequence of float
+        Voxel size z y x, mm.
+    a, b : (3,) sequence of int
+        Two voxels of one object.
+    new_id : int
+        The smaller part's; the larger keeps the object's.
+
+    Returns
+    -------
+    LabelEdit
+
+    Raises
+    ------
+    ValueError
+        If the voxels are not two of one object.
+    """
+    one, two = (_label_at(labels, point, name) for point, name in ((a, "a"), (b, "b")))
+    if one != two:
+        raise ValueError(f"a and b must lie in one object, got objects {one} and {two}")
+    box = boxes.slices(one)
+    first = np.array([part.start for part in box])
+    mask = labels[box] == one
+    values = np.asarray(np.asarray(density)[box])
+    far = cut_between(mask, values, spacing, np.asarray(a) - first, np.asarray(b) - first)
+    if 2 * np.count_nonzero(far) > np.count_nonzero(mask):
+        far = mask & ~far
+    return _relabel(labels, box, far, new_id)
+
+
+def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> LabelEdit:
+    """Make one object of several; the largest's ID stays.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two.
+    """
+    chosen = sorted(set(ids))
+    if len(chosen) < 2:
+        raise ValueError(f"ids must name at least two objects to merge, got {chosen}")
+    kept = max(chosen, key=lambda i: (int(boxes.counts[boxes.index(i)]), -i))
+    others = [i for i in chosen if i != kept]
+    box = _around(boxes, others)
+    return _relabel(labels, box, np.isin(labels[box], others), kept)
+
+
+def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> LabelEdit:
+    """Make objects background.
+
+    Raises
+    ------
+    ValueError
+        If none is given, or none would be left.
+    """
+    chosen = sorted(set(ids))
+    if not chosen:
+        raise ValueError("ids must name at least one object to delete, got none")
+    if len(chosen) == len(boxes.ids):
+        raise ValueError("ids must leave at least one object, got all of them")
+    box = _around(boxes, chosen)
+    return _relabel(labels, box, np.isin(labels[box], chosen), 0)
+
+
+def difference(labels: Labels, wanted: Labels) -> LabelEdit | None:
+    """Return the edit that leads from labels to others of the same shape; None where equal.
+
+    Notes
+    -----
+    Compared plane by plane; memory is that of the voxels that differ.
+    """
+    planes = [z for z in range(len(labels)) if not np.array_equal(labels[z], wanted[z])]
+    if not planes:
+        return None
+    box: Box = (slice(planes[0], planes[-1] + 1), slice(None), slice(None))
+    where = np.flatnonzero(labels[box] != wanted[box])
+    spots = np.unravel_index(where, labels[box].shape)
+    tight = tuple(slice(int(s.min()), int(s.max()) + 1) for s in spots[1:])
+    box = (box[0], tight[0], tight[1])
+    old, new = labels[box], wanted[box]
+    where = np.flatnonzero(old != new)
+    spots = np.unravel_index(where, old.shape)
+    return LabelEdit(box, where, old[spots], new[spots].astype(labels.dtype))
+
+
+def _relabel(labels: Labels, box: Box, mask: NDArray[np.bool_], label: int) -> LabelEdit:
+    where = np.flatnonzero(mask)
+    before = labels[box][mask]
+    return LabelEdit(box, where, before, np.full(len(where), label, labels.dtype))
+
+
+def _around(boxes: LabelBoxes, ids: Sequence[int]) -> Box:
+    rows = [boxes.index(i) for i in ids]
+    low, high = boxes.lower[rows].min(axis=0), boxes.upper[rows].max(axis=0)
+    z, y, x = (slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    return z, y, x
+
+
+def _label_at(labels: Labels, point: Sequence[int], name: str) -> int:
+    spot = np.asarray(point)
+    inside = spot.shape == (3,) and bool(((spot >= 0) & (spot < labels.shape)).all())
+    label = int(labels[tuple(spot.astype(int))]) if inside else 0
+    if not label:
+        raise ValueError(f"{name} must be a voxel (z, y, x) of an object, got {point}")
+    return label

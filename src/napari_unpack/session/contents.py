@@ -1,0 +1,234 @@
+"""What a session's labels hold, derived once and followed from edit to edit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
+from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.segmentation.repair import LabelEdit
+from napari_unpack.session.objects import object_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FRINGE = 2
+"""Voxels that display labels grow."""
+
+Judge = Callable[[NDArray[np.bool_], NDArray[Any], tuple[int, int, int]], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """One change of the labels, and what it did to the objects; a chain, the latest last.
+
+    Parameters
+    ----------
+    earlier : Edit, optional
+        What was changed before.
+    change : LabelEdit
+        Voxels.
+    boxes : (LabelBoxes, LabelBoxes)
+        Of the objects touched, before and after; who is in one only has gone or come.
+    facts : (DataFrame, DataFrame)
+        Their rows in the table of objects, before and after.
+    """
+
+    earlier: Edit | None
+    change: LabelEdit
+    boxes: tuple[LabelBoxes, LabelBoxes]
+    facts: tuple[pd.DataFrame, pd.DataFrame]
+
+
+@dataclass(eq=False)
+class Contents:
+    """Labels and all that follows from them.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs; never written to.
+    boxes : LabelBoxes
+    facts : DataFrame
+        By ID.
+    edit : Edit, optional
+        The last change made to them.
+    """
+
+    labels: NDArray[np.uint16]
+    boxes: LabelBoxes
+    facts: pd.DataFrame
+    edit: Edit | None = None
+    _display: NDArray[np.uint16] | None = field(default=None, repr=False)
+
+    @property
+    def display(self) -> NDArray[np.uint16]:
+        """Labels grown into the fringe around objects, for pictures; (Z, Y, X) uint16."""
+        if self._display is None:
+            self._display = grow_labels(self.labels, FRINGE)
+        return self._display
+
+    def at(self, edit: Edit | None) -> Contents:
+        """Return the contents at another place of the chain of edits; exact both ways."""
+        found = self
+        here, there = _chain(self.edit), _chain(edit)
+        common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
+        for step in reversed(here[common:]):
+            found = found._moved(step, 1, 0, step.earlier)
+        for step in there[common:]:
+            found = found._moved(step, 0, 1, step)
+        return found
+
+    def edited(
+        self,
+        change: LabelEdit,
+        volume: NDArray[Any],
+        spacing: NDArray[np.float64],
+        judge: Judge,
+        given_ids: NDArray[np.int64] | None = None,
+    ) -> Contents:
+        """Return the contents after a change of voxels; the touched objects are measured anew.
+
+        Parameters
+        ----------
+        change : LabelEdit
+            From these labels.
+        volume : (Z, Y, X) ndarray
+            Density.
+        spacing : (3,) ndarray of float64
+            mm.
+        judge : callable
+            Given mask, density and first voxel of an object's box, returns its confidence.
+        given_ids : (N + 1,) ndarray of int64, optional
+            By ID, the one people know it by.
+        """
+        touched = np.array(sorted(change.touched))
+        old = _rows(self.boxes, touched)
+        labels = change.apply(self.labels).astype(np.uint16, copy=False)
+        low = np.array([part.start for part in change.box])
+        high = np.array([part.stop for part in change.box])
+        if len(old.ids):
+            low = np.minimum(low, old.lower.min(axis=0))
+            high = np.maximum(high, old.upper.max(axis=0))
+        box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        part = np.where(np.isin(labels[box], touched), labels[box], 0).astype(np.uint16)
+        local = label_boxes(part)
+        new = LabelBoxes(local.ids, local.lower + low, local.upper + low, local.counts)
+        before = self.facts.loc[old.ids]
+        after = before.iloc[:0]
+        if len(new.ids):
+            after = object_table(volume[box], part, local, spacing, None, given_ids)
+            for k, axis in enumerate("zyx"):
+                after[axis] += low[k] * spacing[k]
+            after = _completed(after, before, change, self.facts)
+            if self.facts["confidence"].notna().any():
+                after["confidence"] = [
+                    judge(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
+                    for i, own in ((int(i), local.slices(int(i))) for i in local.ids)
+                ]
+        edit = Edit(self.edit, change, (old, new), (before, after))
+        return self._moved(edit, 0, 1, edit, labels)
+
+    def _moved(
+        self,
+        step: Edit,
+        source: int,
+        target: int,
+        edit: Edit | None,
+        labels: NDArray[np.uint16] | None = None,
+    ) -> Contents:
+        import pandas as pd
+
+        change = step.change if target else step.change.reverse()
+        if labels is None:
+            labels = change.apply(self.labels).astype(np.uint16, copy=False)
+        gone, come = step.boxes[source], step.boxes[target]
+        kept = ~np.isin(self.boxes.ids, gone.ids)
+        ids = np.concatenate([self.boxes.ids[kept], come.ids])
+        order = np.argsort(ids)
+        boxes = LabelBoxes(
+            ids[order],
+            *(
+                np.concatenate([getattr(self.boxes, name)[kept], getattr(come, name)])[order]
+                for name in ("lower", "upper", "counts")
+            ),
+        )
+        rest = self.facts.drop(index=step.facts[source].index)
+        rows = [table for table in (rest, step.facts[target]) if len(table)]
+        facts = pd.concat(rows).sort_index().rename_axis("id") if rows else rest
+        display = None if self._display is None else _regrown(self._display, labels, change.box)
+        return Contents(labels, boxes, facts, edit, display)
+
+
+def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:
+    """Return the objects touched by the edits between two places of the chain."""
+    here, there = _chain(before), _chain(after)
+    common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
+    steps = (*here[common:], *there[common:])
+    return frozenset(i for step in steps for i in step.change.touched)
+
+
+def _chain(edit: Edit | None) -> list[Edit]:
+    found = []
+    while edit is not None:
+        found.append(edit)
+        edit = edit.earlier
+    return found[::-1]
+
+
+def _rows(boxes: LabelBoxes, ids: NDArray[np.int64]) -> LabelBoxes:
+    rows = np.flatnonzero(np.isin(boxes.ids, ids))
+    return LabelBoxes(boxes.ids[rows], boxes.lower[rows], boxes.upper[rows], boxes.counts[rows])
+
+
+def _completed(
+    after: pd.DataFrame, before: pd.DataFrame, change: LabelEdit, facts: pd.DataFrame
+) -> pd.DataFrame:
+    """Return measured rows with what cannot be measured taken from the objects they came from."""
+    import pandas as pd
+
+    sources = {}
+    for object_id in after.index:
+        source = object_id if object_id in before.index else _origin(change, int(object_id))
+        if source in before.index:
+            sources[object_id] = source
+    for column in facts.columns:
+        if column in after and column != "name":
+            continue
+        values = [
+            before.at[sources[i], column] if i in sources else after[column].get(i)
+            if column in after else None
+            for i in after.index
+        ]  # fmt: skip
+        after[column] = pd.Series(values, after.index, dtype=object).infer_objects()
+    for object_id, source in sources.items():
+        if source != object_id:
+            after.at[object_id, "name"] = f"{before.at[source, 'name']}, part"
+    return after[facts.columns.tolist()]
+
+
+def _origin(change: LabelEdit, object_id: int) -> int:
+    """Return the object most of a new one's voxels were taken from, 0 for the background."""
+    values, counts = np.unique(change.before[change.after == object_id], return_counts=True)
+    return int(values[counts.argmax()]) if len(values) else 0
+
+
+def _regrown(
+    display: NDArray[np.uint16], labels: NDArray[np.uint16], box: tuple[slice, ...]
+) -> NDArray[np.uint16]:
+    """Return display labels brought up to date where labels have changed."""
+    outer, inner, cut = [], [], []
+    for part, size in zip(box, labels.shape, strict=True):
+        low, high = max(part.start - FRINGE, 0), min(part.stop + FRINGE, size)
+        first = max(low - FRINGE, 0)
+        outer.append(slice(first, min(high + FRINGE, size)))
+        inner.append(slice(low, high))
+        cut.append(slice(low - first, high - first))
+    grown = display.copy()
+    grown[tuple(inner)] = grow_labels(labels[tuple(outer)], FRINGE)[tuple(cut)]
+    return grown

@@ -1,0 +1,227 @@
+"""Split, merge, delete and paint: undone to the voxel, and everything derived follows."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.geometry.view import View
+from napari_unpack.session import ObjectState, Session
+
+
+def dumbbell() -> tuple[np.ndarray, np.ndarray]:
+    """Two cubes of 10 joined by a bar of 2 x 2 (object 1), a cube (2) and a plate (3)."""
+    labels = np.zeros((20, 24, 40), np.uint16)
+    labels[4:14, 4:14, 3:13] = 1
+    labels[4:14, 4:14, 19:29] = 1
+    labels[8:10, 8:10, 13:19] = 1
+    labels[4:10, 16:22, 4:10] = 2
+    labels[4:10, 16:18, 10:30] = 3
+    volume = np.where(labels > 0, 900 + 100 * labels, 0).astype(np.uint16)
+    return volume, labels
+
+
+LEFT, RIGHT = (8, 8, 5), (8, 8, 26)
+
+
+def session() -> Session:
+    volume, labels = dumbbell()
+    facts = pd.DataFrame(
+        {"kind": ["dumbbell", "cube", "plate"], "confidence": [0.2, 0.9, 0.9]},
+        index=pd.Index([1, 2, 3], name="id"),
+    )
+    made = Session(volume, labels, (1.0, 1.0, 2.0), facts)
+    made.view = View((1, 0, 0))
+    made.direction = (-1, 0, 0)
+    return made
+
+
+def assert_consistent(s: Session) -> None:
+    boxes = label_boxes(s.labels)
+    for name in ("ids", "lower", "upper", "counts"):
+        assert np.array_equal(getattr(s.boxes, name), getattr(boxes, name)), name
+    assert s.ids == tuple(boxes.ids)
+    assert set(s.states) == set(s.hues) == set(s.ids)
+    assert np.array_equal(s.display_labels, grow_labels(s.labels))
+    table = s.objects
+    fresh = Session(s.volume, s.labels, s.spacing).objects
+    assert table.index.tolist() == fresh.index.tolist()
+    for column in ("voxels", "volume_mm3", "mean_density", "z", "y", "x"):
+        assert table[column].to_numpy(float) == pytest.approx(fresh[column].to_numpy(float))
+    assert s.packed_tints().shape[0] > s.labels.max()
+    assert s.selected <= set(s.ids)
+
+
+def test_a_split_gives_each_side_its_own_object_and_its_own_confidence() -> None:
+    s = session()
+    told = []
+    s.events.labels.connect(told.append)
+    s.display_labels  # noqa: B018
+    new = s.split(1, LEFT, RIGHT)
+    assert new == 4
+    sides = {int(s.labels[LEFT]), int(s.labels[RIGHT])}
+    assert sides == {1, 4}
+    assert (s.labels[4:14, 4:14, 3:13] == s.labels[LEFT]).all()
+    assert (s.labels[4:14, 4:14, 19:29] == s.labels[RIGHT]).all()
+    assert told == [frozenset({1, 4})]
+    assert_consistent(s)
+    # A dumbbell of one density was 0.2 in the table given; both halves are judged anew.
+    assert (s.objects.confidence[[1, 4]] > 0.9).all()
+    assert s.objects.confidence[2] == 0.9
+    assert s.objects["name"][4] == "Dumbbell 1, part"
+    assert s.objects["kind"].tolist() == ["dumbbell", "cube", "plate", "dumbbell"]
+    assert s.states[4] is ObjectState.PACKED
+
+
+def test_undo_and_redo_bring_labels_and_facts_back_to_the_voxel() -> None:
+    s = session()
+    first, facts = s.labels.copy(), s.objects
+    s.split(1, LEFT, RIGHT)
+    second, later = s.labels.copy(), s.objects
+    s.recolor(undoable=False)
+    s.rename(4, "Right weight")
+    s.undo()
+    s.undo()
+    assert np.array_equal(s.labels, first)
+    pd.testing.assert_frame_equal(s.objects, facts, check_dtype=False)
+    assert_consistent(s)
+    s.redo()
+    assert np.array_equal(s.labels, second)
+    pd.testing.assert_frame_equal(s.objects, later, check_dtype=False)
+    assert_consistent(s)
+
+
+def test_merge_keeps_the_largest_and_delete_leaves_background() -> None:
+    s = session()
+    assert s.merge([3, 2]) == 3
+    assert (s.labels[4:10, 16:22, 4:10] == 3).all()
+    assert s.ids == (1, 3)
+    assert_consistent(s)
+    s.delete(1)
+    assert s.ids == (3,)
+    assert not s.labels[LEFT]
+    assert_consistent(s)
+    with pytest.raises(ValueError, match="at least one"):
+        s.delete([3])
+    s.undo()
+    s.undo()
+    assert np.array_equal(s.labels, dumbbell()[1])
+    assert_consistent(s)
+
+
+def test_what_is_outside_is_refused_with_a_sentence() -> None:
+    s = session()
+    s.unpack([2])
+    before = s.labels
+    for repair in (
+        lambda: s.delete(2),
+        lambda: s.merge([2, 3]),
+        lambda: s.split(2, (5, 17, 5), (5, 20, 8)),
+    ):
+        with pytest.raises(ValueError, match="Cube 2 must be in the bag"):
+            repair()
+    assert s.labels is before
+    s.merge([1, 3])
+    assert_consistent(s)
+    assert s.states[2] is ObjectState.UNPACKED
+    s.restore()
+    s.delete(2)
+    assert s.ids == (1,)
+
+
+def test_the_queue_asks_anew_after_a_repair() -> None:
+    s = session()
+    s.unpackable()
+    question = s.occlusion_question() or s._question(frozenset({1, 2, 3}), s.unpack_direction)
+    stale = question.answer()
+    s.merge([2, 3])
+    assert s.queue.ids == ()
+    assert not s.accept_answer(stale)
+    assert set(s.unpackable()) == {1, s.labels[5, 17, 5]}
+
+
+def test_a_brush_is_taken_over_and_can_be_undone() -> None:
+    s = session()
+    s.hide([2])
+    painted = s.labels.astype(np.int32)
+    painted[4:6, 4:6, 3:13] = 7
+    painted[15, 2:4, 30:34] = 3
+    repair = s.paint_question(painted).answer()
+    assert repair is not None
+    assert s.accept_repair(repair)
+    assert np.array_equal(s.labels, painted)
+    assert s.ids == (1, 2, 3, 7)
+    assert s.states[2] is ObjectState.HIDDEN
+    assert_consistent(s)
+    assert not s.accept_repair(repair)
+    assert s.paint_question(s.labels).answer() is None
+    s.undo()
+    assert np.array_equal(s.labels, dumbbell()[1])
+    assert s.states[2] is ObjectState.HIDDEN
+    assert_consistent(s)
+
+
+def test_ids_above_65535_keep_the_names_people_know() -> None:
+    volume, labels = dumbbell()
+    s = Session(volume, labels.astype(np.int64) * 100_000)
+    new = s.split(1, LEFT, RIGHT)
+    assert s.label_of(new) == 300_001
+    assert s.objects.label.tolist() == [100_000, 200_000, 300_000, 300_001]
+    painted = np.array([s.label_of(i) if i else 0 for i in range(5)])[s.labels]
+    painted[0, 0, :5] = 700_000
+    assert s.accept_repair(s.paint_question(painted).answer())
+    assert s.label_of(int(s.labels[0, 0, 0])) == 700_000
+    assert_consistent(s)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "words"),
+    [((0, 0, 0), RIGHT, "a must be a voxel"), (LEFT, (5, 17, 5), "b must be a voxel"),
+     (LEFT, (99, 0, 0), "b must be a voxel"), (LEFT, LEFT, "different")],
+)  # fmt: skip
+def test_points_that_cannot_split_are_named(a, b, words) -> None:
+    s = session()
+    with pytest.raises(ValueError, match=words):
+        s.split(1, a, b)
+    assert [step.verb for step in s.history.done] == ["direction"]
+
+
+@given(st.lists(st.tuples(st.sampled_from("smdpu"), st.integers(0, 10**6)), max_size=6))
+@settings(max_examples=15, deadline=None)
+def test_any_row_of_repairs_can_be_taken_back(row: list[tuple[str, int]]) -> None:
+    s = session()
+    first = s.labels.copy()
+    s.display_labels  # noqa: B018
+    for verb, number in row:
+        rng = np.random.default_rng(number)
+        ids = rng.permutation(s.ids)
+        if verb == "s":
+            spots = np.argwhere(s.labels == ids[0])
+            if len(spots) > 1:
+                a, b = spots[rng.choice(len(spots), 2, replace=False)]
+                s.split(int(ids[0]), a, b)
+        elif verb == "m" and len(ids) > 1:
+            s.merge(int(i) for i in ids[:2])
+        elif verb == "d" and len(ids) > 1:
+            s.delete(int(ids[0]))
+        elif verb == "p":
+            painted = s.labels.copy()
+            z, y, x = (int(rng.integers(0, n - 4)) for n in s.labels.shape)
+            painted[z : z + 4, y : y + 4, x : x + 4] = rng.integers(0, 9)
+            if painted.any():
+                s.accept_repair(s.paint_question(painted).answer())
+        elif verb == "u" and s.history.done:
+            s.undo()
+        assert_consistent(s)
+    last, count = s.labels.copy(), len(s.history.done)
+    while s.history.done:
+        s.undo()
+    assert np.array_equal(s.labels, first)
+    assert_consistent(s)
+    for _ in range(count):
+        s.redo()
+    assert np.array_equal(s.labels, last)
+    assert_consistent(s)
