@@ -6,6 +6,7 @@
 //
 // in:  v_uv           (0, 0) at the picture's top left corner, (1, 1) at its bottom right one
 //      u_picture      premultiplied RGBA
+//      u_before       the picture it comes from, same pixels;  u_mix  share of the new one
 //      u_depth        red: t where alpha first reached 1/2, mm; NO_DEPTH or more where never
 //      u_has_depth    0 where the picture has no depths: alpha >= 1/2 is then core, at u_t
 //      u_t            mm: plane of what has no depth;  u_t_origin mm: added to the depths read
@@ -18,6 +19,8 @@
 #include "lib/no_depth.glsl"
 
 uniform sampler2D u_picture;
+uniform sampler2D u_before;
+uniform float u_mix;
 uniform sampler2D u_depth;
 uniform float u_has_depth;
 uniform float u_core;
@@ -30,6 +33,8 @@ varying vec2 v_uv;
 
 void main() {
     vec4 color = texture2D(u_picture, v_uv);
+    if (u_mix < 1.0)
+        color = mix(texture2D(u_before, v_uv), color, u_mix);
     float t = u_t;
     bool solid = color.a * u_opacity >= 0.5;
     if (u_has_depth > 0.5) {

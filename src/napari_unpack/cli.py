@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from napari_unpack.cli_surroundings import Box, Ground, Scale, wanted_surroundings
 from napari_unpack.geometry.view import FROM_ABOVE, View
 
 app = typer.Typer(
@@ -209,6 +210,9 @@ def render(
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
     ] = (960, 1280),
+    background: Ground = None,
+    box: Box = False,
+    scale: Scale = False,
     backend: Backend = "auto",
 ) -> None:
     """Draw the bag and what is unpacked beside it."""
@@ -218,7 +222,10 @@ def render(
     from napari_unpack.session.pictures import scene
 
     _check_output(output, (".png",))
+    around = wanted_surroundings(background, box, scale)
     session = _open(source, labels, direction, view, backend)
+    if around is not None:
+        session.surroundings = around
     camera = session.camera if holds_session(source) else framed(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
@@ -248,6 +255,9 @@ def movie(
         bool, typer.Option("--turntable", help="Turn the bag once round instead of unpacking it.")
     ] = False,
     turn_seconds: Annotated[float, typer.Option(help="Of one turn of the turntable.")] = 8.0,
+    background: Ground = None,
+    box: Box = False,
+    scale: Scale = False,
     backend: Backend = "auto",
 ) -> None:
     """Film the unpacking, or the bag from all around."""
@@ -255,7 +265,10 @@ def movie(
     from napari_unpack.io.film_files import checked_film
 
     _check_output(checked_film(output), ("",))
+    around = wanted_surroundings(background, box, scale)
     session = _open(source, labels, direction, view, backend)
+    if around is not None:
+        session.surroundings = around
     path = film(
         session,
         output,

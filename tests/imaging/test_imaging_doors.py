@@ -292,3 +292,28 @@ def test_cast_doors_are_the_kernels_on_the_usual_rays() -> None:
     flat = imaging.occlusion(labels, (1, 2, 1), View(
         direction=(0.3, 0.4, 0.6), height=camera.height), size=(11, 12), **CPU)  # fmt: skip
     assert counts.samples.tolist() == flat.samples.tolist()
+
+
+def test_render_lays_a_background_and_the_objects_box_around_the_bag() -> None:
+    labels = np.zeros((20, 20, 20), np.uint16)
+    labels[8:12, 5:15, 5:15] = 1
+    volume = np.where(labels > 0, 1500, 0).astype(np.uint16)
+    view = View((1.0, 0.0, 0.0), height=40.0)
+    bare = imaging.render(volume, labels, view=view, size=(80, 80), backend="cpu")
+    assert bare[0, 0, 3] == 0
+    image = imaging.render(
+        volume, labels, view=view, size=(80, 80), backend="cpu",
+        background="#ff0000,#0000ff", decorations=["box", "scale"],
+    )  # fmt: skip
+    np.testing.assert_allclose(image[0, 0], [1, 0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(image[-1, 0], [0, 0, 1, 1], atol=1e-6)
+    # Two pixels a mm: the box from 4.5 to 14.5 about 9.5 spans rows and columns 29.5 to 49.5.
+    inside = (slice(33, 46), slice(33, 46))
+    np.testing.assert_allclose(
+        image[inside][bare[inside][..., 3] > 0.995][:, 0],
+        bare[inside][bare[inside][..., 3] > 0.995][:, 0],
+        atol=0.01,
+    )
+    assert image[29:31, 40, 1].max() > 0.25
+    with pytest.raises(ValueError, match="decorations must be out of"):
+        imaging.render(volume, labels, decorations=["bow"])

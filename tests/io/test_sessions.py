@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import napari_unpack as nu
+from napari_unpack.appearance import Surroundings
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_stores import holds_session
 from napari_unpack.session.pictures import scene
@@ -327,3 +328,15 @@ def test_saving_says_how_far_it_is(session, tmp_path):
     nu.open_session(tmp_path / "s.unpack", progress=lambda f, t: told.append(f))
     assert told == sorted(told)
     assert told[-1] == 1.0
+
+
+def test_background_box_and_scale_come_back(tmp_path):
+    session = used()
+    picture = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
+    for background, decorations in ((("#102030,#ffffff"), ["box"]), (picture, ["scale"])):
+        session.surroundings = Surroundings.of(background, decorations)
+        nu.save_session(session, tmp_path / "a.unpack")
+        back = nu.open_session(tmp_path / "a.unpack").surroundings
+        assert (back.box, back.scale) == (session.surroundings.box, session.surroundings.scale)
+        wanted = session.surroundings.background.paint((9, 7))
+        np.testing.assert_array_equal(back.background.paint((9, 7)), wanted)

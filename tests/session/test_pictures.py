@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
@@ -61,6 +62,7 @@ def make_session(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
         poses={},
         flights={},
         states={},
+        surroundings=Surroundings.of("black"),
     )
 
 
@@ -168,13 +170,13 @@ def test_a_sprite_needs_a_resolution() -> None:
 def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
     session = make_session()
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
-    full = scene(session, camera, SIZE, background=(0, 0, 0))
+    full = scene(session, camera, SIZE)
     pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
     session.poses = {1: pose}
     session.flights = {
         2: SimpleNamespace(pose=lambda time, camera: Pose(np.array([50.0, -time, -60]), np.eye(3)))
     }
-    later = scene(session, camera, SIZE, time=40.0, background=(0, 0, 0))
+    later = scene(session, camera, SIZE, time=40.0)
 
     def seen(image: np.ndarray, channel: int) -> tuple[float, float]:
         others = [c for c in range(3) if c != channel]
@@ -211,10 +213,10 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
 def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
     session = make_session()
     camera = Camera(np.eye(3), np.array([19.5, 60.0, 27.5]), 150.0)
-    plain = scene(session, camera, SIZE, background=(0, 0, 0))
+    plain = scene(session, camera, SIZE)
     session.states = {2: SimpleNamespace(value="inspected")}
     session.poses = {2: Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))}
-    image = scene(session, camera, SIZE, background=(0, 0, 0))
+    image = scene(session, camera, SIZE)
     green = image[..., 1] > 2 * image[..., (0, 2)].max(-1) + 0.05
     rows, cols = np.nonzero(green)
     # The ball's box of 19 mm has a diagonal of 32.9 mm that fills 0.72 of 120 pixels.
@@ -225,3 +227,25 @@ def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
     rod = plain[..., 2] > 0.5
     assert rod.sum() > 30
     assert image[rod][:, 2].mean() == pytest.approx(0.16 * plain[rod][:, 2].mean(), rel=0.05)
+
+
+def test_a_scene_has_the_surroundings_asked_for_sprites_before_the_box() -> None:
+    session = make_session()
+    camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
+    light = scene(session, camera, SIZE, surroundings=Surroundings.of("white", ["box", "scale"]))
+    assert light[..., 3].min() == 1.0
+    np.testing.assert_allclose(light[0, 0], 1.0)
+    # The front face of the box around voxels 4 to 34: its edges are dark on white.
+    corner = camera.project([[3.5, 3.5, 3.5]], SIZE)[0]
+    row, col = np.rint(corner).astype(int)
+    assert light[row, col : col + 8, :3].mean() < 0.9
+    assert (light[-24:, -60:, :3].min(axis=2) < 0.5).any(), "the scale bar"
+    # A sprite towards the viewer covers the box's edge.
+    towards = camera.rotation[0] @ (np.array([3.5, 3.5, 20.0]) - camera.center) + 40
+    down, right = camera.rotation[1:] @ (np.array([3.5, 3.5, 20.0]) - camera.center)
+    session.poses = {2: Pose(np.array([towards, down, right]), np.eye(3))}
+    covered = scene(session, camera, SIZE, surroundings=Surroundings.of("black", ["box"]))
+    row, col = np.rint(camera.project([[3.5, 3.5, 20.0]], SIZE)[0]).astype(int)
+    hidden = scene(session, camera, SIZE)
+    # The edge shines through what the object itself lets through, no more.
+    np.testing.assert_allclose(covered[row, col], hidden[row, col], atol=0.01)

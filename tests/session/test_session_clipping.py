@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.view import View
 from napari_unpack.session import Session
 from napari_unpack.session.pictures import packed_patch, scene
@@ -23,14 +24,14 @@ def halves(image):
 
 def test_a_plane_takes_away_one_of_two_and_the_scene_is_cast_again(session):
     camera, size = session.camera, (48, 64)
-    clear = (0.0, 0.0, 0.0, 0.0)
-    assert min(halves(scene(session, camera, size, background=clear))) > 0.5
+    clear = Surroundings.of((0.0, 0.0, 0.0, 0.0))
+    assert min(halves(scene(session, camera, size, surroundings=clear))) > 0.5
     session.clipping = [[[0, 0, 12], [0, 0, 2.0]]]
-    left, right = sorted(halves(scene(session, camera, size, background=clear)))
+    left, right = sorted(halves(scene(session, camera, size, surroundings=clear)))
     assert left == 0
     assert right > 0.5
     session.clipping = None
-    assert min(halves(scene(session, camera, size, background=clear))) > 0.5
+    assert min(halves(scene(session, camera, size, surroundings=clear))) > 0.5
 
 
 def test_hues_are_chosen_for_what_is_left_and_blocking_stays(session):
@@ -65,6 +66,8 @@ def test_flying_objects_are_whole(session):
     session.clipping = [[[0, 0, 12], [0, 0, 1]]]
     assert packed_patch(session, camera, size, backend="cpu").rgba.sum() < 0.6 * whole
     session.unpack([1])
-    sprites = scene(session, camera, (96, 128), background=(0, 0, 0, 0))
+    sprites = scene(session, camera, (96, 128), surroundings=Surroundings.of((0, 0, 0, 0)))
     session.clipping = None
-    np.testing.assert_allclose(scene(session, camera, (96, 128), background=(0,) * 4), sprites)
+    np.testing.assert_allclose(
+        scene(session, camera, (96, 128), surroundings=Surroundings.of((0, 0, 0, 0))), sprites
+    )

@@ -13,6 +13,30 @@ def hue_distance(a: float, b: float) -> float:
     return abs((a - b + 0.5) % 1.0 - 0.5)
 
 
+def hues_between(
+    before: Mapping[int, float], after: Mapping[int, float], part: float
+) -> dict[int, float]:
+    """Return the hues on the way from one assignment to another, each along its shorter arc.
+
+    Parameters
+    ----------
+    before, after : mapping of int to float
+        Hues by ID; what is new stands at its end from the beginning.
+    part : float
+        Of the way, in [0, 1].
+
+    Returns
+    -------
+    dict of int to float
+        Those of `after` whose hue is another than before.
+    """
+    return {
+        i: (hue - (1.0 - part) * ((hue - before[i] + 0.5) % 1.0 - 0.5)) % 1.0
+        for i, hue in after.items()
+        if i in before and before[i] != hue
+    }
+
+
 def golden_hue(object_id: int) -> float:
     """Return a hue for an object of which nothing is known: the golden-ratio sequence by ID."""
     return object_id * 0.6180339887498949 % 1.0

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Mode = Literal["perceptual", "hsv"]
+from napari_unpack.appearance.safe_ring import safe_to_rgb
+
+Mode = Literal["perceptual", "safe", "hsv"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 
 def tints_of(
@@ -28,8 +31,8 @@ def tints_of(
         Largest ID of the table.
     hidden : collection of int
         IDs to be left out of the picture.
-    mode : {"perceptual", "hsv"}
-        `hsv` is the paper's, with S = V = 1.
+    mode : {"perceptual", "safe", "hsv"}
+        `hsv` is the paper's, with S = V = 1; `safe` serves people who confuse red and green.
 
     Returns
     -------
@@ -42,8 +45,8 @@ def tints_of(
     ValueError
         If an ID is outside 1 to `max_id` or the mode is unknown.
     """
-    if mode not in ("perceptual", "hsv"):
-        raise ValueError(f"mode must be 'perceptual' or 'hsv', got {mode!r}")
+    if mode not in _RINGS:
+        raise ValueError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     table = np.zeros((max_id + 1, 4), dtype=np.float32)
     left_out = set(hidden)
     shown = [i for i in hues if i not in left_out]
@@ -52,7 +55,7 @@ def tints_of(
     if min(shown) < 1 or max(shown) > max_id:
         raise ValueError(f"hues must be of IDs 1 to {max_id}, got {min(shown)} to {max(shown)}")
     values = np.array([hues[i] for i in shown])
-    table[shown, :3] = hsv_to_rgb(values) if mode == "hsv" else perceptual_to_rgb(values)
+    table[shown, :3] = _RINGS[mode](values)
     table[shown, 3] = 1.0
     return table
 
@@ -131,3 +134,6 @@ def _oklch_to_linear(
         ]
     )
     return np.asarray(lms @ matrix.T)
+
+
+_RINGS = {"perceptual": perceptual_to_rgb, "safe": safe_to_rgb, "hsv": hsv_to_rgb}

@@ -7,6 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
 from napari_unpack.imaging.arguments import (
@@ -95,6 +99,8 @@ def render(
     step: float | None = None,
     jitter: bool = False,
     clipping: ArrayLike | None = None,
+    background: object = None,
+    decorations: Iterable[str] = (),
 ) -> NDArray[np.float32]:
     """Cast a tinted picture of a volume.
 
@@ -125,6 +131,12 @@ def render(
         Trade banding for grain.
     clipping : (N, 2, 3) array_like, optional
         Planes (point, normal) in voxels; what lies behind one is cut away.
+    background : optional
+        What is behind everything: a name such as "dark", "light", "dusk" or "daylight",
+        "#rrggbb", RGB or RGBA numbers, a pair of these (top, bottom), or a picture or its path;
+        by default nothing, the picture stays transparent.
+    decorations : iterable of str
+        "box": the edges of the box around all objects; "scale": a scale bar in mm.
 
     Returns
     -------
@@ -140,12 +152,25 @@ def render(
     density = checked_volume(volume, given.array.shape)
     camera = checked_view(view).camera(given.array.shape, mm)
     scale = step_scale(step, mm)
-    image, _ = cast_tinted(
+    around = Surroundings.of((0, 0, 0, 0) if background is None else background, decorations)
+    image, depth = cast_tinted(
         density, given.array, mm, camera, transfer_function or default_for(density),
         given.tints(tints, hidden), pixels,
         step_scale=scale, shading=shading, jitter=jitter, clipping=clipping, backend=backend,
     )  # fmt: skip
-    return image
+    boxes = label_boxes(given.array) if around.box else None
+    if boxes is not None and len(boxes.ids):
+        lower, upper = boxes.lower.min(axis=0) - 0.5, boxes.upper.max(axis=0) - 0.5
+        edges, there = draw_edges(
+            box_edges(lower * mm, upper * mm, camera), camera, pixels, around.ink
+        )
+        middle = transform_points(camera.pivot_from_world(), (lower + upper) / 2 * mm)[0]
+        shown_at = np.where(depth < np.inf, depth, np.float32(-middle))
+        before = there < shown_at
+        image = np.where(before[..., None], _over(edges, image), _over(image, edges))
+    if around.scale:
+        image = _over(draw_scale(camera, pixels, around.ink), image)
+    return image if background is None else _over(image, around.background.paint(pixels))
 
 
 def pick(
@@ -202,6 +227,10 @@ def pick(
         given.tints(tints, hidden), clipping=clipping,
     )  # fmt: skip
     return [(given.name(label), share) for label, share in by_contribution(shares)]
+
+
+def _over(front: NDArray[np.float32], back: NDArray[np.float32]) -> NDArray[np.float32]:
+    return front + (1 - front[..., 3:]) * back
 
 
 def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFunctionLike:

@@ -12,9 +12,9 @@ import numpy as np
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.film_files import Frame, checked_film, film_writer
-from napari_unpack.io.headless import Progress, framed, packed_count, twin
+from napari_unpack.io.headless import Progress, framed, packed_count, surrounded, twin
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.session.pictures import BACKGROUND, scene
+from napari_unpack.session.pictures import scene
 
 KINDS = ("unpacking", "turntable")
 ROOM = 1.03
@@ -32,7 +32,8 @@ def movie(
     fps: int = 25,
     seconds: float = 0.8,
     backend: str = "auto",
-    background: Sequence[float] = BACKGROUND,
+    background: object = None,
+    decorations: Sequence[str] | None = None,
     progress: Progress | None = None,
     kind: str = "unpacking",
     turn_seconds: float = 8.0,
@@ -57,8 +58,10 @@ def movie(
         What one flight takes.
     backend : {"auto", "cpu", "gl"}
         Who casts.
-    background : sequence of 3 floats
-        RGB behind everything.
+    background : optional
+        What is behind everything, as `Background.of` takes it; by default the session's.
+    decorations : sequence of str, optional
+        Out of "box" and "scale"; by default the session's.
     progress : callable, optional
         Takes (fraction, text) before every flight and frame; raising in it cancels and leaves
         no file.
@@ -88,17 +91,20 @@ def movie(
             f"size, fps and seconds must be positive, got {size!r}, {fps!r} and "
             f"{(seconds, turn_seconds)!r}"
         )
+    around = surrounded(session, background, decorations)
     tell = progress or (lambda fraction, text: None)
     with film_writer(target, even, fps) as write:
         if kind == "turntable":
             filmed = twin(session, packed=False)
+            filmed.surroundings = around
             camera = framed(filmed, even) if filmed.step else _close(filmed, even)
-            stage = _Stage(filmed, camera, even, fps, backend, background, tell)
+            stage = _Stage(filmed, camera, even, fps, backend, tell)
             frames = _turning(stage, turn_seconds)
         else:
             filmed = twin(session)
+            filmed.surroundings = around
             camera = framed(filmed, even)
-            stage = _Stage(filmed, camera, even, fps, backend, background, tell)
+            stage = _Stage(filmed, camera, even, fps, backend, tell)
             frames = _unpacking(stage, count, seconds)
         for frame in frames:
             write(frame)
@@ -112,11 +118,10 @@ class _Stage:
     size: tuple[int, int]
     fps: int
     backend: str
-    background: Sequence[float]
     tell: Callable[[float, str], None]
 
     def picture(self, camera: Camera, time: float | None = None) -> Frame:
-        image = scene(self.session, camera, self.size, time, self.background, self.backend)
+        image = scene(self.session, camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
     def still(self, rest: float) -> Iterator[Frame]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from napari_unpack.geometry.view import Camera, View
@@ -124,6 +124,7 @@ def twin(session: Any, packed: bool = True) -> Any:
         session.tolerance,
     )
     other.show_unlabelled, other.clipping = session.show_unlabelled, session.clipping
+    other.surroundings = session.surroundings
     other.most_in_group, other.backend = session.most_in_group, session.backend
     if session.direction is not None:
         other.direction = session.direction
@@ -131,6 +132,24 @@ def twin(session: Any, packed: bool = True) -> Any:
     if hidden:
         other.hide(hidden)
     return other
+
+
+def surrounded(session: Any, background: object, decorations: Iterable[str] | None) -> Any:
+    """Return a session's surroundings, with another background or other decorations if asked.
+
+    Raises
+    ------
+    ValueError
+        If there is no such background or decoration.
+    """
+    from napari_unpack.appearance import Surroundings
+
+    around = session.surroundings
+    shown = [kind for kind in ("box", "scale") if getattr(around, kind)]
+    return Surroundings.of(
+        around.background if background is None else background,
+        shown if decorations is None else decorations,
+    )
 
 
 def packed_count(session: Any) -> int:

@@ -8,6 +8,8 @@ from typing import Any
 
 CAMERA_FIELDS = ("center", "zoom", "angles", "perspective", "orientation")
 
+SCALE_FIELDS = ("visible", "colored", "color")
+
 
 @dataclass(frozen=True, eq=False)
 class Borrowed:
@@ -27,6 +29,8 @@ class Borrowed:
         Fields of the camera.
     background : object
         The canvas's own background colour, or None for the theme's.
+    scale_bar : dict
+        Fields of the scale bar.
     """
 
     visible: tuple[tuple[Any, bool], ...]
@@ -35,6 +39,7 @@ class Borrowed:
     ndisplay: int
     camera: dict[str, Any]
     background: Any
+    scale_bar: dict[str, Any]
 
     @classmethod
     def from_viewer(cls, viewer: Any, sources: Sequence[Any]) -> Borrowed:
@@ -47,6 +52,9 @@ class Borrowed:
             ndisplay=int(viewer.dims.ndisplay),
             camera={name: getattr(viewer.scene.camera, name) for name in CAMERA_FIELDS},
             background=viewer.canvas.background_color_override,
+            scale_bar={
+                name: getattr(viewer.canvas.overlays.scale_bar, name) for name in SCALE_FIELDS
+            },
         )
 
     def give_back(self, viewer: Any) -> None:
@@ -55,6 +63,7 @@ class Borrowed:
             if layer in viewer.layers:
                 layer.visible = visible
         viewer.canvas.background_color_override = self.background
+        viewer.canvas.overlays.scale_bar.update(self.scale_bar)
         viewer.dims.ndisplay = self.ndisplay
         viewer.scene.camera.update(self.camera)
         viewer.layers.selection.clear()

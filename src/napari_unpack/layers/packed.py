@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.backdrop import Backdrop
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
 from napari_unpack.layers.live_shots import LiveShot
@@ -24,6 +26,9 @@ class PackedLayer(PictureLayer):
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._shot: Shot | LiveShot | None = None
+        self._before: Shot | None = None
+        self._mix = 1.0
+        self.backdrop: Backdrop | None = None
         self._cards: tuple[Card, ...] = ()
         self._cards_for: Camera | None = None
         self.dimming = 1.0
@@ -34,12 +39,21 @@ class PackedLayer(PictureLayer):
         """What is shown."""
         return self._shot
 
-    def show(self, shot: Shot | LiveShot | None) -> None:
-        """Show another picture."""
+    def show(self, shot: Shot | LiveShot | None, before: Shot | None = None) -> None:
+        """Show another picture, at once or with `mix` from one that it covers."""
         self._shot, self._cards_for = shot, None
+        self._before, self._mix = before, 1.0 if before is None else 0.0
         if shot is not None and self.frame is not None and shot.size == self.frame.size:
             self.set_picture(shot.thumbnail)
         self.repaint()
+
+    def mix(self, part: float) -> None:
+        """Show so much of the new picture, the rest of the one before; 1 forgets that one."""
+        if self._before is not None:
+            self._mix = part
+            if part >= 1.0:
+                self._before, self._cards_for = None, None
+            self.repaint()
 
     def dim(self, factor: float) -> None:
         """Multiply the layer's opacity, for the time something else is looked at."""
@@ -47,15 +61,27 @@ class PackedLayer(PictureLayer):
         self.repaint()
 
     def cards_at(self, frame: Frame) -> Sequence[Card]:
-        """Return the picture's one card, moved with the camera while a new one is cast."""
+        """Return the picture's card and what is around it.
+
+        The picture moves with the camera while a new one is cast.
+        """
         super().cards_at(frame)
+        cards = self._bag_cards(frame)
+        if self.backdrop is None:
+            return cards
+        edges = self.backdrop.edges(self.frame, self.dimming)
+        return [*self.backdrop.behind(frame), *cards, *edges]
+
+    def _bag_cards(self, frame: Frame) -> Sequence[Card]:
         if self._shot is None:
             return ()
         if self._cards_for is not self.frame.camera:
             card = self._shot.card(frame.camera, self.dimming)
             self._cards = () if card is None else (card,)
             self._cards_for = self.frame.camera
-        return self._cards
+        if self._before is None:
+            return self._cards
+        return [replace(c, before=self._before.picture, mix=self._mix) for c in self._cards]
 
 
 register(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from time import perf_counter
 from typing import Any
 
 from qtpy.QtCore import QTimer
 
+from napari_unpack.appearance import hues_between
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.clock import stop
+from napari_unpack.layers.hue_fade import HueFade
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.packed_window import recast_objects
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.studio import Studio
@@ -27,6 +30,9 @@ GL_RAYS_STEP = 32
 
 REST_MS = 120
 
+FADING_SECONDS = 0.03
+"""Where a full picture takes the graphics card longer, new colours come at once."""
+
 
 class PackedPainter:
     """Keeps the packed layer's picture right with as few passes as can be.
@@ -37,41 +43,46 @@ class PackedPainter:
         What is packed.
     jobs : Jobs
         With the lanes "quick" (while something moves) and "fine" (at rest).
-    show : callable
-        Given a `Shot`, or None where nothing of the bag is in view.
+    layer : PackedLayer
+        Shows the picture, or nothing where nothing of the bag is in view.
     studio : Studio
         Casts on the canvas where it is active; else a worker thread does, on the CPU.
-    visible : callable
-        Returns whether the layer is drawn at all.
 
     Attributes
     ----------
     passes : int
         Castings of the packed picture so far, coarse, fine and partial.
+    fade : HueFade
+        The transition to new colours.
 
     Notes
     -----
     While the camera moves the picture has about 384 rays on its short side, as many as keep ten
     frames a second, then all of them once the camera rests. The picture before stays until the
     next one is there. An object that leaves or comes back recasts its own window alone, but on
-    the graphics card all of it.
+    the graphics card all of it. New colours come in a short transition: on the CPU from the
+    picture before to the finished new one, on the graphics card by tints on their way.
     """
 
     def __init__(
         self,
         session: Any,
         jobs: Jobs,
-        show: Callable[[Shot | LiveShot | None], None],
+        layer: PackedLayer,
         studio: Studio,
-        visible: Callable[[], bool],
     ) -> None:
         self.passes = 0
-        self._session, self._jobs, self._show = session, jobs, show
-        self._studio, self._visible = studio, visible
+        self.fade = HueFade(self._fade_on)
+        self._session, self._jobs, self._layer = session, jobs, layer
+        self._studio = studio
+        self._hues = self._hues_before = session.hues
+        self._recolored = False
+        self._seconds = 0.0
         self._live: LiveShot | None = None
         self._frame: Frame | None = None
         self._state = 0
         self._shot: Shot | None = None
+        self._fading_from: Shot | None = None
         self._finest: tuple[Frame, int] | None = None
         self._rays = float(FEWEST_RAYS)
         self._touched: set[int] = set()
@@ -84,8 +95,8 @@ class PackedPainter:
     @property
     def settled(self) -> bool:
         """Whether the picture is full and right for what the canvas shows."""
-        drawn = self._live is None or self._live.ready or not self._visible()
-        return self._frame is None or (self._is_fine() and drawn)
+        drawn = self._live is None or self._live.ready or not self._layer.visible
+        return self._frame is None or (self._is_fine() and drawn and not self.fade.running)
 
     def crop(self) -> Crop:
         """Return the whole volume as the kernels want it."""
@@ -114,8 +125,15 @@ class PackedPainter:
     def refine(self) -> None:
         """Cast again since colours have changed, without a coarse picture between."""
         self._state += 1
-        if self._frame is not None:
-            self._ask_fine()
+        now = {**self._hues, **hues_between(self._hues_before, self._hues, self.fade.part)}
+        self._hues_before, self._hues = now, self._session.hues
+        if self._frame is None:
+            return
+        self._recolored = self.fade.allowed
+        if self._studio.active and self.fade.allowed and self._seconds < FADING_SECONDS:
+            self._studio.hues_on_the_way = hues_between(now, self._hues, 0.0)
+            self.fade.begin()
+        self._ask_fine()
 
     def recast_objects(self, ids: Iterable[int]) -> None:
         """Cast again where some objects are, since they have left, come back or changed."""
@@ -148,7 +166,23 @@ class PackedPainter:
     def close(self) -> None:
         """Stop asking for pictures."""
         stop(self._rest)
+        self.fade.stop()
         self._frame = None
+
+    def _fade_on(self, part: float) -> None:
+        if self._studio.active:
+            self._studio.hues_on_the_way = (
+                {} if part >= 1.0 else hues_between(self._hues_before, self._hues, part)
+            )
+            self._state += 1
+            self._ask_fine()
+        else:
+            self._layer.mix(part)
+
+    def _show(self, shot: Shot | LiveShot | None, before: Shot | None = None) -> None:
+        if before is None and isinstance(shot, Shot):
+            self.fade.stop()
+        self._layer.show(shot, before)
 
     def _is_fine(self) -> bool:
         return self._finest == (self._frame, self._state) and not self._touched
@@ -229,8 +263,16 @@ class PackedPainter:
         if state != self._state:
             self._ask_fine()
             return
-        self._shot, self._finest = shot, (frame, state)
-        self._show(shot)
+        before, recolored = self._shot, self._recolored
+        self._shot, self._finest, self._recolored = shot, (frame, state), False
+        if not (recolored and before and shot and shot.covers(before)):
+            self._show(shot)
+            return
+        if self._fading_from is not None and self.fade.running:
+            before = before.mixed(self._fading_from, self.fade.part)
+        self._fading_from = before
+        self._show(shot, before)
+        self.fade.begin()
 
     def _expose(self, frame: Frame, size: tuple[int, int], step: float, adapts: bool) -> None:
         """Have the picture cast when the canvas is drawn next."""
@@ -246,6 +288,7 @@ class PackedPainter:
 
     def _exposed(self, seconds: float, frame: Frame, adapts: bool) -> None:
         self.passes += 1
+        self._seconds = seconds
         # Slow frames are far apart, and no sign that the camera rests.
         self._rest.setInterval(max(REST_MS, round(2500 * seconds)))
         if adapts:

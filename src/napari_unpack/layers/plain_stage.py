@@ -18,7 +18,8 @@ from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, placement_of
-from napari_unpack.layers.stage import Stage, StageEvents
+from napari_unpack.layers.stage import Stage
+from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.studio import BACKENDS
 
 OPACITY = 0.9

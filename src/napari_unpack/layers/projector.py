@@ -10,6 +10,7 @@ import numpy as np
 from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.layers.backdrop import Backdrop
 from napari_unpack.layers.clock import Clock
 from napari_unpack.layers.director import Director
 from napari_unpack.layers.flight_painter import FlightPainter
@@ -66,7 +67,7 @@ class Projector:
         self._packed_ids: frozenset[int] = frozenset()
         self._jobs, self._failed = jobs, failed
         self.studio = Studio(session, self._gl_failed, failed)
-        self.bag = PackedPainter(session, jobs, packed.show, self.studio, lambda: packed.visible)
+        self.bag = PackedPainter(session, jobs, packed, self.studio)
         self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
         self._director = Director(session, self._small.has, lambda _: self.bag.settled)
@@ -131,6 +132,14 @@ class Projector:
         self.bag.recast()
         self._small.look_changed()
         self._show_sprites()
+
+    def surroundings_changed(self) -> None:
+        """Follow the session's background and box."""
+        around = self.session.surroundings
+        self.packed.backdrop = self.packed.backdrop or Backdrop.of(self.session)
+        self.packed.backdrop.show(around)
+        self.sprites.on_light(around.background.is_light)
+        self.packed.repaint()
 
     def catch_up(self) -> None:
         """Do what the next tick of the clock would do, and tick no more by itself."""

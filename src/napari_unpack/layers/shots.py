@@ -17,6 +17,12 @@ from napari_unpack.session.pictures import Patch
 
 RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
 CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
+RESTING_ON_LIGHT = Silhouette(
+    outline=(0.0, 0.0, 0.0, 0.3), outline_width=1.0, shadow=(0.0, 0.0, 0.0, 0.22)
+)
+CHOSEN_ON_LIGHT = Silhouette(
+    outline=(0.05, 0.06, 0.09, 0.95), outline_width=2.0, shadow=(0.0, 0.0, 0.0, 0.22)
+)
 
 FRONT = -0.999
 """Depth of what is before everything else, normalised device coordinates."""
@@ -62,6 +68,22 @@ class Shot:
     def ready(self) -> bool:
         """Whether it is cast; it always is."""
         return True
+
+    def covers(self, other: Shot) -> bool:
+        """Return whether pixels of both show the same rays."""
+        mine, theirs = self.patch, other.patch
+        return self.camera is other.camera and (self.size, mine.row, mine.col, mine.size) == (
+            other.size,
+            theirs.row,
+            theirs.col,
+            theirs.size,
+        )
+
+    def mixed(self, before: Shot, part: float) -> Shot:
+        """Return the shot that is so far on the way from another, which it must cover."""
+        rgba = before.patch.rgba + np.float32(part) * (self.patch.rgba - before.patch.rgba)
+        patch = replace(self.patch, rgba=rgba)
+        return replace(self, patch=patch, picture=Picture(to_bytes(rgba), patch.depth))
 
     def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
         """Return the card that shows it where it belongs under a camera."""

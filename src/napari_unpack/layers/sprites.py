@@ -9,7 +9,13 @@ import numpy as np
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
-from napari_unpack.layers.shots import CHOSEN, RESTING, Sprite
+from napari_unpack.layers.shots import (
+    CHOSEN,
+    CHOSEN_ON_LIGHT,
+    RESTING,
+    RESTING_ON_LIGHT,
+    Sprite,
+)
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.visuals.cards import Card
 
@@ -28,6 +34,7 @@ class SpriteLayer(PictureLayer):
         self._cards: dict[int, Card] = {}
         self._chosen: frozenset[int] = frozenset()
         self.dimming = 1.0
+        self._edges = RESTING, CHOSEN
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
@@ -59,6 +66,12 @@ class SpriteLayer(PictureLayer):
                 self._cards.pop(object_id, None)
             self._chosen = ids
             self.repaint()
+
+    def on_light(self, light: bool) -> None:
+        """Draw outlines that stand out from a light background, or from a dark one."""
+        self._edges = (RESTING_ON_LIGHT, CHOSEN_ON_LIGHT) if light else (RESTING, CHOSEN)
+        self._cards.clear()
+        self.repaint()
 
     def dim(self, factor: float) -> None:
         """Multiply the layer's opacity, for the time something else is looked at."""
@@ -98,7 +111,7 @@ class SpriteLayer(PictureLayer):
         super().cards_at(frame)
         for object_id, sprite in self._sprites.items():
             if object_id not in self._cards:
-                edge = CHOSEN if object_id in self._chosen else RESTING
+                edge = self._edges[object_id in self._chosen]
                 self._cards[object_id] = sprite.card(edge, self.dimming)
         return [self._cards[object_id] for object_id in self._sprites]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from psygnal import Signal, SignalGroup
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers import compat
 from napari_unpack.layers.at_rest import AtRest
+from napari_unpack.layers.backdrop import dress
 from napari_unpack.layers.cutting import Cutting
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.jobs import Jobs
@@ -23,28 +23,15 @@ from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.sprites import SpriteLayer
+from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.tables import describe
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame, napari_view
 from napari_unpack.layers.warming import Warming
-from napari_unpack.session.pictures import BACKGROUND
 
 RIGHT_HANDED = ("towards", "down", "right")
 LANES = ("quick", "fine", "rest")
-
-
-class StageEvents(SignalGroup):
-    """What a stage tells.
-
-    frame: a picture of moving objects was shown. landed: a flight has ended, its object's ID.
-    message: a sentence for the user. closed: the stage is off.
-    """
-
-    frame = Signal()
-    landed = Signal(int)
-    message = Signal(str)
-    closed = Signal()
 
 
 class Stage:
@@ -63,6 +50,8 @@ class Stage:
     ----------
     recolor_at_rest : bool
         Choose hues anew when the camera comes to rest.
+    fade : HueFade
+        The transition to new colours; `allowed` is False for who asks for reduced motion.
     events : StageEvents
     """
 
@@ -91,6 +80,7 @@ class Stage:
             self.events.landed.emit,
             self.events.message.emit,
         )
+        self.fade = self._projector.bag.fade
         warming = Warming(session, self._jobs)
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, warming.ask)
         self._pointer: Pointer | None = None
@@ -174,7 +164,7 @@ class Stage:
         self._slices.paint()
         viewer.dims.ndisplay = 3
         viewer.scene.camera.orientation = RIGHT_HANDED
-        viewer.canvas.background_color_override = (*BACKGROUND, 1.0)
+        self._on_surroundings()
         for layer in self.layers:
             viewer.add_layer(layer)
         self.packed.frame_changed.connect(self._on_frame)
@@ -353,6 +343,7 @@ class Stage:
             (events.hues, self._on_hues),
             (events.transfer_function, self._on_densities),
             (events.selected, self._mark),
+            (events.surroundings, self._on_surroundings),
         ]
 
     def _on_frame(self, frame: Frame) -> None:
@@ -377,6 +368,10 @@ class Stage:
 
     def _on_densities(self) -> None:
         self._projector.densities_changed()
+
+    def _on_surroundings(self) -> None:
+        dress(self.viewer, self.session.surroundings)
+        self._projector.surroundings_changed()
 
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:

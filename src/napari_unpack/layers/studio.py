@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance import tints_of
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.rays import Rays
@@ -60,6 +61,8 @@ class Studio:
     wanted : {"auto", "cpu", "gl"}
         Who should cast; "auto" takes GL on graphics hardware and the CPU where the driver is a
         software rasteriser, which our own kernels outrun.
+    hues_on_the_way : dict of int to float
+        Hues to show in place of the session's, during a transition.
 
     Notes
     -----
@@ -71,6 +74,7 @@ class Studio:
         self, session: Any, failed: Callable[[str], None], told: Callable[[str], None]
     ) -> None:
         self.wanted = "auto"
+        self.hues_on_the_way: dict[int, float] = {}
         self._session, self._failed, self._told = session, failed, told
         self._notice: str | None = None
         self._renderer: str | None = None
@@ -131,8 +135,8 @@ class Studio:
             None where the bag is out of view.
         """
         shape = np.asarray(self._session.labels.shape)
-        tints = self._session.packed_tints
         ends = np.zeros(3), shape - 1.0
+        tints = self._packed_tints
         return self._shot("packed", ends, None, camera, size, step, tints, done, self._clipping)
 
     def moving(
@@ -173,6 +177,15 @@ class Studio:
     def _clipping(self) -> NDArray[np.float64]:
         planes: NDArray[np.float64] = self._session.clipping
         return planes
+
+    def _packed_tints(self) -> NDArray[np.float32]:
+        tints: NDArray[np.float32] = self._session.packed_tints()
+        shown = {i: hue for i, hue in self.hues_on_the_way.items() if tints[i].any()}
+        if shown:
+            tints = tints.copy()
+            fresh = tints_of(shown, len(tints) - 1, mode=self._session.tint_mode)
+            tints[list(shown)] = fresh[list(shown)]
+        return tints
 
     def _object(
         self,

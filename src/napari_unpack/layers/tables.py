@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from colorsys import hsv_to_rgb
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from napari_unpack.appearance import tints_of
 from napari_unpack.layers.compat import PictureLayer
 
 
@@ -29,11 +29,11 @@ def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
     rows = [session.boxes.index(i) for i in known]
     low, high = session.boxes.lower[rows], session.boxes.upper[rows]
     edges = (high - low).max(axis=1) if rows else np.zeros(0)
-    colors = [hsv_to_rgb(session.hues.get(i, 0.0), float(i in session.hues), 1.0) for i in known]
+    tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
     layer.set_table(
         (low + high - 1) / 2,
         features=_features(session.objects, known),
-        face_color=np.array(colors).reshape(-1, 3),
+        face_color=tints[known, :3],
         border_color="transparent",
         size=np.maximum(edges / 6, 1.0),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction, golden_hue, tints_of
-from napari_unpack.appearance.tints import Mode
+from napari_unpack.appearance.tints import MODES, Mode
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -69,8 +69,8 @@ class SessionCore:
         What one flight takes.
     backend : {"auto", "cpu", "gl"}
         Who casts rays for this session's questions.
-    tint_mode : {"perceptual", "hsv"}
-        How hues become tints; "hsv" is the paper's.
+    tint_mode : {"perceptual", "safe", "hsv"}
+        How hues become tints; "hsv" is the paper's, "safe" for who confuses red and green.
 
     Raises
     ------
@@ -197,8 +197,8 @@ class SessionCore:
 
     @tint_mode.setter
     def tint_mode(self, mode: Mode) -> None:
-        if mode not in ("perceptual", "hsv"):
-            raise ValueError(f"tint_mode must be 'perceptual' or 'hsv', got {mode!r}")
+        if mode not in MODES:
+            raise ValueError(f"tint_mode must be one of {', '.join(MODES)}, got {mode!r}")
         if mode != self._tint_mode:
             self._tint_mode = mode
             self._changes += 1

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.appearance import Background
 from napari_unpack.geometry.view import Camera
 
 Image = NDArray[np.float32]
@@ -123,7 +124,7 @@ def window_of(
 def compose(
     size: tuple[int, int],
     patches: Iterable[Patch],
-    background: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+    background: Background | Sequence[float] = (0.0, 0.0, 0.0, 0.0),
 ) -> Image:
     """Lay patches over each other by depth, pixel by pixel.
 
@@ -133,8 +134,8 @@ def compose(
         Height and width of the picture, pixels.
     patches : iterable of Patch
         What lies outside the picture is cut off.
-    background : sequence of 3 or 4 floats
-        Straight RGB or RGBA behind everything.
+    background : Background, or what `Background.of` takes
+        Behind everything.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def compose(
     Raises
     ------
     ValueError
-        If the background is not three or four numbers.
+        If the background is none.
 
     Notes
     -----
@@ -152,16 +153,13 @@ def compose(
     Where alpha stays below 0.5 a patch stands at its `plane`. A pixel remembers one depth, the
     nearest so far, so what comes third goes before or behind both others, never between them.
     """
-    if len(background) not in (3, 4):
-        raise ValueError(f"background must be RGB or RGBA, got {background!r}")
+    ground = Background.of(background).paint(size)
     image = np.zeros((*size, 4), np.float32)
     nearest = np.full(size, np.inf, np.float32)
     for patch in patches:
         plane = np.float32(patch.plane)
         _lay(image, nearest, patch.rgba, patch.depth, patch.row, patch.col, plane)
-    color = np.asarray([*background, 1.0][:4], np.float32)
-    color[:3] *= color[3]
-    _fill(image, color)
+    _fill(image, ground)
     return image
 
 
@@ -187,9 +185,9 @@ def _lay(image, nearest, rgba, depth, top, left, plane):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _fill(image, color):  # type: ignore[no-untyped-def]
+def _fill(image, ground):  # type: ignore[no-untyped-def]
     for r in range(image.shape[0]):
         for c in range(image.shape[1]):
             rest = np.float32(1) - image[r, c, 3]
             for i in range(4):
-                image[r, c, i] += rest * color[i]
+                image[r, c, i] += rest * ground[r, c, i]

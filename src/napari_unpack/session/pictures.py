@@ -6,13 +6,15 @@ napari's layers draw the same patches as cards (layers/); films and scripts comp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
@@ -23,7 +25,6 @@ from napari_unpack.session.picture_casting import Look, cast_crop
 from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
 
 __all__ = [
-    "BACKGROUND",
     "Patch",
     "compose",
     "object_patch",
@@ -31,9 +32,6 @@ __all__ = [
     "scene",
     "sprite_patch",
 ]
-
-BACKGROUND: tuple[float, float, float] = (0.055, 0.063, 0.078)
-"""Straight RGB behind a scene: near black, so that hues at full value glow."""
 
 LIGHT = Shading()
 
@@ -71,6 +69,10 @@ class Depicted(Pictured, Protocol):
     @property
     def clipping(self) -> NDArray[np.float64]:
         """(N, 2, 3) planes that cut what is packed, voxels."""
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """Background, box and scale bar."""
 
     def packed_tints(self) -> NDArray[np.float32]:
         """(M, 4) tints, zero but for what is packed."""
@@ -224,9 +226,9 @@ def scene(
     camera: Camera,
     size: tuple[int, int],
     time: float | None = None,
-    background: Sequence[float] = BACKGROUND,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
+    surroundings: Surroundings | None = None,
 ) -> Image:
     """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
 
@@ -240,12 +242,12 @@ def scene(
         Height and width of the picture, pixels.
     time : float, optional
         When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
-    background : sequence of 3 or 4 floats
-        Straight RGB or RGBA behind everything.
     backend : {"auto", "cpu", "gl"}
         Who casts.
     shading : Shading, optional
         The light; None for none.
+    surroundings : Surroundings, optional
+        Background, box and scale bar; by default the session's.
 
     Returns
     -------
@@ -261,6 +263,9 @@ def scene(
     packed = _packed_look(session, shading, 1.0, backend)
     key = ("packed", packed.key, _camera_key(camera), size)
     patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
+    around = session.surroundings if surroundings is None else surroundings
+    if around.box:
+        patches.append(_box_patch(session, camera, size, around))
     inspected = [i for i, state in session.states.items() if state.value == "inspected"]
     for object_id, pose in session.poses.items():
         if object_id not in session.flights and object_id not in inspected:
@@ -270,7 +275,7 @@ def scene(
         pose = flight.pose(time, camera)
         patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
     if not inspected:
-        return compose(size, patches, background)
+        return _surrounded(compose(size, patches), camera, around)
     dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
     posed = [_inspected_pose(session, i, camera, size) for i in inspected]
     fine = 1.0 / SAMPLES_AT_REST
@@ -278,7 +283,27 @@ def scene(
         object_patch(session, i, pose, camera, size, fine, backend, shading)
         for i, pose in zip(inspected, posed, strict=True)
     ]
-    return compose(size, [dimmed, *alone], background)
+    return _surrounded(compose(size, [dimmed, *alone]), camera, around)
+
+
+def _box_patch(
+    session: Depicted, camera: Camera, size: tuple[int, int], around: Surroundings
+) -> Patch:
+    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
+    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
+    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
+    rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
+    return Patch(rgba, depth, 0, 0)
+
+
+def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
+    """Lay a picture over the background, and the scale bar over both."""
+    size = image.shape[0], image.shape[1]
+    far = np.full(size, np.inf, np.float32)
+    patches = [Patch(image, far, 0, 0)]
+    if around.scale:
+        patches.append(Patch(draw_scale(camera, size, around.ink), far, 0, 0))
+    return compose(size, patches, around.background)
 
 
 def _inspected_pose(

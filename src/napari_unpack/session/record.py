@@ -18,6 +18,7 @@ from napari_unpack.session.fields import Fields
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.session import Session
 from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.surroundings_record import surroundings_from, surroundings_record
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -54,6 +55,7 @@ def record_of(session: Session) -> dict[str, Any]:
             "hue_margin": session.hue_margin,
             "colored": session._colored,
             "clipping": session.clipping.tolist(),
+            "surroundings": surroundings_record(session.surroundings),
         },
         "camera": {
             "rotation": camera.rotation.tolist(),
@@ -122,6 +124,8 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     session.hue_margin = look.number("hue_margin")
     session._colored = look.flag("colored")
     session.clipping = look.array("clipping", (len(look.items("clipping")), 2, 3))
+    if look.has("surroundings"):
+        session.surroundings = surroundings_from(look.part("surroundings"))
     height, width = (int(n) for n in fields.array("canvas_size", (2,)))
     session.canvas_size = height, width
     session.seconds = _positive(fields, "seconds")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import TransferFunction, assign_hues, interference
+from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues, interference
 from napari_unpack.session.checks import checked_ids, checked_planes
 from napari_unpack.session.core import SessionCore
 from napari_unpack.session.state import ObjectState
@@ -50,6 +50,7 @@ class SessionSight(SessionCore):
     locked_hues: frozenset[int] = frozenset()
     hue_margin = 0.4
     _colored = False
+    _surroundings: Surroundings | None = None
 
     @property
     def transfer_function(self) -> TransferFunction:
@@ -81,6 +82,18 @@ class SessionSight(SessionCore):
         if not np.array_equal(wanted, self._clipping):
             self._clipping = wanted
             self.events.transfer_function.emit(self.transfer_function)
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """Background, box and scale bar of every picture; not undoable."""
+        if self._surroundings is None:
+            self._surroundings = Surroundings.of("dark")
+        return self._surroundings
+
+    @surroundings.setter
+    def surroundings(self, surroundings: Surroundings) -> None:
+        self._surroundings = surroundings
+        self.events.surroundings.emit(surroundings)
 
     @property
     def selected(self) -> frozenset[int]:

@@ -12,7 +12,7 @@ from napari_unpack.widgets.section import Disclosure, Section, button, form
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workbench import Workbench
 
-MODES = {"Even": "perceptual", "Vivid": "hsv"}
+MODES = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 _LIVE_MS = 40
 
 
@@ -40,8 +40,9 @@ class ColorSection(Section):
         self.mode = QComboBox()
         self.mode.addItems(list(MODES))
         self.mode.setToolTip(
-            "Even: all hues look equally bright and strong. Vivid: full saturation and value, "
-            "as in the paper."
+            "Even: all hues look equally bright and strong. Colour-blind safe: colours that differ "
+            "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
+            "saturation and value, as in the paper."
         )
         self.editor = OpacityEditor()
         more = Disclosure(

@@ -41,11 +41,17 @@ class Card:
         On the screen (the packed bag, an object's box) or in pivot space (a sprite).
     opacity : float
         Of this card.
+    before : Picture, optional
+        Colours it comes from, of the same size and without own depths.
+    mix : float
+        Share of `picture` in what is shown, the rest is `before`'s.
     """
 
     picture: Picture
     place: Place = WHOLE_SCREEN
     opacity: float = 1.0
+    before: Picture | None = None
+    mix: float = 1.0
 
 
 class CardsVisual(Visual):  # type: ignore[misc]
@@ -159,9 +165,12 @@ class CardsVisual(Visual):  # type: ignore[misc]
 
     def _set(self, card: Card, overall: float) -> None:
         color, depth = card.picture.textures()
+        before = color if card.before is None else card.before.textures()[0]
         origin, right, down = card.place.frame(self._clip_from_pivot)
         values: dict[str, Any] = {
             "u_picture": color,
+            "u_before": before,
+            "u_mix": 1.0 if card.before is None else card.mix,
             "u_depth": self._blank if depth is None else depth,
             "u_has_depth": float(depth is not None),
             "u_t": card.place.t,

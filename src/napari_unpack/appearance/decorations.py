@@ -1,0 +1,186 @@
+"""The bag's box and a scale bar: drawn into pictures, with depths where they have some."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.appearance.background import Background, Color
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.boxes import box_corners
+from napari_unpack.geometry.view import Camera
+
+KINDS = ("box", "scale")
+EDGES = (
+    (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7),
+)  # fmt: skip
+"""Pairs of the corners that `geometry.boxes.box_corners` lists."""
+
+LINE = 1.3
+"""Width of the box's edges, pixels of a picture 720 pixels high."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a picture shows besides the bag.
+
+    Parameters
+    ----------
+    background : Background
+        Behind everything.
+    box : bool
+        Edges of the box around all objects.
+    scale : bool
+        A scale bar, true in the plane of the camera's centre.
+    """
+
+    background: Background
+    box: bool = False
+    scale: bool = False
+
+    @classmethod
+    def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Surroundings:
+        """Make them of what `Background.of` takes and names out of "box" and "scale".
+
+        Raises
+        ------
+        ValueError
+            If either is none that there is.
+        """
+        names = [decorations] if isinstance(decorations, str) else list(decorations)
+        unknown = [name for name in names if name not in KINDS]
+        if unknown:
+            raise ValueError(f"decorations must be out of {', '.join(KINDS)}, got {unknown[0]!r}")
+        return cls(Background.of(background), "box" in names, "scale" in names)
+
+    @property
+    def ink(self) -> Color:
+        """Straight RGBA of lines and writing that read well on the background."""
+        return (0.1, 0.11, 0.13, 0.75) if self.background.is_light else (0.93, 0.95, 1.0, 0.7)
+
+
+def box_edges(
+    lower: NDArray[np.float64], upper: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
+    """Return the (12, 2, 3) edges of a box of the world (mm) in the camera's pivot space."""
+    corners = transform_points(camera.pivot_from_world(), box_corners(lower, upper))
+    return corners[np.array(EDGES)]
+
+
+def draw_edges(
+    edges: NDArray[np.float64], camera: Camera, size: tuple[int, int], ink: Color
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Draw straight edges, smooth at any angle.
+
+    Parameters
+    ----------
+    edges : (N, 2, 3) ndarray of float64
+        Ends in pivot space, mm.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    ink : (r, g, b, a)
+        Straight.
+
+    Returns
+    -------
+    rgba : (H, W, 4) ndarray of float32
+        Premultiplied.
+    depth : (H, W) ndarray of float32
+        t in mm on every pixel that an edge touches, +inf elsewhere.
+
+    Notes
+    -----
+    Edges that reach behind the eye are left out. Along an edge 1 / (distance + t) is linear in
+    the picture.
+    """
+    alpha, depth = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
+    half = max(LINE * min(size) / 720, 0.8) / 2
+    for ends in edges:
+        if (ends[:, 0] >= 0.98 * camera.distance).any():
+            continue
+        (r0, c0), (r1, c1) = camera.pixels(ends, size)
+        t0, t1 = -ends[:, 0]
+        _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, camera.distance)
+    color = np.array([*ink[:3], 1.0], np.float32) * np.float32(ink[3])
+    return alpha[..., None] * color, depth
+
+
+def draw_scale(camera: Camera, size: tuple[int, int], ink: Color) -> NDArray[np.float32]:
+    """Draw a scale bar with its length in the lower right corner.
+
+    Parameters
+    ----------
+    camera, size, ink
+        As for `draw_edges`.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    length, words = round_length(0.2 * camera.height * size[1] / size[0])
+    pixels = max(1, round(length * size[0] / camera.height))
+    unit = max(min(size) / 720, 0.5)
+    thick, edge = max(1, round(3 * unit)), round(24 * unit)
+    canvas = Image.new("L", (size[1], size[0]))
+    pen = ImageDraw.Draw(canvas)
+    right, bottom = size[1] - edge, size[0] - edge
+    pen.rectangle((right - pixels, bottom - thick, right - 1, bottom - 1), fill=255)
+    font = ImageFont.load_default(size=max(9, round(15 * unit)))
+    middle = right - pixels / 2, bottom - thick - round(6 * unit)
+    pen.text(middle, words, fill=255, font=font, anchor="ms")
+    alpha = np.asarray(canvas, np.float32)[..., None] / np.float32(255)
+    color = np.array([*ink[:3], 1.0], np.float32) * np.float32(min(1.0, ink[3] + 0.2))
+    drawn: NDArray[np.float32] = alpha * color
+    return drawn
+
+
+def round_length(longest: float) -> tuple[float, str]:
+    """Return the largest of 1, 2 and 5 times a power of ten up to a length, mm, and its words."""
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = float(power * max(f for f in (1, 2, 5) if f * power <= longest * (1 + 1e-9)))
+    if length >= 1000:
+        return length, f"{length / 1000:g} m"
+    if length >= 1:
+        return length, f"{length:g} mm"
+    return length, f"{length * 1000:g} \N{MICRO SIGN}m"
+
+
+@njit(cache=True, nogil=True)
+def _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, distance):  # type: ignore[no-untyped-def]
+    height, width = alpha.shape
+    dr, dc = r1 - r0, c1 - c0
+    length = np.sqrt(dr * dr + dc * dc)
+    if length < 1e-6:
+        return
+    steep = abs(dr) >= abs(dc)
+    a0, b0, da, db = (r0, c0, dr, dc) if steep else (c0, r0, dc, dr)
+    most_a, most_b = (height, width) if steep else (width, height)
+    lean = length / abs(da)
+    reach = (half + 1) * lean
+    first = max(0, int(np.floor(min(a0, a0 + da) - half)))
+    last = min(most_a - 1, int(np.ceil(max(a0, a0 + da) + half)))
+    for a in range(first, last + 1):
+        s = min(max((a - a0) / da, 0.0), 1.0)
+        b = b0 + s * db
+        for k in range(max(0, int(np.floor(b - reach))), min(most_b, int(np.ceil(b + reach)) + 1)):
+            row, col = (a, k) if steep else (k, a)
+            along = ((row - r0) * dr + (col - c0) * dc) / (length * length)
+            along = min(max(along, 0.0), 1.0)
+            off = np.hypot(row - r0 - along * dr, col - c0 - along * dc)
+            cover = min(max(half + 0.5 - off, 0.0), min(1.0, 2 * half))
+            if cover > alpha[row, col]:
+                alpha[row, col] = cover
+                if distance == np.inf:
+                    depth[row, col] = t0 + along * (t1 - t0)
+                else:
+                    near = (1 - along) / (distance + t0) + along / (distance + t1)
+                    depth[row, col] = 1 / near - distance

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from napari_unpack.appearance import Background, Surroundings
+
+
+def test_one_colour_fills_all():
+    image = Background.of("#ff8000").paint((2, 3))
+    assert image.shape == (2, 3, 4)
+    np.testing.assert_allclose(image, np.broadcast_to([1, 128 / 255, 0, 1], (2, 3, 4)), atol=1e-6)
+
+
+def test_a_gradient_goes_from_top_to_bottom():
+    image = Background.of(((1, 0, 0), (0, 0, 1))).paint((3, 2))
+    np.testing.assert_allclose(image[:, 0], [[1, 0, 0, 1], [0.5, 0, 0.5, 1], [0, 0, 1, 1]])
+    same = Background.of("#ff0000,#0000ff").paint((3, 2))
+    np.testing.assert_allclose(image, same)
+
+
+def test_transparent_colours_are_premultiplied():
+    np.testing.assert_allclose(
+        Background.of((1, 0.5, 0, 0.5)).paint((1, 1))[0, 0], [0.5, 0.25, 0, 0.5]
+    )
+
+
+def test_a_picture_covers_and_is_cut_at_the_edges(tmp_path):
+    picture = np.zeros((4, 8, 3), np.uint8)
+    picture[:, :2], picture[:, 2:6], picture[:, 6:] = (255, 0, 0), (0, 255, 0), (0, 0, 255)
+    image = Background.of(picture).paint((4, 4))
+    np.testing.assert_allclose(image, np.broadcast_to([0, 1, 0, 1], (4, 4, 4)), atol=1e-6)
+    iio.imwrite(tmp_path / "a.png", picture)
+    np.testing.assert_array_equal(Background.of(str(tmp_path / "a.png")).picture, picture)
+
+
+def test_light_and_dark_are_told_apart_for_the_ink():
+    assert Surroundings.of("light").ink[0] < 0.5
+    assert Surroundings.of("daylight").ink[0] < 0.5
+    assert Surroundings.of("dusk").ink[0] > 0.5
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    ["puce", "#12345", (1, 1), (2, 0, 0), "a.png", np.zeros((4, 4, 2)), "white,black,white"],
+)
+def test_what_is_no_background_is_refused(wanted):
+    with pytest.raises(ValueError, match="background"):
+        Background.of(wanted)
+
+
+def test_an_unknown_decoration_is_refused():
+    with pytest.raises(ValueError, match="out of box, scale"):
+        Surroundings.of("dark", ["tinsel"])

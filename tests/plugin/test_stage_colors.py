@@ -1,0 +1,164 @@
+"""New colours come in a short transition; background, box and scale belong to the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+from napari_unpack.appearance import Surroundings
+from napari_unpack.layers import hue_fade, studio
+
+
+@pytest.fixture
+def slow(staged, monkeypatch):
+    """Return (viewer, stage) whose transitions stand still at `hue_fade` parts we choose."""
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    assert stage.settle(30)
+    monkeypatch.setattr(hue_fade, "SECONDS", 1e9)
+    stage.fade.allowed = True
+    yield viewer, stage
+    monkeypatch.undo()
+
+
+def set_part(stage, part: float) -> None:
+    """Put a running transition where its smooth step gives a part, 0.5 in the middle."""
+    stage.fade._began = stage.fade._clock.now() - hue_fade.SECONDS * part
+
+
+def finished(stage, qtbot) -> None:
+    set_part(stage, 1.1)
+    qtbot.waitUntil(lambda: not stage.fade.running, timeout=5000)
+    assert stage.settle(30)
+
+
+def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session, qtbot) -> None:
+    viewer, stage = slow
+    passes, before = stage.packed_passes, canvas(viewer)
+    session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
+    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
+    set_part(stage, 0.5)
+    qtbot.wait(60)
+    half = canvas(viewer)
+    finished(stage, qtbot)
+    after = canvas(viewer)
+    assert stage.packed_passes == passes + 1
+    assert np.abs(after - before).max() > 80
+    assert np.abs(half - (before + after) / 2).max() <= 3
+
+
+def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
+    viewer, stage = slow
+    hues = session.hues
+    session.accept_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
+    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
+    set_part(stage, 0.5)
+    qtbot.wait(60)
+    half, passes = canvas(viewer), stage.packed_passes
+    session.accept_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
+    qtbot.waitUntil(stage._projector.bag._is_fine, timeout=10000)
+    qtbot.wait(60)
+    assert np.abs(canvas(viewer) - half).max() <= 3
+    finished(stage, qtbot)
+    assert stage.packed_passes == passes + 1
+    stage.session.events.transfer_function.emit(session.transfer_function)
+    shown = canvas(viewer)
+    assert stage.settle(30)
+    assert np.abs(canvas(viewer) - shown).mean() < 0.3
+
+
+def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> None:
+    viewer, stage = slow
+    stage.fade.allowed = False
+    before = canvas(viewer)
+    session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
+    assert stage.settle(30)
+    assert not stage.fade.running
+    assert np.abs(canvas(viewer) - before).max() > 80
+
+
+def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeypatch) -> None:
+    _, stage = slow
+    monkeypatch.setattr("napari_unpack.layers.packed_painter.FADING_SECONDS", 60.0)
+    stage.backend = "gl"
+    assert stage.settle(60)
+    uploads = stage._projector.studio.uploads
+    seen = []
+    tints = studio.Studio._packed_tints
+
+    def watched(self):
+        seen.append(tints(self)[7, :3].copy())
+        return tints(self)
+
+    monkeypatch.setattr(studio.Studio, "_packed_tints", watched)
+    session.accept_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
+    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
+    set_part(stage, 0.5)
+    qtbot.waitUntil(lambda: len(seen) > 1, timeout=10000)
+    finished(stage, qtbot)
+    np.testing.assert_allclose(seen[-1], session.packed_tints()[7, :3])
+    assert any(np.abs(tint - seen[-1]).max() > 0.05 for tint in seen)
+    assert stage._projector.studio.uploads == uploads
+    assert not stage._projector.studio.hues_on_the_way
+
+
+def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    assert stage.settle(30)
+    passes, plain = stage.packed_passes, canvas(viewer)
+    bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
+    session.surroundings = Surroundings.of("#ffffff,#000000")
+    gradient = canvas(viewer)
+    assert gradient[2, 5].min() > 240
+    assert gradient[-3, 5].max() < 15
+    assert np.abs(gradient - plain)[bag].mean() < 12
+    picture = np.zeros((10, 20, 3), np.uint8)
+    picture[...] = (10, 200, 30)
+    session.surroundings = Surroundings.of(picture)
+    np.testing.assert_allclose(canvas(viewer)[3, 3], (10, 200, 30), atol=2)
+    session.surroundings = Surroundings.of("light", ["box", "scale"])
+    light = canvas(viewer)
+    np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
+    assert stage.settle(30)
+    assert stage.packed_passes == passes
+
+
+def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    viewer.scene.camera.angles = (15, 35, 10)
+    stage.settle(30)
+    bare = canvas(viewer)
+    session.surroundings = Surroundings.of("dark", ["box"])
+    boxed = canvas(viewer)
+    low = (session.boxes.lower.min(0) - 0.5) * session.spacing
+    high = (session.boxes.upper.max(0) - 0.5) * session.spacing
+    from napari_unpack.geometry.boxes import box_corners
+
+    corners = box_corners(low, high)
+    depth = -(corners - stage.frame.camera.center) @ stage.frame.camera.rotation[0]
+    near, far = corners[depth.argmin()], corners[depth.argmax()]
+
+    def changed(corner) -> float:
+        neighbours = [c for c in corners if np.sum(~np.isclose(c, corner)) == 1]
+        total = 0.0
+        for other in neighbours:
+            points = corner + np.linspace(0.02, 0.98, 40)[:, None] * (other - corner)
+            rows, cols = np.rint(stage.frame.camera.project(points, stage.frame.size)).astype(int).T
+            total += float((np.abs(boxed - bare).max(axis=2)[rows, cols] > 15).mean())
+        return total / len(neighbours)
+
+    assert changed(near) > 0.9
+    assert changed(far) < 0.7
+
+
+def test_the_viewers_own_scale_bar_comes_and_goes_with_the_stage(staged, session) -> None:
+    viewer, stage = staged
+    bar = viewer.canvas.overlays.scale_bar
+    session.surroundings = Surroundings.of("light", ["scale"])
+    assert bar.visible
+    stage.close()
+    assert not bar.visible
+    assert viewer.canvas.background_color_override is None
