@@ -6,7 +6,7 @@
 // in:  u_leaps        d / 255, one texel a brick of BRICK voxels;  u_bricks its size, x y z
 //      voxel          nearest voxel of the sample, x y z
 // out: k of the next sample that may matter; errs on the side of too few skipped
-// cpu twin: raycasting/lattice.py (leap), raycasting/bricks.py (leaps)
+// cpu twin: raycasting/lattice.py (leap), raycasting/bricks.py (strides)
 // test:     tests/rendering/test_parity.py
 
 #include "lib/ray.glsl"

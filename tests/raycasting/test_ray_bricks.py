@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import distance_transform_cdt
 
 from napari_unpack.raycasting import Bricks
-from napari_unpack.raycasting.bricks import leaps, strides
+from napari_unpack.raycasting.bricks import strides
 from napari_unpack.raycasting.threads import over_bands
 
 
@@ -52,18 +52,6 @@ def test_inhabited_asks_only_for_visible_objects() -> None:
     labels[0, 0, 0], labels[0, 0, 15] = 1, 2
     bricks = Bricks.of(labels)
     assert bricks.inhabited(np.array([False, True, False])).ravel().tolist() == [True, False]
-
-
-def test_leaps_are_the_chessboard_distance() -> None:
-    rng = np.random.default_rng(1)
-    occupied = rng.random((9, 12, 14)) < 0.01
-    assert occupied.any()
-    expected = distance_transform_cdt(~occupied, "chessboard")
-    np.testing.assert_array_equal(leaps(occupied), expected)
-
-
-def test_leaps_without_anything_occupied_reach_as_far_as_they_can() -> None:
-    assert (leaps(np.zeros((3, 4, 5), bool)) == 255).all()
 
 
 @pytest.mark.parametrize(("rows", "threads", "band"), [(1, 4, None), (37, 3, 5), (64, 2, None)])

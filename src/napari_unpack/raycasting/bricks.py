@@ -125,24 +125,6 @@ class Bricks:
         return out
 
 
-def leaps(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Measure the distance from every brick to the nearest occupied one.
-
-    Parameters
-    ----------
-    occupied : (Bz, By, Bx) ndarray of bool
-
-    Returns
-    -------
-    (Bz, By, Bx) ndarray of uint8
-        Chebyshev distance in bricks: 0 where occupied, at most 255.
-    """
-    out = np.full(tuple(n + 2 for n in occupied.shape), 255, np.uint8)
-    out[1:-1, 1:-1, 1:-1][occupied] = 0
-    _spread(out)
-    return np.ascontiguousarray(out[1:-1, 1:-1, 1:-1])
-
-
 def strides(owners: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Measure the distance from every brick to the nearest one that differs.
 
@@ -275,7 +257,8 @@ def _near(owners, outside, out, own, best, z, y, x):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _stride(owners, outside, out):  # type: ignore[no-untyped-def]
-    # As `_spread`, for all owners at once: another's brick is at distance 0.
+    # Rosenfeld & Pfaltz's two sweeps, exact for the chessboard distance, for all owners at once:
+    # another's brick is at distance 0.
     depth, height, width = out.shape
     for sign in (1, -1):
         for m in range(1, depth - 1):
@@ -294,27 +277,3 @@ def _stride(owners, outside, out):  # type: ignore[no-untyped-def]
                         for i in range(-1, 2):
                             best = _near(owners, outside, out, own, best, z - sign, y + i, x + j)
                     out[z, y, x] = min(best, 255)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _spread(out):  # type: ignore[no-untyped-def]
-    # Rosenfeld & Pfaltz's two sweeps, exact for the chessboard distance.
-    depth, height, width = out.shape
-    for z in range(1, depth - 1):
-        for y in range(1, height - 1):
-            for x in range(1, width - 1):
-                best = min(int(out[z, y, x]), int(out[z, y, x - 1]) + 1)
-                for j in range(-1, 2):
-                    best = min(best, int(out[z, y - 1, x + j]) + 1)
-                    for i in range(-1, 2):
-                        best = min(best, int(out[z - 1, y + i, x + j]) + 1)
-                out[z, y, x] = best
-    for z in range(depth - 2, 0, -1):
-        for y in range(height - 2, 0, -1):
-            for x in range(width - 2, 0, -1):
-                best = min(int(out[z, y, x]), int(out[z, y, x + 1]) + 1)
-                for j in range(-1, 2):
-                    best = min(best, int(out[z, y + 1, x + j]) + 1)
-                    for i in range(-1, 2):
-                        best = min(best, int(out[z + 1, y + i, x + j]) + 1)
-                out[z, y, x] = best

@@ -1,7 +1,7 @@
 """The loop of the tinted picture: rays through bricks, samples in chunks, colours front to back.
 
 Rays go tile by tile. Along each, the samples that may be seen are gathered sixteen at a time;
-voxels are read one by one, the arithmetic in between is done for all sixteen (chunks.py). The
+voxels are read row by row, the arithmetic in between is done for all sixteen (chunks.py). The
 gradient is read only for samples that add to the picture.
 """
 
@@ -11,17 +11,27 @@ import numpy as np
 from numba import njit
 
 from napari_unpack.raycasting.chunks import (
-    FACING,
+    ALPHA,
+    CX,
+    CY,
+    CZ,
+    ENTRY,
+    ENTRY_ROWS,
+    FIRST,
     FLOAT_ROWS,
-    FX,
-    FY,
-    FZ,
+    GLOSS,
+    INNER,
+    LABEL,
     LANES,
+    LIGHT,
+    NEAREST,
     PART,
-    STEEP,
-    VOXEL_ROWS,
-    differentiate,
+    PLACE_ROWS,
+    SHINE,
+    VOXELS,
+    WEIGHT,
     interpolate,
+    light,
     place,
     read_around,
     read_cell,
@@ -55,37 +65,35 @@ def phase_of(row, col, jitter):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def march(  # type: ignore[no-untyped-def]
-    volume, labels, numbers, step, near, jitter, planes, distance,
-    table, tints, look, exponents, corrected, shine, first_row, last_row, image, depth,
+    volume, labels, numbers, step, near, jitter, planes, reach, full,
+    table, opacity, tints, look, exponents, corrected, shine, first_row, last_row, image, depth,
 ):  # fmt: skip
     """Cast the rows of one band; see `tinted`, which prepares all the numbers."""
     one, zero = np.float32(1), np.float32(0)
     box = np.zeros((2, 3), np.int64)
     deep, high, wide = labels.shape
     box[1, 0], box[1, 1], box[1, 2] = deep, high, wide
-    skip = distance.size > 0
+    skip = reach.size > 0
     sz, sy, sx, reference = look[2], look[3], look[4], look[5]
     half = np.float32(0.5)
     hz, hy, hx = half * look[11], half * look[12], half * look[13]
     ambient, diffuse, specular, steepness = look[6], look[7], look[8], look[10]
+    lit = diffuse > zero or specular > zero
     flat, names = volume.reshape(-1), labels.reshape(-1)
     line, plane = wide, high * wide
     low, scale = look[0], look[1]
     top = np.float32(table.shape[0] - 1)
     gleam = np.float32(shine.shape[0] - 1)
+    clear = np.float32(1 - OPAQUE)
     thicken, finest = corrected.size > 0, np.float32(corrected.shape[1] - 1)
     width = image.shape[1]
     height = last_row - first_row
     ks = np.zeros(LANES)
-    entries = np.zeros(LANES, np.int32)
-    nz, ny, nx = np.zeros(LANES, np.int32), np.zeros(LANES, np.int32), np.zeros(LANES, np.int32)
-    cz, cy, cx = np.zeros(LANES, np.int32), np.zeros(LANES, np.int32), np.zeros(LANES, np.int32)
+    places = np.zeros(PLACE_ROWS * LANES, np.int64)
+    entries = np.zeros(ENTRY_ROWS * LANES, np.int32)
     f = np.zeros(FLOAT_ROWS * LANES, np.float32)
-    fz, fy, fx = f[FZ : FZ + LANES], f[FY : FY + LANES], f[FX : FX + LANES]
-    v = np.zeros(VOXEL_ROWS * LANES, volume.dtype)
-    opacities = np.zeros(LANES, np.float32)
-    weights = np.zeros(LANES, np.float32)
-    objects = np.zeros(LANES, np.uint64)
+    v = np.zeros(VOXELS, volume.dtype)
+    f[LIGHT : LIGHT + LANES] = ambient + diffuse
     for tile in range(0, width, TILE):
         columns = min(TILE, width - tile)
         for pixel in range(height * columns):
@@ -102,7 +110,8 @@ def march(  # type: ignore[no-untyped-def]
             if thicken:
                 family = family_of(speed * step / reference, exponents)
             lz, ly, lx = np.float32(wz / speed), np.float32(wy / speed), np.float32(wx / speed)
-            red = green = blue = alpha = zero
+            red = green = blue = zero
+            through = one
             solid = False
             stop = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
@@ -115,94 +124,88 @@ def march(  # type: ignore[no-untyped-def]
                         if skip:
                             _, vz, vy, vx = position(k, phase, step, pz, py, px, dz, dy, dx)
                             z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
-                            d = distance[z >> 3, y >> 3, x >> 3]
-                            stop = min(
-                                end, leap(max(d, 1), z, y, x, k, phase, pz, py, px, az, ay, ax)
-                            )
-                            if d > 0:
+                            b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
+                            d = reach[b, r, c]
+                            stop = min(end, leap(d, z, y, x, k, phase, pz, py, px, az, ay, ax))
+                            if not full[b, r, c]:
                                 k = stop
                                 continue
-                    for _ in range(min(stop - k, LANES - count)):
-                        ks[count] = k
-                        k += 1
-                        count += 1
+                    more = min(stop - k, LANES - count)
+                    for i in range(more):
+                        ks[count + i] = k + i
+                    k += more
+                    count += more
                 if count == 0:
                     break
                 for i in range(count, LANES):
                     ks[i] = ks[0]
-                place(ks, LANES, phase, step, pz, dz, cz, nz, fz)
-                place(ks, LANES, phase, step, py, dy, cy, ny, fy)
-                place(ks, LANES, phase, step, px, dx, cx, nx, fx)
+                place(
+                    ks, phase, step, pz, py, px, dz, dy, dx, deep, high, wide, places, entries, f
+                )
+                for i in range(LANES):
+                    label = np.uint64(names[np.uint64(places[NEAREST + i])])
+                    places[LABEL + i] = np.int64(label)
+                    f[ALPHA + i] = tints[label, 3]
+                seen = False
                 for i in range(count):
-                    iz, iy, ix = int(cz[i]), int(cy[i]), int(cx[i])
-                    at = iz * plane + iy * line + ix
-                    nearest = int(nz[i]) * plane + int(ny[i]) * line + int(nx[i])
-                    label = np.uint64(names[np.uint64(nearest)])
-                    objects[i] = label
-                    opacity = tints[label, 3]
-                    opacities[i] = opacity
-                    if opacity <= 0:
+                    if f[ALPHA + i] <= zero:
                         continue
-                    if (
-                        iz >= 1 and iz < deep - 2 and iy >= 1 and iy < high - 2
-                        and ix >= 1 and ix < wide - 2
-                    ):  # fmt: skip
-                        read_cell(flat, at, line, plane, v, i)
+                    seen = True
+                    if entries[INNER + i] >= 0:
+                        read_cell(flat, places[FIRST + i], line, plane, v, i)
                     else:
-                        read_edge(volume, iz, iy, ix, v, i)
+                        read_edge(volume, entries[CZ + i], entries[CY + i], entries[CX + i], v, i)
+                if not seen:
+                    continue
                 interpolate(v, f, low, scale, top, entries)
-                final = 0
-                for i in range(count):
-                    weights[i] = zero
-                    final = i + 1
-                    opacity = opacities[i]
-                    if opacity <= 0:
-                        continue
-                    j, part = np.uint64(entries[i]), f[PART + i]
-                    a = table[j, 3]
-                    a = (a + part * (table[j + np.uint64(1), 3] - a)) * opacity
-                    if a <= 0:
-                        continue
-                    if thicken:
-                        u = min(a, one) * finest
+                for i in range(LANES):
+                    j = np.uint64(entries[ENTRY + i])
+                    a = opacity[j]
+                    a += f[PART + i] * (opacity[j + np.uint64(1)] - a)
+                    f[ALPHA + i] = min(a * f[ALPHA + i], one)
+                if thicken:
+                    for i in range(count):
+                        u = f[ALPHA + i] * finest
                         n = np.uint64(min(u, finest - one))
                         a = corrected[family, n]
                         a += (u - np.float32(n)) * (corrected[family, n + np.uint64(1)] - a)
-                    weight = (one - alpha) * a
-                    weights[i] = weight
-                    alpha += weight
-                    if not solid and alpha >= half:
+                        f[ALPHA + i] = a
+                final = 0
+                for i in range(count):
+                    weight = through * f[ALPHA + i]
+                    f[WEIGHT + i] = weight
+                    through -= weight
+                    final = i + 1
+                    if not solid and through <= half:
                         solid = True
                         depth[row, col] = (ks[i] + phase) * step
-                    iz, iy, ix = int(cz[i]), int(cy[i]), int(cx[i])
-                    at = iz * plane + iy * line + ix
-                    if (
-                        iz >= 1 and iz < deep - 2 and iy >= 1 and iy < high - 2
-                        and ix >= 1 and ix < wide - 2
-                    ):  # fmt: skip
-                        read_around(flat, at, line, plane, v, i)
-                    if alpha >= OPAQUE:
+                    if through <= clear:
                         k = end
                         break
-                differentiate(v, f, lz, ly, lx, hz, hy, hx)
+                if lit:
+                    for i in range(final):
+                        if f[WEIGHT + i] > zero and entries[INNER + i] >= 0:
+                            read_around(flat, places[FIRST + i], line, plane, v, i)
+                    light(
+                        v, f, lz, ly, lx, hz, hy, hx,
+                        steepness, ambient, diffuse, specular, gleam, entries,
+                    )  # fmt: skip
                 for i in range(final):
-                    weight = weights[i]
-                    if weight <= 0:
+                    weight = f[WEIGHT + i]
+                    if weight <= zero:
                         continue
-                    c = f[FACING + i]
-                    s = min(f[STEEP + i] * steepness, one)
-                    light = ambient + diffuse * (one - s + s * c)
-                    gloss = specular * s * shine[np.uint64(c * gleam + half)]
-                    j, part = np.uint64(entries[i]), f[PART + i]
+                    bright = f[LIGHT + i]
+                    gloss = f[GLOSS + i] * shine[np.uint64(entries[SHINE + i])]
+                    j, part = np.uint64(entries[ENTRY + i]), f[PART + i]
                     n = j + np.uint64(1)
-                    label = objects[i]
+                    label = np.uint64(places[LABEL + i])
                     r = (table[j, 0] + part * (table[n, 0] - table[j, 0])) * tints[label, 0]
                     g = (table[j, 1] + part * (table[n, 1] - table[j, 1])) * tints[label, 1]
                     b = (table[j, 2] + part * (table[n, 2] - table[j, 2])) * tints[label, 2]
-                    red += weight * min(r * light + gloss, one)
-                    green += weight * min(g * light + gloss, one)
-                    blue += weight * min(b * light + gloss, one)
+                    red += weight * min(r * bright + gloss, one)
+                    green += weight * min(g * bright + gloss, one)
+                    blue += weight * min(b * bright + gloss, one)
             image[row, col, 0] = red
             image[row, col, 1] = green
             image[row, col, 2] = blue
-            image[row, col, 3] = alpha
+            image[row, col, 3] = one - through

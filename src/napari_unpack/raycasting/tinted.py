@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.raycasting.bricks import Bricks, Density, leaps
+from napari_unpack.raycasting.bricks import Bricks, Density, strides
 from napari_unpack.raycasting.lattice import band_of, clipping_planes, ray_numbers
 from napari_unpack.raycasting.marching import march
 from napari_unpack.raycasting.opacity import correction
@@ -84,21 +84,23 @@ def tinted(
     numbers, step, near = ray_numbers(rays)
     image = np.zeros((*rays.size, 4), np.float32)
     depth = np.full(rays.size, np.inf, np.float32)
-    distance = np.zeros((0, 0, 0), np.uint8)
+    reach, full = np.zeros((0, 0, 0), np.uint8), np.zeros((0, 0, 0), np.bool_)
     if bricks is not None:
-        distance = leaps(bricks.occupied(table, domain, tints))
+        full = bricks.occupied(table, domain, tints)
+        reach = strides(full.astype(np.int32))
     look = _look(spacing, domain, len(table), shading)
     planes = clipping_planes(clipping)
     exponents, corrected = correction(rays, spacing)
     shine = (np.linspace(0, 1, 4097) ** (shading or UNLIT).shininess).astype(np.float32)
     table = np.ascontiguousarray(table, np.float32)
+    opacity = table[:, 3].copy()
     # Always a copy: numba compiles a kernel again for read-only arrays.
     tints = np.array(tints, np.float32, order="C")
 
     def work(_: None, first: int, last: int) -> None:
         march(
-            volume, labels, numbers, step, near, jitter, planes, distance,
-            table, tints, look, exponents, corrected, shine, first, last, image, depth,
+            volume, labels, numbers, step, near, jitter, planes, reach, full,
+            table, opacity, tints, look, exponents, corrected, shine, first, last, image, depth,
         )  # fmt: skip
 
     over_bands(rays.size[0], work, lambda: None, threads, band=band_of(rays.size[0]))
