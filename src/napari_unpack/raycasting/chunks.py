@@ -140,9 +140,9 @@ def light(  # type: ignore[no-untyped-def]
             np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
         )  # fmt: skip
         # Blend the four rows first, then take the difference along x.
-        gx = ex * (
-            w00 * (a2 - a0) + w01 * (b2 - b0) + w10 * (c2 - c0) + w11 * (d2 - d0)
-        ) + fx * (w00 * (a3 - a1) + w01 * (b3 - b1) + w10 * (c3 - c1) + w11 * (d3 - d1))
+        gx = ex * (w00 * (a2 - a0) + w01 * (b2 - b0) + w10 * (c2 - c0) + w11 * (d2 - d0)) + fx * (
+            w00 * (a3 - a1) + w01 * (b3 - b1) + w10 * (c3 - c1) + w11 * (d3 - d1)
+        )
         a, b = ex * a1 + fx * a2, ex * b1 + fx * b2
         c, d = ex * c1 + fx * c2, ex * d1 + fx * d2
         j = BESIDE + 2 * i
@@ -201,9 +201,7 @@ def read_around(flat, at, line, plane, v, i):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _clamped(volume, z, y, x):  # type: ignore[no-untyped-def]
     depth, height, width = volume.shape
-    return volume[
-        min(max(z, 0), depth - 1), min(max(y, 0), height - 1), min(max(x, 0), width - 1)
-    ]
+    return volume[min(max(z, 0), depth - 1), min(max(y, 0), height - 1), min(max(x, 0), width - 1)]
 
 
 @njit(cache=True, nogil=True)

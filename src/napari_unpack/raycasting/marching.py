@@ -139,9 +139,7 @@ def march(  # type: ignore[no-untyped-def]
                     break
                 for i in range(count, LANES):
                     ks[i] = ks[0]
-                place(
-                    ks, phase, step, pz, py, px, dz, dy, dx, deep, high, wide, places, entries, f
-                )
+                place(ks, phase, step, pz, py, px, dz, dy, dx, deep, high, wide, places, entries, f)
                 for i in range(LANES):
                     label = np.uint64(names[np.uint64(places[NEAREST + i])])
                     places[LABEL + i] = np.int64(label)
