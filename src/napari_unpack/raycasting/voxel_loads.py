@@ -27,20 +27,17 @@ def _copy(count: int) -> Any:
         builder.store(loaded, place(target, signature.args[2], slot), align=size)
         return context.get_dummy_value()
 
-    def typed(typing: Any, source: Any, at: Any, target: Any, slot: Any) -> Any:
-        del typing
+    def typed(typingctx: Any, source: Any, at: Any, target: Any, slot: Any) -> Any:
+        del typingctx
         return types.void(source, at, target, slot), generate
 
     return typed
 
 
-@intrinsic
-def copy_pair(typing, source, at, target, slot):  # type: ignore[no-untyped-def]
-    """Copy source[at : at + 2] to target[slot : slot + 2], flat arrays of one dtype, unchecked."""
-    return _copy(2)(typing, source, at, target, slot)
+copy_pair: Any = intrinsic(_copy(2))
+"""copy_pair(source, at, target, slot): target[slot : slot + 2] = source[at : at + 2].
 
+Flat arrays of one dtype; indices are not checked."""
 
-@intrinsic
-def copy_quad(typing, source, at, target, slot):  # type: ignore[no-untyped-def]
-    """Copy source[at : at + 4] to target[slot : slot + 4], flat arrays of one dtype, unchecked."""
-    return _copy(4)(typing, source, at, target, slot)
+copy_quad: Any = intrinsic(_copy(4))
+"""As copy_pair, four voxels."""
