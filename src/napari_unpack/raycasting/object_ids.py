@@ -12,14 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.raycasting.bricks import Bricks, strides
 from napari_unpack.raycasting.lattice import (
+    BRICK,
     TILE,
     band_of,
     clipping_planes,
+    leap,
+    per_voxel,
+    position,
     ray_numbers,
     ray_of,
     sample_range,
 )
-from napari_unpack.raycasting.runs import CHUNK, next_runs
 from napari_unpack.raycasting.threads import over_bands
 
 
@@ -80,9 +83,7 @@ def id_layers(
 def _cast(labels, table, step, near, planes, visible, owners, distance, first, last, out):  # type: ignore[no-untyped-def]
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
-    flat = labels.reshape(-1)
-    places, names = np.zeros(CHUNK, np.int64), np.zeros(CHUNK, np.int64)
-    lengths = np.zeros(CHUNK, np.int64)
+    skip = distance.size > 0
     height, width = last - first, out.shape[2]
     for tile in range(0, width, TILE):
         columns = min(TILE, width - tile)
@@ -92,19 +93,34 @@ def _cast(labels, table, step, near, planes, visible, owners, distance, first, l
             k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
             found = 0
             previous = 0
-            while k < end and found < out.shape[0]:
-                k, count = next_runs(
-                    flat, labels.shape, owners, distance, step, k, end,
-                    pz, py, px, dz, dy, dx, places, names, lengths,
-                )  # fmt: skip
-                for i in range(count):
-                    label = names[i]
-                    if label == previous or found == out.shape[0]:
-                        continue
-                    previous = label
-                    known = not visible[label]
-                    for j in range(found):
-                        known |= out[j, row, col] == label
-                    if not known:
-                        out[found, row, col] = label
-                        found += 1
+            free = k
+            az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
+            while k < end:
+                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                # Where all bricks around belong to one, its samples need no visit.
+                count, label = 1, -1
+                if skip and k >= free:
+                    b, r, c = z // BRICK, y // BRICK, x // BRICK
+                    d = distance[b, r, c]
+                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
+                    if d > 0:
+                        count, label = free - k, int(owners[b, r, c])
+                if label < 0:
+                    label = int(labels[z, y, x])
+                k += count
+                if label == previous:
+                    continue
+                previous = label
+                if not visible[label]:
+                    continue
+                known = False
+                for i in range(found):
+                    if out[i, row, col] == label:
+                        known = True
+                        break
+                if not known:
+                    out[found, row, col] = label
+                    found += 1
+                    if found == out.shape[0]:
+                        break

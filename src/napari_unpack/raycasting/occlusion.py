@@ -10,14 +10,17 @@ from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.raycasting.bricks import Bricks, strides
 from napari_unpack.raycasting.lattice import (
+    BRICK,
     TILE,
     band_of,
     clipping_planes,
+    leap,
+    per_voxel,
+    position,
     ray_numbers,
     ray_of,
     sample_range,
 )
-from napari_unpack.raycasting.runs import CHUNK, next_runs
 from napari_unpack.raycasting.threads import over_bands
 
 MOST_IN_TABLE = 4096
@@ -98,12 +101,10 @@ def _count(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
+    skip = distance.size > 0
     tabulate = blocks.size > 0
     stamps = np.full(visible.shape[0], -1, np.int64)
     seen = np.empty(visible.shape[0], np.int64)
-    flat = labels.reshape(-1)
-    places, names = np.zeros(CHUNK, np.int64), np.zeros(CHUNK, np.int64)
-    lengths = np.zeros(CHUNK, np.int64)
     height = last_row - first_row
     for tile in range(0, width, TILE):
         columns = min(TILE, width - tile)
@@ -116,35 +117,44 @@ def _count(  # type: ignore[no-untyped-def]
             current = 0
             blocked = False
             run = 0
+            free = k
+            az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             while k < end:
-                k, found = next_runs(
-                    flat, labels.shape, owners, distance, step, k, end,
-                    pz, py, px, dz, dy, dx, places, names, lengths,
-                )  # fmt: skip
-                for i in range(found):
-                    label, count = names[i], lengths[i]
-                    if label == current:
-                        run += count
-                        continue
-                    _flush(counts, current, run, met, seen, blocked)
-                    run = 0
-                    current = 0
-                    if not visible[label]:
-                        continue
-                    current = label
-                    run = count
-                    if stamps[label] != stamp:
-                        stamps[label] = stamp
-                        seen[met] = label
-                        met += 1
-                        counts[1, label] += 1
-                        if met > 1:
-                            counts[2, label] += 1
-                    blocked = met > 1
-                    if tabulate and blocked:
-                        for j in range(met):
-                            if seen[j] != label:
-                                blocks[slots[seen[j]], slots[label]] = True
+                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                # Where all bricks around belong to one, its samples need no visit.
+                count, label = 1, -1
+                if skip and k >= free:
+                    b, r, c = z // BRICK, y // BRICK, x // BRICK
+                    d = distance[b, r, c]
+                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
+                    if d > 0:
+                        count, label = free - k, int(owners[b, r, c])
+                if label < 0:
+                    label = int(labels[z, y, x])
+                k += count
+                if label == current:
+                    run += count
+                    continue
+                _flush(counts, current, run, met, seen, blocked)
+                run = 0
+                current = 0
+                if not visible[label]:
+                    continue
+                current = label
+                run = count
+                if stamps[label] != stamp:
+                    stamps[label] = stamp
+                    seen[met] = label
+                    met += 1
+                    counts[1, label] += 1
+                    if met > 1:
+                        counts[2, label] += 1
+                blocked = met > 1
+                if tabulate and blocked:
+                    for i in range(met):
+                        if seen[i] != label:
+                            blocks[slots[seen[i]], slots[label]] = True
             _flush(counts, current, run, met, seen, blocked)
 
 
