@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from napari_unpack.raycasting.bricks import Bricks
 from napari_unpack.raycasting.pulling import met_when_pulled, whole_shifts
 
 
@@ -35,6 +36,26 @@ def test_it_meets_whom_moved_masks_overlap(seed):
     ids, blocks = wanted(labels, direction, visible)
     np.testing.assert_array_equal(found[0], ids)
     np.testing.assert_array_equal(found[1], blocks)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bricks_save_looking_and_change_nothing(seed):
+    rng = np.random.default_rng(seed)
+    labels = np.zeros((40, 52, 61), np.uint16)
+    for label in range(1, 9):
+        low = rng.integers(0, 30, 3)
+        high = low + rng.integers(9, 30, 3)
+        labels[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = label
+    visible = np.ones(9, bool)
+    visible[[0, 5]] = False
+    direction = np.eye(3)[seed] * (-1) ** seed if seed < 3 else rng.normal(size=3)
+    plain = met_when_pulled(labels, (1, 1, 1), direction, visible)
+    found = met_when_pulled(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
+    assert plain[1].any()
+    np.testing.assert_array_equal(found[1], plain[1])
+    some = np.arange(9) % 2 == 0
+    part = met_when_pulled(labels, (1, 1, 1), direction, visible, pulled=some)
+    np.testing.assert_array_equal(part[1], plain[1] & some[plain[0]])
 
 
 def test_steps_of_two_surfaces_do_not_hold_what_slides_along_them():

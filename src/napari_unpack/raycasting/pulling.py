@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.raycasting.bricks import Bricks, strides
+from napari_unpack.raycasting.lattice import BRICK
 from napari_unpack.raycasting.threads import over_bands
 
 MOST_IN_TABLE = 4096
@@ -18,6 +20,8 @@ def met_when_pulled(
     spacing: ArrayLike,
     direction: ArrayLike,
     visible: NDArray[np.bool_],
+    bricks: Bricks | None = None,
+    pulled: NDArray[np.bool_] | None = None,
     threads: int | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
     """Find out who stands in whose way when objects are moved along D as they are.
@@ -32,6 +36,10 @@ def met_when_pulled(
         D in world, z y x; of any length.
     visible : (M,) ndarray of bool
         By ID, M above every label; `visible[0]` False. Hidden objects are as air.
+    bricks : Bricks, optional
+        Of these labels; saves looking at what is uniform, changes nothing.
+    pulled : (M,) ndarray of bool, optional
+        Which of the visible objects to pull; by default all. The columns of others stay empty.
     threads : int, optional
         Workers, by default one a core.
 
@@ -60,10 +68,16 @@ def met_when_pulled(
     shifts = whole_shifts(np.asarray(direction, float) / np.asarray(spacing, float), labels.shape)
     steps = np.unique(np.diff(shifts, axis=0, prepend=np.zeros((1, 3), np.int64)), axis=0)
     blocks = np.zeros((len(ids), len(ids)), np.bool_)
+    moving = visible if pulled is None else visible & pulled
+    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
+    if bricks is not None:
+        owners = bricks.owners(visible)
+        distance = strides(owners)
+    signs = np.sign(shifts[-1])
 
     def work(_: None, first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
-        _pull(labels, slots, shifts, steps, first, last, blocks)
+        _pull(labels, slots, moving, shifts, steps, signs, owners, distance, first, last, blocks)
 
     over_bands(labels.shape[0], work, lambda: None, threads)
     return ids, blocks
@@ -89,14 +103,17 @@ def whole_shifts(way: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np
 
 
 @njit(cache=True, nogil=True)
-def _pull(labels, slots, shifts, steps, first, last, blocks):  # type: ignore[no-untyped-def]
+def _pull(  # type: ignore[no-untyped-def]
+    labels, slots, moving, shifts, steps, signs, owners, distance, first, last, blocks
+):
     depth, height, width = labels.shape
+    skip = distance.size > 0
     for z in range(first, last):
         for y in range(height):
             for x in range(width):
                 label = labels[z, y, x]
                 mine = slots[label]
-                if mine < 0:
+                if mine < 0 or not moving[label]:
                     continue
                 outer = False
                 for k in range(steps.shape[0]):
@@ -108,12 +125,33 @@ def _pull(labels, slots, shifts, steps, first, last, blocks):  # type: ignore[no
                 if not outer:
                     continue
                 met = label
-                for k in range(shifts.shape[0]):
+                k = 0
+                while k < shifts.shape[0]:
                     a, b, c = z + shifts[k, 0], y + shifts[k, 1], x + shifts[k, 2]
                     if not (0 <= a < depth and 0 <= b < height and 0 <= c < width):
                         break
-                    there = labels[a, b, c]
+                    k += 1
+                    away = distance[a // BRICK, b // BRICK, c // BRICK] if skip else 0
+                    if away > 0:
+                        # No shift is more than a voxel beyond the one before it.
+                        there = owners[a // BRICK, b // BRICK, c // BRICK]
+                        k += _room(a, b, c, away, signs)
+                    else:
+                        there = labels[a, b, c]
                     if there != met:
                         met = there
                         if there != label and slots[there] >= 0:
                             blocks[slots[there], mine] = True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _room(z, y, x, away, signs):  # type: ignore[no-untyped-def]
+    """Return how many voxels one can go on and stay among bricks of one owner."""
+    room = 1 << 30
+    for axis, at in enumerate((z, y, x)):
+        brick = at // BRICK
+        if signs[axis] > 0:
+            room = min(room, (brick + away) * BRICK - 1 - at)
+        elif signs[axis] < 0:
+            room = min(room, at - (brick - away + 1) * BRICK)
+    return room

@@ -21,6 +21,9 @@ from napari_unpack.unpacking import Blocking, free_ids, ratios
 from napari_unpack.unpacking.groups import blocking_graph
 from napari_unpack.unpacking.occlusion import Rule
 
+SURELY_HELD = 0.35
+"""Share of an object's samples behind others above which it is held by more than corners."""
+
 MOST_RAYS = 2048
 """Most rays along one side of the picture that decides who is free."""
 
@@ -40,13 +43,13 @@ class Casters:
     ids : callable
         (camera, visible, size, layers) -> (layers, H, W) int32.
     pull : callable, optional
-        (direction, visible) -> (ids, blocks) by moving the voxels themselves, or None where
-        there are too many objects. Without it the table of the rays is all there is.
+        (direction, visible, pulled) -> (ids, blocks) by moving the voxels of `pulled` objects, or
+        None where there are too many objects. Without it the table of the rays is all there is.
     """
 
     occlusion: Callable[[Camera, Mask, Size], OcclusionCounts]
     ids: Callable[[Camera, Mask, Size, int], NDArray[np.int32]]
-    pull: Callable[[Vector, Mask], Table | None] | None = None
+    pull: Callable[[Vector, Mask, Mask], Table | None] | None = None
 
 
 def imaging_casters(
@@ -97,10 +100,10 @@ def imaging_casters(
             bricks=bricks(), clipping=clipping(), backend=backend(),
         )  # fmt: skip
 
-    def pull(direction: Vector, visible: Mask) -> Table | None:
+    def pull(direction: Vector, visible: Mask, pulled: Mask) -> Table | None:
         from napari_unpack.raycasting.pulling import met_when_pulled
 
-        return met_when_pulled(labels, spacing, direction, visible)
+        return met_when_pulled(labels, spacing, direction, visible, bricks(), pulled)
 
     return Casters(occlusion, ids, pull)
 
@@ -175,7 +178,8 @@ class OcclusionQuestion:
     cast : callable
         Returns the counts.
     pull : callable, optional
-        Returns who is met by whom when the voxels are moved; asked for the rule "exact" only.
+        Given which objects (by ID) to move, returns who is met by whom when their voxels are;
+        asked for the rule "exact" only.
     edition : int
         Of the labels.
     """
@@ -185,7 +189,7 @@ class OcclusionQuestion:
     rule: Rule
     tolerance: float
     cast: Callable[[], OcclusionCounts]
-    pull: Callable[[], Table | None] | None = None
+    pull: Callable[[Mask], Table | None] | None = None
     edition: int = 0
 
     def answer(self) -> OcclusionAnswer:
@@ -195,13 +199,14 @@ class OcclusionQuestion:
         -----
         Rays rank the objects and tell who is free within the tolerance. Who blocks whom is what
         the voxels themselves meet on their way, where that can be had: off the axes rays find
-        things that merely touch to be held by the corners of each other's voxels.
+        things that merely touch to be held by the corners of each other's voxels. What is held
+        by more than a few corners need not be moved: there the rays' table serves.
         """
         start = perf_counter()
         counts = self.cast()
         met = {int(i) for i in counts.ids}
         free = frozenset(free_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
-        table = self.pull() if self.pull is not None and self.rule == "exact" else None
+        table = self._table(counts)
         if table is None:
             blocking = Blocking.of(counts, self.rule, self.tolerance)
         else:
@@ -221,6 +226,21 @@ class OcclusionQuestion:
             (self.rule, self.tolerance),
             self.edition,
         )
+
+    def _table(self, counts: OcclusionCounts) -> Table | None:
+        """Return who blocks whom among the packed, by voxels where rays leave it open."""
+        if self.pull is None or self.rule != "exact" or counts.blocks is None:
+            return None
+        held = counts.exact_samples > SURELY_HELD * counts.samples
+        table = self.pull(~held)
+        if table is None:
+            return None
+        ids, blocks = table
+        # Every ID that a ray meets is among those pulled or held.
+        places = np.searchsorted(ids, counts.ids)
+        columns = held[counts.ids]
+        blocks[np.ix_(places, places[columns])] = counts.blocks[:, columns]
+        return ids, blocks
 
 
 def view_along(

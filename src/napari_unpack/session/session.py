@@ -249,7 +249,7 @@ class Session(SessionSteps):
             self.rule,
             self.tolerance,
             lambda: casters.occlusion(camera, visible, size),
-            None if pull is None else lambda: pull(direction, visible),
+            None if pull is None else lambda pulled: pull(direction, visible, pulled),
             self._edition,
         )
 
