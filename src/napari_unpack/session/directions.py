@@ -12,17 +12,14 @@ import numpy as np
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.session.asking import view_along
-from napari_unpack.session.checks import checked_ids
 from napari_unpack.session.criteria import SessionCriteria
 from napari_unpack.session.state import Situation
 from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.survey import (
     COMPASS,
     Outlook,
-    Unearthing,
     WayOut,
     best_way_out,
-    least_unearthing,
 )
 
 MOST_SURVEY_RAYS = 512
@@ -151,7 +148,7 @@ class SessionDirections(SessionCriteria):
         return self._known.difference(situation.out, situation.hidden, [situation.inspected])
 
     def survey_question(self) -> SurveyQuestion | None:
-        """Return the question `way_out` and `unearthing` rest on; None where it is answered.
+        """Return the question `way_out` and `reveal` rest on; None where it is answered.
 
         Its `answer()` may run on another thread; hand the result to `accept_survey`.
         """
@@ -196,28 +193,6 @@ class SessionDirections(SessionCriteria):
             return None
         packed = self._packed(self._situation)
         return best_way_out(survey.outlooks, packed, self.most_in_group, self.unpack_direction)
-
-    def unearthing(self, object_id: int) -> Unearthing:
-        """Return the smallest set of objects, and the direction of 26, that frees a buried one.
-
-        Casts rays where the survey is not known. Ties go to the direction nearest D.
-
-        Raises
-        ------
-        ValueError
-            If the object is not packed, or there are more than 4,096 objects.
-        """
-        (object_id,) = checked_ids(object_id, self._known, "object_id")
-        packed = self._packed(self._situation)
-        if object_id not in packed:
-            raise ValueError(f"object_id must be a packed object, got {object_id}")
-        survey = self._known_survey(ask=True)
-        if survey is None or not survey.outlooks:
-            raise ValueError(
-                "reveal needs the table of blockers, which exists up to 4,096 objects; got "
-                f"{len(packed)} packed objects: hide or unpack some first"
-            )
-        return least_unearthing(survey.outlooks, packed, object_id, self.unpack_direction)
 
     def _asked_so(self, survey: Survey) -> bool:
         return survey.tolerance == self.tolerance and survey.edition == self._edition

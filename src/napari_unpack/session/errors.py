@@ -13,6 +13,18 @@ class BlockedError(ValueError):
     """An object chosen to leave has others in front of it."""
 
 
+class NoTableError(ValueError):
+    """It is not known who blocks whom."""
+
+    @classmethod
+    def of(cls, packed: int) -> NoTableError:
+        """Say so of a bag with so many objects in it."""
+        return cls(
+            "reveal needs the table of blockers, which only the rule 'exact' has, and only up to "
+            f"4,096 objects; {packed} are packed: choose that rule, or hide or unpack some first"
+        )
+
+
 def listed(names: Iterable[str]) -> str:
     """Join names for a sentence, three and a number where they are many."""
     found = list(names)

@@ -9,9 +9,9 @@ import numpy as np
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
+from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.checks import checked_count, checked_ids
-from napari_unpack.session.errors import BlockedError, NobodyFreeError, listed
+from napari_unpack.session.errors import BlockedError, NobodyFreeError, NoTableError, listed
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
 from napari_unpack.session.steps import SessionSteps
@@ -32,7 +32,6 @@ class Session(SessionSteps):
     """
 
     _credited: OcclusionAnswer | None = None
-    _other_answer: OcclusionAnswer | None = None
 
     @property
     def queue(self) -> Queue:
@@ -125,11 +124,8 @@ class Session(SessionSteps):
         ValueError
             If the object is not packed, or there is no table of blockers.
         """
-        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        object_id, packed = self._buried(object_id)
         situation = replace(self._situation, inspected=None)
-        packed = self._packed(situation)
-        if object_id not in packed:
-            raise ValueError(f"object_id must be a packed object, got {object_id}")
         if direction is None:
             along = self.unpack_direction
         elif isinstance(direction, str):
@@ -138,10 +134,7 @@ class Session(SessionSteps):
             along = named(tuple(direction))
         answer = self.answer_along(along)
         if answer.blocking is None:
-            raise ValueError(
-                "reveal needs the table of blockers, which only the rule 'exact' has, and only up "
-                f"to 4,096 objects; got the rule {self.rule!r} and {len(packed)} packed objects"
-            )
+            raise NoTableError.of(len(packed))
         graph = answer.blocking.among(packed)
         left: list[int] = []
         for group in graph.departures(graph.needed(object_id)):
@@ -149,20 +142,6 @@ class Session(SessionSteps):
             left.extend(group)
         self._do("reveal", situation)
         return tuple(left)
-
-    def answer_along(self, direction: Vector) -> OcclusionAnswer:
-        """Return who is free, and who blocks whom, along any direction; kept for the last asked.
-
-        With the direction the session has, this is the answer its queue goes by.
-        """
-        packed = self._packed(self._situation)
-        if np.allclose(direction, self.unpack_direction, rtol=0, atol=1e-6):
-            return self._known_answer(packed)
-        known = self._other_answer
-        fits = known is not None and known.criterion == self.criterion
-        if known is None or not (fits and known.serves(direction, packed)):
-            known = self._other_answer = self._question(packed, direction).answer()
-        return known
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Put objects back into the bag, at the head of the queue.
@@ -237,36 +216,10 @@ class Session(SessionSteps):
         out = {**self._situation.out, object_id: berth}
         self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
 
-    def _question(self, packed: frozenset[int], direction: Vector) -> OcclusionQuestion:
-        pitch = float(self.spacing.min())
-        lower, upper = self.bag.lower, self.bag.upper
-        camera, size = view_along(direction, lower, upper, pitch, self._camera)
-        visible, casters = self._table(packed), self.casters
-        pull = casters.pull
-        return OcclusionQuestion(
-            direction,
-            packed,
-            self.rule,
-            self.tolerance,
-            lambda: casters.occlusion(camera, visible, size),
-            None if pull is None else lambda pulled: pull(direction, visible, pulled),
-            self._edition,
-        )
-
     def _forget_answers(self) -> None:
         super()._forget_answers()
         self._answer = self._other_answer = self._credited = self._survey = None
         self.__dict__.pop("bag_up", None)
-
-    def _known_answer(self, packed: frozenset[int], afresh: bool = False) -> OcclusionAnswer:
-        direction, known = self.unpack_direction, self._answer
-        if (
-            known is None
-            or not known.serves(direction, packed)
-            or (afresh and known.packed != packed)
-        ):
-            known = self._answer = self._question(packed, direction).answer()
-        return known
 
     def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
         """Return the queue, filled where it was dry or for another D, and the answer used."""

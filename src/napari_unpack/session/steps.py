@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from napari_unpack.session.directions import SessionDirections
 from napari_unpack.session.errors import NobodyFreeError
+from napari_unpack.session.inquiry import SessionInquiry
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Situation
 
 Group = tuple[int, ...]
 
 
-class SessionSteps(SessionDirections):
+class SessionSteps(SessionInquiry):
     """The departures so far, and the way to any of them."""
 
     @property
