@@ -41,6 +41,7 @@ class Director:
         self._has_sprite, self._is_repacked = has_sprite, is_repacked
         self._landed: dict[int, Pose | None] = {}
         self.turning: dict[int, Pose] = {}
+        self.carried: dict[int, Pose] = {}
         self.inspection: Inspection | None = None
 
     @property

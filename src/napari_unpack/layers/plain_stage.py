@@ -130,6 +130,10 @@ class PlainStage:
         """Put the latest back, or these; see `Session.restore`."""
         return self.session.restore(n_or_ids)
 
+    def reveal(self, object_id: int, direction: Any = None) -> Any:
+        """Take out what frees a buried object, and it as well; see `Session.reveal`."""
+        return self.session.reveal(object_id, direction)
+
     def inspect(self, object_id: int) -> None:
         """Select an object, which is all that can be shown of it here."""
         self.session.select([object_id])

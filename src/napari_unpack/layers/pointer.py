@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -22,6 +24,10 @@ class Scene(Protocol):
     @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
+
+    @property
+    def drawing(self) -> bool:
+        """Whether a drag draws the direction in which objects leave."""
 
     def sprite_at(self, pixel: NDArray[np.float64]) -> int:
         """Return the object whose sprite is there, 0 for none."""
@@ -46,6 +52,18 @@ class Scene(Protocol):
 
     def turned(self, object_id: int) -> None:
         """Let go of an object that was turned."""
+
+    def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
+        """Carry a sprite along with the hand."""
+
+    def moved(self, object_id: int) -> None:
+        """Let go of a sprite that was carried."""
+
+    def draw(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> None:
+        """Show an arrow under the hand."""
+
+    def drawn(self, start: NDArray[np.float64], end: NDArray[np.float64], out: bool) -> None:
+        """Let objects leave along an arrow that was drawn."""
 
 
 class Pointer:
@@ -110,31 +128,44 @@ class Pointer:
     def _drag(self, _viewer: Any, event: Any) -> Generator[None, None, None]:
         if not self._in_3d() or event.button != 1:
             return
-        start = last = _pixel(event)
+        modifiers = _modifiers(event)
+        start = _pixel(event)
         held = self._scene.inspected or self._scene.sprite_at(start)
-        modifiers = {str(m) for m in getattr(event, "modifiers", ())}
-        hold = bool(held) and not modifiers
-        camera = self._viewer.scene.camera
-        before = bool(camera.mouse_pan)
-        if hold:
-            camera.mouse_pan = False
-        moved = False
-        try:
+        if self._scene.drawing:
+            grip: Grip | None = _Pencil(self._scene, start, "Shift" in modifiers)
+        elif held and not modifiers:
+            grip = _Turn(self._scene, held)
+        elif held and modifiers == {"Shift"} and not self._scene.inspected:
+            grip = _Carry(self._scene, held)
+        else:
+            grip = None
+        last, moved = start, False
+        with self._held_off(grip is not None):
             yield
             while event.type == "mouse_move":
                 pixel = _pixel(event)
                 moved = moved or float(np.abs(pixel - start).max()) > CLICK_PIXELS
-                if hold and moved:
-                    self._scene.turn(held, drag_rotation(pixel - last))
+                if grip is not None and moved:
+                    grip.drag(last, pixel)
                     last = pixel
                 yield
-        finally:
-            if hold:
-                camera.mouse_pan = before
-        if hold and moved:
-            self._scene.turned(held)
+        if grip is not None and (moved or self._scene.drawing):
+            grip.release()
         elif not moved and not self._scene.inspected:
             self._click(start, "Alt" in modifiers)
+
+    @contextmanager
+    def _held_off(self, held: bool) -> Generator[None, None, None]:
+        """Keep the viewer from turning and panning the bag meanwhile."""
+        camera = self._viewer.scene.camera
+        before = bool(camera.mouse_pan)
+        if held:
+            camera.mouse_pan = False
+        try:
+            yield
+        finally:
+            if held:
+                camera.mouse_pan = before
 
     def _click(self, pixel: NDArray[np.float64], deeper: bool) -> None:
         sprite = self._scene.sprite_at(pixel)
@@ -144,6 +175,52 @@ class Pointer:
         there = self._scene.packed_at(pixel)
         which = 1 if deeper and len(there) > 1 else 0
         self._scene.select(there[which] if there else 0)
+
+
+class Grip(Protocol):
+    """What a drag does."""
+
+    def drag(self, last: NDArray[np.float64], pixel: NDArray[np.float64]) -> None:
+        """Follow the mouse from one pixel to the next."""
+
+    def release(self) -> None:
+        """Let go."""
+
+
+@dataclass
+class _Turn:
+    scene: Scene
+    held: int
+
+    def drag(self, last: NDArray[np.float64], pixel: NDArray[np.float64]) -> None:
+        self.scene.turn(self.held, drag_rotation(pixel - last))
+
+    def release(self) -> None:
+        self.scene.turned(self.held)
+
+
+@dataclass
+class _Carry:
+    scene: Scene
+    held: int
+
+    def drag(self, last: NDArray[np.float64], pixel: NDArray[np.float64]) -> None:
+        self.scene.move(self.held, pixel - last)
+
+    def release(self) -> None:
+        self.scene.moved(self.held)
+
+
+class _Pencil:
+    def __init__(self, scene: Scene, start: NDArray[np.float64], out: bool) -> None:
+        self.scene, self.start, self.end, self.out = scene, start, start, out
+
+    def drag(self, _last: NDArray[np.float64], pixel: NDArray[np.float64]) -> None:
+        self.end = pixel
+        self.scene.draw(self.start, pixel)
+
+    def release(self) -> None:
+        self.scene.drawn(self.start, self.end, self.out)
 
 
 def drag_rotation(pixels: NDArray[np.float64]) -> Matrix:
@@ -166,3 +243,8 @@ def drag_rotation(pixels: NDArray[np.float64]) -> Matrix:
 def _pixel(event: Any) -> NDArray[np.float64]:
     x, y = event.pos[:2]
     return np.array([float(y), float(x)])
+
+
+def _modifiers(event: Any) -> set[str]:
+    """Return the names of the keys held; vispy hands out `Key` objects, napari's tests words."""
+    return {str(getattr(key, "name", key)) for key in getattr(event, "modifiers", ())}

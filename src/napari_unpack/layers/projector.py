@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.axes import Matrix
@@ -190,6 +191,36 @@ class Projector:
             self._place(object_id, pose)
         self._clock.start()
 
+    def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
+        """Carry a sprite by some pixels of the frame; its picture stays."""
+        pose = self._director.carried.get(object_id) or self.session.poses.get(object_id)
+        if self.frame is None or pose is None:
+            return
+        camera = self.frame.camera
+        mm = camera.height / self.frame.size[0] * (1.0 - pose.center[0] / camera.distance)
+        center = pose.center + mm * np.array([0.0, *pixels])
+        self._director.carried[object_id] = replace(pose, center=center)
+        self._show_sprites()
+
+    def moved(self, object_id: int) -> None:
+        """Let go of a sprite that was carried."""
+        pose = self._director.carried.pop(object_id, None)
+        if pose is not None and object_id in self.session.poses:
+            self.session.place(object_id, pose)
+
+    def depth(self) -> NDArray[np.float32]:
+        """Return the depths of the packed picture, (H, W) t in mm; +inf where none is known."""
+        shape = (1, 1) if self.frame is None else self.frame.size
+        depth = np.full(shape, np.inf, np.float32)
+        shot = self.packed.shot
+        if isinstance(shot, Shot) and shot.size == shape:
+            patch = shot.patch
+            low = max(patch.row, 0), max(patch.col, 0)
+            part = patch.depth[low[0] - patch.row :, low[1] - patch.col :]
+            view = depth[low[0] :, low[1] :][: part.shape[0], : part.shape[1]]
+            view[:] = part[: view.shape[0], : view.shape[1]]
+        return depth
+
     def sprite_at(self, row: float, col: float) -> int:
         """Return the object whose sprite is at a pixel of the frame, 0 for none."""
         if self.frame is None or not self.sprites.visible:
@@ -280,6 +311,7 @@ class Projector:
             return
         hidden = {i for i, s in session.states.items() if s.name == "HIDDEN"}
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
+        poses |= {i: pose for i, pose in self._director.carried.items() if i in poses}
         waiting = frozenset(poses)
         for object_id, flight in session.flights.items():
             poses.setdefault(object_id, flight.target)

@@ -7,16 +7,16 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
-from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers import compat
 from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.backdrop import dress
 from napari_unpack.layers.cutting import Cutting
 from napari_unpack.layers.guest import Borrowed
+from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.pointer import Pointer
@@ -25,7 +25,6 @@ from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.studio import BACKENDS
-from napari_unpack.layers.tables import describe
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame, napari_view
 from napari_unpack.layers.warming import Warming
@@ -34,7 +33,7 @@ RIGHT_HANDED = ("towards", "down", "right")
 LANES = ("quick", "fine", "rest")
 
 
-class Stage:
+class Stage(Hands):
     """A session on a viewer.
 
     Parameters
@@ -81,6 +80,8 @@ class Stage:
             self.events.message.emit,
         )
         self.fade = self._projector.bag.fade
+        self.overlays = Overlays(session, self._jobs, self.transition.repaint)
+        self.transition.overlays = self.overlays.cards_at
         warming = Warming(session, self._jobs)
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, warming.ask)
         self._pointer: Pointer | None = None
@@ -105,11 +106,6 @@ class Stage:
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
         return self._projector.inspected
-
-    @property
-    def frame(self) -> Frame | None:
-        """What the canvas showed last."""
-        return self._projector.frame
 
     @property
     def packed_passes(self) -> int:
@@ -185,6 +181,7 @@ class Stage:
         self._slices.close()
         self._projector.end_inspection()
         self._projector.close()
+        self.overlays.close()
         self._at_rest.close()
         self._jobs.close()
         self.session.animated, self.session.backend = self._before
@@ -217,6 +214,11 @@ class Stage:
         """Land every flight now."""
         for object_id in list(self.session.flights):
             self._projector.land(object_id)
+
+    def reveal(self, object_id: int, direction: Any = None) -> Any:
+        """Fly out what frees a buried object, and it as well; see `Session.reveal`."""
+        self._projector.end_inspection()
+        return self.session.reveal(object_id, direction)
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
@@ -281,39 +283,6 @@ class Stage:
                     return True
         return False
 
-    # What the pointer asks for.
-
-    def sprite_at(self, pixel: NDArray[np.float64]) -> int:
-        """Return the object whose sprite is at a pixel of the canvas (row, column), or 0."""
-        return self._projector.sprite_at(*self._device(pixel))
-
-    def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
-        """Return the packed objects at a pixel of the canvas, the most visible first."""
-        return self._projector.packed_at(*self._device(pixel))
-
-    def point_at(self, object_id: int) -> None:
-        """Show which object the mouse is on, 0 for none."""
-        if object_id == self._pointed:
-            return
-        self._pointed = object_id
-        words = describe(self.session, object_id) if object_id else ""
-        for layer in self.layers:
-            layer.words = words
-        self.viewer.status = words or "Ready"
-        self._mark()
-
-    def select(self, object_id: int) -> None:
-        """Select an object, 0 for none."""
-        self.session.select([object_id] if object_id else [])
-
-    def turn(self, object_id: int, rotation: Matrix) -> None:
-        """Turn an object under the hand."""
-        self._projector.turn(object_id, rotation)
-
-    def turned(self, object_id: int) -> None:
-        """Let go of an object that was turned."""
-        self._projector.turned(object_id)
-
     # Wiring.
 
     def _connect(self) -> None:
@@ -344,6 +313,7 @@ class Stage:
             (events.transfer_function, self._on_densities),
             (events.selected, self._mark),
             (events.surroundings, self._on_surroundings),
+            (events.queue, self._on_queue),
         ]
 
     def _on_frame(self, frame: Frame) -> None:
@@ -351,6 +321,7 @@ class Stage:
             self.session.canvas_size = frame.size
             self.session.look(frame.camera)
             self._projector.look(frame)
+            self.overlays.look(frame)
             self._at_rest.moved()
 
     def _on_other_frame(self, frame: Frame) -> None:
@@ -360,6 +331,7 @@ class Stage:
 
     def _on_states(self) -> None:
         self._projector.states_changed()
+        self.overlays.states_changed()
         self._at_rest.moved()
 
     def _on_hues(self) -> None:
@@ -373,23 +345,20 @@ class Stage:
         dress(self.viewer, self.session.surroundings)
         self._projector.surroundings_changed()
 
+    def _on_queue(self) -> None:
+        queue = self.session.queue
+        self.overlays.free(() if queue.least_occluded else queue.groups)
+
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:
             self.close()
 
     def _mark(self) -> None:
         mark(self.sprites, self.session.selected, self._pointed)
-
-    def _device(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
-        """Return the frame's pixel (row, column) of one of the canvas."""
-        height, width = self.viewer.canvas.size
-        rows, cols = (height, width) if self.frame is None else self.frame.size
-        return (
-            float((pixel[0] + 0.5) * rows / height - 0.5),
-            float((pixel[1] + 0.5) * cols / width - 0.5),
-        )
+        self.overlays.renew()
 
     def _settled(self) -> bool:
         # What is asked at rest waits until everybody has landed.
         resting = self._at_rest.waiting and not self.flying
-        return not (self._jobs.busy or resting) and self._projector.settled
+        drawn = self._projector.settled and self.overlays.settled
+        return drawn and not (self._jobs.busy or resting)

@@ -9,10 +9,12 @@ class StageEvents(SignalGroup):
     """What a stage tells.
 
     frame: a picture of moving objects was shown. landed: a flight has ended, its object's ID.
-    message: a sentence for the user. closed: the stage is off.
+    message: a sentence for the user. closed: the stage is off. drawn: a direction was drawn, or
+    that was called off.
     """
 
     frame = Signal()
     landed = Signal(int)
     message = Signal(str)
     closed = Signal()
+    drawn = Signal()

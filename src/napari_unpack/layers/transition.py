@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from napari_unpack.layers.cards_adapter import CardsAdapter
 from napari_unpack.layers.compat import PictureLayer, register
@@ -23,6 +23,7 @@ class TransitionLayer(PictureLayer):
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._shots: dict[int, Shot | LiveShot] = {}
+        self.overlays: Callable[[Frame], Sequence[Card]] | None = None
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
@@ -39,10 +40,11 @@ class TransitionLayer(PictureLayer):
         self.repaint()
 
     def cards_at(self, frame: Frame) -> Sequence[Card]:
-        """Return a card for each object in the air."""
+        """Return a card for each object in the air, over what is drawn upon the bag."""
         super().cards_at(frame)
+        under = () if self.overlays is None else self.overlays(frame)
         cards = (shot.card(frame.camera) for shot in self._shots.values())
-        return [card for card in cards if card is not None]
+        return [*under, *(card for card in cards if card is not None)]
 
 
 register(

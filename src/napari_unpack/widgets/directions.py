@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
+ALONG_ARROW = "Along the arrow"
 DIRECTIONS: dict[str, Direction] = {
     TOWARDS_ME: None,
     "Out of the bag": "up",
@@ -17,6 +22,18 @@ DIRECTIONS: dict[str, Direction] = {
 """As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up."""
 
 
+WAYS = (("to the front", "to the back"), ("down", "up"), ("to the right", "to the left"))
+"""Of the axes z, y, x, towards larger and smaller coordinates."""
+
+
 def name_of(direction: Direction) -> str | None:
     """Return the name of a direction, or None where it has none."""
     return next((name for name, each in DIRECTIONS.items() if each == direction), None)
+
+
+def words_of(direction: Sequence[float]) -> str:
+    """Say a vector in words, its largest part first: "up", "to the left and up"."""
+    vector = np.asarray(direction, dtype=float)
+    parts = [k for k in np.argsort(-np.abs(vector), kind="stable") if abs(vector[k]) > 0.25]
+    words = [WAYS[k][int(vector[k] < 0)] for k in parts]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

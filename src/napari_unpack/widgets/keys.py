@@ -5,13 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
 
-HELP = " · ".join(
-    words.replace(" ", "\u00a0")
-    for words in ("N next", "B back", "I inspect", "H hide", "C recolour", "Ctrl+Z undo")
+KEYS = (
+    ("N", "next"),
+    ("B", "back"),
+    ("I", "inspect"),
+    ("R", "reveal"),
+    ("H", "hide"),
+    ("C", "recolour"),
+    ("Ctrl+Z", "undo"),
+    ("Ctrl+Shift+Z", "redo"),
+    ("Esc", "leave"),
 )
-"""The keys in one line that breaks between them only."""
+MOUSE = (
+    ("Drag", "turns the bag; on a sprite, that object"),
+    ("Shift+drag", "on a sprite moves it"),
+    ("Double click", "on a sprite studies it alone"),
+    ("Click", "selects; with Alt, what is behind"),
+    ("Wheel", "zooms everything"),
+)
+
+
+def help_text() -> str:
+    """Return keys and mouse as rich text: the keys in lines that break between them only."""
+    keys = " · ".join(f"<b>{key}</b>\u00a0{what}" for key, what in KEYS)
+    mouse = "".join(f"<br><b>{how}</b> {what}" for how, what in MOUSE)
+    return keys + mouse
 
 
 class Keys:
@@ -20,10 +41,14 @@ class Keys:
     Parameters
     ----------
     workbench : Workbench
+    reveal : callable
+        Asks what frees the selected object.
+    ways : Ways
+        Whose answer Escape puts away.
     """
 
-    def __init__(self, workbench: Workbench) -> None:
-        self._bench = workbench
+    def __init__(self, workbench: Workbench, reveal: Callable[[], None], ways: Ways) -> None:
+        self._bench, self._ways = workbench, ways
         self._bound: list[tuple[Any, str, Any]] = []
         self._on_stage: list[tuple[Any, str, Any]] = []
         self._actions: dict[str, Callable[[], None]] = {
@@ -31,6 +56,7 @@ class Keys:
             "B": workbench.restore,
             "I": self._inspect,
             "H": self._hide,
+            "R": reveal,
             "C": workbench.recolor,
             "Control-Z": workbench.undo,
             "Control-Shift-Z": workbench.redo,
@@ -85,8 +111,14 @@ class Keys:
 
     def _escape(self) -> None:
         session = self._bench.session
-        if any(state.name == "INSPECTED" for state in session.states.values()):
+        stage = self._bench.stage
+        if getattr(stage, "drawing", False):
+            stage.drawing = False
+            stage.events.drawn.emit()
+        elif any(state.name == "INSPECTED" for state in session.states.values()):
             self._bench.leave()
+        else:
+            self._ways.forget()
 
 
 def _ignoring_its_owner(act: Callable[[], None]) -> Callable[[Any], None]:

@@ -32,6 +32,15 @@ STATE_WORDS = {
 }
 
 
+FREE, TOGETHER, FIRST = "free", "group", "first"
+MARKS = {
+    FREE: "Nothing blocks this object: it can be unpacked now.",
+    TOGETHER: "Free together with those that hold it: they leave as one.",
+    FIRST: "Must leave before the object that is to be revealed.",
+}
+"""What may be said of a packed object, and what it means."""
+
+
 class Column(IntEnum):
     """The columns, left to right."""
 
@@ -77,11 +86,11 @@ class _Live:
     state: str
     hue: float | None
     color: Rgb
-    free: bool
+    mark: str
 
     @property
     def words(self) -> str:
-        return "free" if self.free and self.state == "PACKED" else STATE_WORDS[self.state]
+        return self.mark if self.mark and self.state == "PACKED" else STATE_WORDS[self.state]
 
 
 class ObjectModel(QAbstractTableModel):
@@ -95,6 +104,7 @@ class ObjectModel(QAbstractTableModel):
         self._live: list[_Live] = []
         self._tiny = False
         self._free: frozenset[int] = frozenset()
+        self._first: frozenset[int] = frozenset()
 
     def load(self, session: Any) -> None:
         """Show the objects of a session, or nothing for None.
@@ -107,28 +117,34 @@ class ObjectModel(QAbstractTableModel):
         self._session = session
         self._facts = [] if session is None else _facts_of(session)
         self._rows = {facts.id: row for row, facts in enumerate(self._facts)}
-        self._free = frozenset()
+        self._free = self._first = frozenset()
         self._live = self._look()
         self._tiny = bool(self._facts) and max(f.volume for f in self._facts) < 1.0
         self.endResetModel()
 
-    def refresh(self, free: Iterable[int] | None = None) -> None:
+    def refresh(
+        self, free: Iterable[int] | None = None, first: Iterable[int] | None = None
+    ) -> None:
         """Read states, hues and names anew; tell the view of the rows that changed only.
 
         Parameters
         ----------
         free : iterable of int, optional
             The objects that nothing blocks now, where that is known.
+        first : iterable of int, optional
+            Those that must leave before the one to be revealed.
         """
         if free is not None:
             self._free = frozenset(free)
+        if first is not None:
+            self._first = frozenset(first)
         before, self._live = self._live, self._look()
         columns = {"color": (Column.SWATCH, Column.SWATCH), "rest": (Column.EYE, Column.STATE)}
         for row, (old, new) in enumerate(zip(before, self._live, strict=True)):
             if old != new:
-                only_color = (old.state, old.name, old.free) == (new.state, new.name, new.free)
-                first, last = columns["color" if only_color else "rest"]
-                self.dataChanged.emit(self.index(row, first), self.index(row, last))
+                only_color = (old.state, old.name, old.mark) == (new.state, new.name, new.mark)
+                left, right = columns["color" if only_color else "rest"]
+                self.dataChanged.emit(self.index(row, left), self.index(row, right))
 
     def _look(self) -> list[_Live]:
         if self._session is None:
@@ -136,13 +152,23 @@ class ObjectModel(QAbstractTableModel):
         states, hues = self._session.states, self._session.hues
         names = self._session.objects["name"].to_dict()
         colors = _colors(hues, self._session.tint_mode)
+        groups = self._session.queue.groups
+        together = {i for group in groups if len(group) > 1 for i in group}
+
+        def mark(object_id: int) -> str:
+            if object_id in self._first:
+                return FIRST
+            if object_id not in self._free:
+                return ""
+            return TOGETHER if object_id in together else FREE
+
         return [
             _Live(
                 str(names[f.id]),
                 str(states[f.id].name),
                 float(hues[f.id]) % 1.0 if f.id in hues else None,
                 colors.get(f.id, _NO_COLOR),
-                f.id in self._free,
+                mark(f.id),
             )
             for f in self._facts
         ]
@@ -202,7 +228,7 @@ class ObjectModel(QAbstractTableModel):
             if column == Column.VOLUME:
                 return _amount(facts.volume * (1000 if self._tiny else 1))
             return _text(facts, live, column)
-        if role == Qt.ItemDataRole.FontRole and column == Column.STATE and live.words == "free":
+        if role == Qt.ItemDataRole.FontRole and column == Column.STATE and live.words in MARKS:
             return _bold()
         if role == SORT:
             return _sort_key(facts, live, column)
@@ -279,7 +305,7 @@ def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
 
 
 def _tip(facts: _Facts, live: _Live, column: Column) -> str:
-    if column == Column.STATE and live.words == "free":
+    if column == Column.STATE and live.words in MARKS:
         return "Nothing blocks this object: it can be unpacked now."
     if column in (Column.EYE, Column.SWATCH):
         return TITLES[column][1]

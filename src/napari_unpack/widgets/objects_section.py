@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
 from napari_unpack.widgets.section import Section, button, row
+from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
 
 _SHOWN: dict[str, frozenset[str] | None] = {
@@ -26,11 +27,13 @@ class ObjectsSection(Section):
     Parameters
     ----------
     workbench : Workbench
+    ways : Ways
+        Knows how buried objects are freed.
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workbench: Workbench, ways: Ways) -> None:
         super().__init__("4", "Objects")
-        self._bench = workbench
+        self._bench, self._ways = workbench, ways
         self.model = ObjectModel(self)
         self.table = ObjectTable(self.model)
         self.search = QLineEdit()
@@ -60,6 +63,7 @@ class ObjectsSection(Section):
         self.table.ids_selected.connect(self._bench.select)
         self.table.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         self.table.customContextMenuRequested.connect(self._open_menu)
+        ways.found.connect(lambda one: self.model.refresh(first=(one and one.first) or ()))
         workbench.staged.connect(self._reload)
         workbench.changed.connect(self._refresh)
         self._reload()
@@ -130,12 +134,13 @@ class ObjectsSection(Section):
         ids = self._chosen()
         if not ids:
             return None
-        bench = self._bench
+        bench, ways = self._bench, self._ways
         states = {bench.session.states[i].name for i in ids}
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         entries = (
             ("Unpack", lambda: bench.unpack(ids), "PACKED" in states),
+            ("Reveal…", lambda: ways.reveal(ids[0]), len(ids) == 1 and "PACKED" in states),
             ("Restore", lambda: bench.restore(ids), "UNPACKED" in states),
             ("Inspect", lambda: bench.inspect(ids[0]), len(ids) == 1 and "HIDDEN" not in states),
             (None, None, False),

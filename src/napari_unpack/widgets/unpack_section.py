@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
-from napari_unpack.widgets.directions import DIRECTIONS, name_of
-from napari_unpack.widgets.notices import spoken
+from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
+from napari_unpack.widgets.notices import inform, spoken
+from napari_unpack.widgets.reveal_box import RevealBox
 from napari_unpack.widgets.section import Disclosure, Section, button, form, label, row
 from napari_unpack.widgets.settings import BACKENDS
+from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
+
+PERSPECTIVE = 20.0
+"""Vertical field of view of a gentle perspective, degrees."""
 
 _FLYING = ("FLYING_OUT", "FLYING_BACK")
 
@@ -20,15 +27,24 @@ class UnpackSection(Section):
     Parameters
     ----------
     workbench : Workbench
+    ways : Ways
+        Knows of other directions.
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workbench: Workbench, ways: Ways) -> None:
         super().__init__("3", "Unpack")
-        self._bench = workbench
+        self._bench, self._ways = workbench, ways
         self._free: frozenset[int] | None = None
+        self._best: Any = None
         self.direction = QComboBox()
         self.direction.addItems(list(DIRECTIONS))
         self.direction.setToolTip("Where objects leave to; by default straight towards you.")
+        self.draw = button(
+            "Draw…",
+            "Drag an arrow in the picture: objects leave along it. With "
+            "Shift, press on a surface: they leave straight out of it.",
+        )
+        self.draw.setCheckable(True)
         self.next = button("Unpack next", "Fly one object out that nothing blocks (N).", True)
         self.back = button("Restore last", "Fly the last object back the way it came (B).")
         self.count = QSpinBox()
@@ -37,24 +53,38 @@ class UnpackSection(Section):
         self.count.setToolTip("How many objects Unpack several takes out.")
         self.several = button("Unpack 5", "Fly several objects out, one after another.")
         self.all_back = button("Restore all", "Fly everything back into the bag.")
+        self.chosen = button("Selected", "Fly the selected objects out, with who blocks them not.")
+        self.all_free = button("All free", "Fly out everything that nothing blocks now.")
         self.inspect = button("Inspect", "Study one object alone: the selected, or the last (I).")
         self.news = label("", "hint", wrap=True)
         self.force = button(
             "Take the least blocked", "Fly out the object of which the least is blocked."
         )
+        self.way = button("", "Let objects leave along the direction that frees the most.")
+        self.box = RevealBox(ways)
         self._arrange()
         self._connect()
         self._reload()
 
     def _arrange(self) -> None:
-        self.contents.addLayout(form(Leave=self.direction))
+        leave = form(Leave=self.direction)
+        aim = row()
+        aim.addLayout(leave, stretch=1)
+        aim.addWidget(self.draw)
+        self.contents.addLayout(aim)
         line = row(self.back, self.inspect)
         line.insertWidget(0, self.next, stretch=2)
         self.contents.addLayout(line)
         self.contents.addLayout(row(self.count, self.several, self.all_back))
+        self.reveal = button(
+            "Reveal…", "See what must leave first for the selected object, and along which way (R)."
+        )
+        self.contents.addLayout(row(self.chosen, self.all_free, self.reveal))
+        self.contents.addWidget(self.box)
         self.contents.addWidget(self.news)
-        self.force.hide()
-        self.contents.addWidget(self.force)
+        for extra in (self.way, self.force):
+            extra.hide()
+            self.contents.addWidget(extra)
 
         more = Disclosure(
             "Speed, drawing, rules", "How fast objects fly, what draws them, and who may leave."
@@ -71,8 +101,16 @@ class UnpackSection(Section):
             "When nothing is free along the direction, Unpack next takes the object that is "
             "blocked least; otherwise it tells you."
         )
+        self.marked = QCheckBox("Outline what is free")
+        self.marked.setChecked(True)
+        self.marked.setToolTip(
+            "Outline in the picture who can leave now; in yellow, who leaves together."
+        )
+        self.deep = QCheckBox("Gentle perspective")
+        self.deep.setToolTip("Let what is nearer look larger, so that flights come towards you.")
         more.contents.addLayout(form(Speed=self.speed, Draw_with=self.backend))
-        more.contents.addWidget(self.least)
+        for check in (self.least, self.marked, self.deep):
+            more.contents.addWidget(check)
         self.contents.addWidget(more)
 
     def _connect(self) -> None:
@@ -88,6 +126,16 @@ class UnpackSection(Section):
         self.speed.valueChanged.connect(self._set_speed)
         self.backend.currentTextChanged.connect(self._set_backend)
         self.least.toggled.connect(self._set_policy)
+        self.marked.toggled.connect(self._set_marks)
+        self.deep.toggled.connect(self._set_perspective)
+        self.draw.toggled.connect(self._set_drawing)
+        self.chosen.clicked.connect(bench.unpack_selected)
+        self.all_free.clicked.connect(bench.unpack_free)
+        self.reveal.clicked.connect(self.reveal_selected)
+        self.way.clicked.connect(self._use_way)
+        self._ways.best.connect(self._tell_way)
+        self._ways.found.connect(lambda one: self.box.show_found(one, bench.session))
+        self._ways.busy.connect(self._tell_busy)
         bench.staged.connect(self._reload)
         bench.changed.connect(lambda _: self._refresh())
 
@@ -102,23 +150,79 @@ class UnpackSection(Section):
             self.backend.setCurrentText(
                 next((k for k, v in BACKENDS.items() if v == stage.backend), "Best available")
             )
-            self.direction.setCurrentText(
-                name_of(stage.session.direction) or self.direction.currentText()
-            )
+            self._show_direction()
             self.least.setChecked(bool(stage.session.take_least_occluded))
             for widget, was in zip(widgets, blocked, strict=True):
                 widget.blockSignals(was)
+            self._set_marks(self.marked.isChecked())
+            self.deep.blockSignals(True)
+            self.deep.setChecked(self._bench.viewer.scene.camera.perspective > 0)
+            self.deep.blockSignals(False)
+            stage.events.drawn.connect(lambda: self.draw.setChecked(False))
+        self.draw.setEnabled(hasattr(stage, "drawing"))
         self._refresh()
 
     def tell_free(self, ids: frozenset[int] | None) -> None:
         """Say how many objects are free now; None while that is unknown."""
         self._free = ids
+        self._best = None
+        self._refresh()
+        if ids == frozenset() and not self._ways.running:
+            self._ways.look()
+
+    def reveal_selected(self) -> None:
+        """Find out what frees the selected object, if it is in the bag."""
+        session = self._bench.session
+        chosen = [] if session is None else sorted(session.selected)
+        if len(chosen) == 1:
+            self._ways.reveal(chosen[0])
+        elif session is not None:
+            inform("Select one object in the bag to reveal: click it in the table.")
+
+    def _tell_way(self, way: Any) -> None:
+        self._best = way
         self._refresh()
 
+    def _tell_busy(self, busy: bool) -> None:
+        self.reveal.setText("Looking…" if busy else "Reveal…")
+
+    def _use_way(self) -> None:
+        if self._best is not None and self._bench.session is not None:
+            with spoken():
+                self._bench.session.direction = tuple(float(v) for v in self._best.direction)
+
     def _set_direction(self, name: str) -> None:
-        if self._bench.session is not None:
+        if self._bench.session is not None and name in DIRECTIONS:
             with spoken():
                 self._bench.session.direction = DIRECTIONS[name]
+
+    def _show_direction(self) -> None:
+        """Show D; one without a name is listed as long as it is D."""
+        direction = self._bench.session.direction
+        name = name_of(direction)
+        box, named = self.direction, len(DIRECTIONS)
+        blocked = box.blockSignals(True)
+        while box.count() > named:
+            box.removeItem(named)
+        if name is None:
+            name = ALONG_ARROW
+            box.addItem(name)
+        box.setCurrentText(name)
+        box.blockSignals(blocked)
+
+    def _set_drawing(self, drawing: bool) -> None:
+        if self._bench.stage is not None:
+            self._bench.stage.drawing = drawing
+
+    def _set_marks(self, marked: bool) -> None:
+        overlays = getattr(self._bench.stage, "overlays", None)
+        if overlays is not None:
+            overlays.mark_free = marked
+
+    def _set_perspective(self, deep: bool) -> None:
+        if self._bench.stage is not None:
+            self._bench.viewer.scene.camera.perspective = PERSPECTIVE if deep else 0.0
+            self._bench.stage.frame_bag()
 
     def _set_speed(self, tenths: int) -> None:
         if self._bench.stage is not None:
@@ -153,6 +257,9 @@ class UnpackSection(Section):
         inspected = "INSPECTED" in names
         self.next.setEnabled(packed > 0 and not inspected)
         self.several.setEnabled(packed > 0 and not inspected)
+        self.chosen.setEnabled(packed > 0 and not inspected)
+        self.all_free.setEnabled(packed > 0 and not inspected and bool(self._free))
+        self.reveal.setEnabled(packed > 0 and not inspected)
         self.back.setEnabled((out > 0 or flying > 0) and not inspected)
         self.all_back.setEnabled((out > 0 or flying > 0) and not inspected)
         self.inspect.setText("Leave" if inspected else "Inspect")
@@ -162,6 +269,12 @@ class UnpackSection(Section):
         self.news.setText(self._sentence(packed, out, flying, inspected))
         stuck = self._free == frozenset() and packed > 0 and not flying and not inspected
         self.force.setVisible(stuck and not session.take_least_occluded)
+        self.way.setVisible(stuck and self._best is not None)
+        if self._best is not None:
+            count = len(self._best.ids)
+            self.way.setText(f"Use this direction: {words_of(self._best.direction)} ({count} free)")
+        if session is not None:
+            self._show_direction()
 
     def _sentence(self, packed: int, out: int, flying: int, inspected: bool) -> str:
         if inspected:
@@ -173,9 +286,24 @@ class UnpackSection(Section):
         if self._free is None or packed == 0:
             return ""
         if not self._free:
-            return (
-                "Every object is blocked from here; the least blocked leaves next."
-                if self._bench.session.take_least_occluded
-                else "Every object is blocked from here: turn the bag, or choose a direction."
-            )
+            return self._stuck()
         return f"{len(self._free)} of {packed} {'is' if len(self._free) == 1 else 'are'} free now."
+
+    def _stuck(self) -> str:
+        """Say that nobody is free, who is blocked least, and what another direction would free."""
+        session = self._bench.session
+        least = session.least_blocked()
+        which = "the least blocked"
+        if least is not None:
+            object_id, ratio = least
+            which = f"{session.objects['name'][object_id]}, {100 * ratio:.0f} % hidden,"
+        said = (
+            f"Every object is blocked this way; {which} leaves next."
+            if session.take_least_occluded
+            else f"Every object is blocked this way; {which} is blocked least. Turn the bag, or "
+            "choose a direction."
+        )
+        if self._best is not None:
+            count = len(self._best.ids)
+            said += f" {words_of(self._best.direction).capitalize()}, {count} would be free."
+        return said

@@ -11,12 +11,13 @@ from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.free_watch import FreeWatch
 from napari_unpack.widgets.keep_framed import KeepFramed
-from napari_unpack.widgets.keys import HELP, Keys
+from napari_unpack.widgets.keys import Keys, help_text
 from napari_unpack.widgets.objects_section import ObjectsSection
-from napari_unpack.widgets.section import label, rule
+from napari_unpack.widgets.section import Disclosure, label, rule
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
+from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
 
 WIDTH = 328
@@ -38,10 +39,11 @@ class UnpackingWidget(QWidget):
         self._viewer = napari_viewer
         self.workbench = Workbench(napari_viewer, self)
         self.segment = SegmentSection(self.workbench)
+        self.ways = Ways(self.workbench, self)
         self.color = ColorSection(self.workbench)
-        self.unpack = UnpackSection(self.workbench)
-        self.objects = ObjectsSection(self.workbench)
-        self.keys = Keys(self.workbench)
+        self.unpack = UnpackSection(self.workbench, self.ways)
+        self.objects = ObjectsSection(self.workbench, self.ways)
+        self.keys = Keys(self.workbench, self.unpack.reveal_selected, self.ways)
         self._framing = KeepFramed(self.workbench, self)
         self._watch = FreeWatch(self.workbench, self)
         self._watch.known.connect(self.unpack.tell_free)
@@ -66,7 +68,9 @@ class UnpackingWidget(QWidget):
                 column.addWidget(rule())
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
-        column.addWidget(label(HELP, "hint", wrap=True))
+        keys = Disclosure("Keys and mouse", "What the keys and the mouse do in the picture.")
+        keys.contents.addWidget(label(help_text(), "hint", wrap=True))
+        column.addWidget(keys)
         scroll = QScrollArea()
         scroll.setWidgetResizable(True)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -92,6 +96,7 @@ class UnpackingWidget(QWidget):
         self._ended = True
         self.segment.end()
         self._watch.end()
+        self.ways.end()
         self.workbench.close()
         self.keys.close()
         self._viewer.events.theme.disconnect(self._dress)

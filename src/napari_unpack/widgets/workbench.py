@@ -130,6 +130,33 @@ class Workbench(QObject):
         finally:
             session.take_least_occluded = policy
 
+    def unpack_selected(self) -> None:
+        """Fly the selected objects out."""
+        session = self.session
+        if session is None:
+            self._ask_for_a_session()
+            return
+        chosen = [i for i in sorted(session.selected) if session.states[i].name == "PACKED"]
+        if chosen:
+            self.unpack(chosen)
+        else:
+            notices.inform("Select objects in the bag first: click them in the picture or table.")
+
+    def unpack_free(self) -> None:
+        """Fly everything out that is free now."""
+        session = self.session
+        if session is None:
+            self._ask_for_a_session()
+            return
+        with notices.spoken():
+            ids = session.unpackable()
+            if ids:
+                self.unpack(ids)
+
+    def reveal(self, object_id: int, direction: Any = None) -> None:
+        """Fly out what frees a buried object, and it as well."""
+        self._perform("reveal", object_id, direction, on="stage")
+
     def restore(self, what: int | Iterable[int] = 1) -> None:
         """Fly the last unpacked objects back, or these."""
         self._perform("restore", what, on="stage")

@@ -1,0 +1,121 @@
+"""What the pointer asks of the stage: what is under it, and what it does to things."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.layers.arrow import drawn_direction, surface_normal
+from napari_unpack.layers.overlays import Overlays
+from napari_unpack.layers.projector import Projector
+from napari_unpack.layers.tables import describe
+from napari_unpack.layers.view_camera import Frame
+
+
+class Hands:
+    """The pointer's side of a `Stage`; pixels are the canvas's own, row and column."""
+
+    viewer: Any
+    session: Any
+    overlays: Overlays
+    layers: Any
+    events: Any
+    _projector: Projector
+    _pointed: int
+    drawing = False
+    """Whether the next drag in the picture draws the direction in which objects leave."""
+
+    @property
+    def frame(self) -> Frame | None:
+        """What the canvas showed last."""
+        return self._projector.frame
+
+    def sprite_at(self, pixel: NDArray[np.float64]) -> int:
+        """Return the object whose sprite is at a pixel of the canvas (row, column), or 0."""
+        return self._projector.sprite_at(*self._device(pixel))
+
+    def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
+        """Return the packed objects at a pixel of the canvas, the most visible first."""
+        return self._projector.packed_at(*self._device(pixel))
+
+    def point_at(self, object_id: int) -> None:
+        """Show which object the mouse is on, 0 for none."""
+        if object_id == self._pointed:
+            return
+        self._pointed = object_id
+        words = describe(self.session, object_id) if object_id else ""
+        for layer in self.layers:
+            layer.words = words
+        self.viewer.status = words or "Ready"
+        self.overlays.ghost.point_at(0 if self._projector.inspected else object_id)
+        self._mark()
+
+    def select(self, object_id: int) -> None:
+        """Select an object, 0 for none."""
+        self.session.select([object_id] if object_id else [])
+
+    def turn(self, object_id: int, rotation: Matrix) -> None:
+        """Turn an object under the hand."""
+        self._projector.turn(object_id, rotation)
+
+    def turned(self, object_id: int) -> None:
+        """Let go of an object that was turned."""
+        self._projector.turned(object_id)
+
+    def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
+        """Carry a sprite along with the hand."""
+        self._projector.move(object_id, self._scale() * pixels)
+
+    def moved(self, object_id: int) -> None:
+        """Let go of a sprite that was carried."""
+        self._projector.moved(object_id)
+
+    def draw(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> None:
+        """Show an arrow under the hand."""
+        self.overlays.arrow.drawn = np.array([self._device(start), self._device(end)])
+        self._projector.transition.repaint()
+
+    def drawn(self, start: NDArray[np.float64], end: NDArray[np.float64], out: bool) -> None:
+        """Let objects leave along an arrow that was drawn.
+
+        Parameters
+        ----------
+        start, end : (2,) ndarray of float64
+            Pixels of the canvas.
+        out : bool
+            Along the normal of the surface under its start instead; towards the viewer where
+            there is none.
+        """
+        self.overlays.arrow.drawn = None
+        self.drawing = False
+        frame = self.frame
+        if frame is not None:
+            pixels = np.array([self._device(start), self._device(end)])
+            found = drawn_direction(pixels, frame.camera)
+            if out:
+                row, col = (round(v) for v in pixels[0])
+                depth = self._projector.depth()
+                mm = frame.camera.height / frame.size[0]
+                found = surface_normal(depth, row, col, mm, frame.camera)
+            if found is not None:
+                self.session.direction = tuple(float(v) for v in found)
+        self._projector.transition.repaint()
+        self.events.drawn.emit()
+
+    def _scale(self) -> float:
+        return 1.0 if self.frame is None else self.frame.size[0] / self.viewer.canvas.size[0]
+
+    def _mark(self) -> None:
+        raise NotImplementedError
+
+    def _device(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
+        """Return the frame's pixel (row, column) of one of the canvas."""
+        height, width = self.viewer.canvas.size
+        rows, cols = (height, width) if self.frame is None else self.frame.size
+        return (
+            float((pixel[0] + 0.5) * rows / height - 0.5),
+            float((pixel[1] + 0.5) * cols / width - 0.5),
+        )

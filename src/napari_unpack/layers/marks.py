@@ -1,0 +1,173 @@
+"""Outlines over the packed bag: who is free, who is selected, who must leave for another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from qtpy.QtCore import QTimer
+
+from napari_unpack.layers.clock import stop
+from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.visuals.cards import Card
+from napari_unpack.rendering.visuals.outlines import Ink, outlined
+from napari_unpack.session.pictures import Patch
+
+REST_MS = 160
+
+FREE = Ink((1.0, 1.0, 1.0, 0.5))
+TOGETHER = Ink((1.0, 0.82, 0.4, 0.8))
+CHOSEN = Ink((1.0, 1.0, 1.0, 0.95), width=2)
+LEAVING = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
+BURIED = Ink((1.0, 0.75, 0.2, 1.0), width=2, fill=0.3)
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Who is to be outlined in the bag.
+
+    Parameters
+    ----------
+    groups : tuple of tuple of int
+        Who can leave now; those that leave together have an ink of their own.
+    chosen : frozenset of int
+        Who is selected.
+    leaving : frozenset of int
+        Who must leave for the buried one.
+    buried : int
+        Drawn through everything before it; 0 for none.
+    """
+
+    groups: tuple[tuple[int, ...], ...] = ()
+    chosen: frozenset[int] = frozenset()
+    leaving: frozenset[int] = frozenset()
+    buried: int = 0
+
+    def inks(self, packed: frozenset[int]) -> dict[int, Ink]:
+        """Return how those who are in the bag are marked, except the buried one."""
+        inks = {i: FREE if len(group) == 1 else TOGETHER for group in self.groups for i in group}
+        if self.buried:
+            inks = dict.fromkeys(self.leaving, LEAVING)
+        inks |= dict.fromkeys(self.chosen, CHOSEN)
+        inks.pop(self.buried, None)
+        return {i: ink for i, ink in inks.items() if i in packed}
+
+
+class MarkPainter:
+    """Draws marks once the camera rests; while it moves there are none.
+
+    Parameters
+    ----------
+    session : Session
+        Whose objects.
+    jobs : Jobs
+        With the lane "rest".
+    show : callable
+        Called when there is something new to draw.
+    """
+
+    def __init__(self, session: Any, jobs: Jobs, show: Callable[[], None]) -> None:
+        self._session, self._jobs, self._show = session, jobs, show
+        self._marks = Marks()
+        self._frame: Frame | None = None
+        self._state = 0
+        self._shot: Shot | None = None
+        self._rest = QTimer()
+        self._rest.setSingleShot(True)
+        self._rest.setInterval(REST_MS)
+        self._rest.timeout.connect(self._ask)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether marks are about to be drawn."""
+        return bool(self._rest.isActive())
+
+    def mark(self, marks: Marks) -> None:
+        """Mark these and nobody else."""
+        if marks != self._marks:
+            self._marks = marks
+            self.renew()
+
+    def look(self, frame: Frame) -> None:
+        """Follow the canvas."""
+        if not frame.same_as(self._frame):
+            self._frame = frame
+            self.renew()
+
+    def renew(self) -> None:
+        """Draw anew, after the camera moved or somebody left or came back."""
+        self._state += 1
+        if self._shot is not None:
+            self._shot = None
+            self._show()
+        self._rest.start()
+
+    def close(self) -> None:
+        """Draw nothing more."""
+        stop(self._rest)
+        self._frame = None
+
+    def cards_at(self, frame: Frame) -> Sequence[Card]:
+        """Return the one card of all marks."""
+        card = None if self._shot is None else self._shot.card(frame.camera)
+        return () if card is None else (card,)
+
+    def _ask(self) -> None:
+        frame, marks, state = self._frame, self._marks, self._state
+        if frame is None or self._session.flights:
+            return
+        packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")
+        inks = marks.inks(packed)
+        buried = marks.buried if marks.buried in packed else 0
+        if not inks and not buried:
+            return
+        self._jobs.ask(
+            "rest",
+            "marks",
+            lambda: draw(self._session, packed, inks, buried, frame),
+            lambda shot: self._take(shot, state),
+        )
+
+    def _take(self, shot: Shot | None, state: int) -> None:
+        if state == self._state:
+            self._shot = shot
+            self._show()
+
+
+def draw(
+    session: Any, packed: frozenset[int], inks: Mapping[int, Ink], buried: int, frame: Frame
+) -> Shot | None:
+    """Draw marks for what a canvas shows; for worker threads.
+
+    Parameters
+    ----------
+    session : Session
+        Whose objects.
+    packed : frozenset of int
+        Who is in the bag.
+    inks : mapping of int to Ink
+        By ID.
+    buried : int
+        Seen through all others; 0 for none.
+    frame : Frame
+        What the canvas shows.
+    """
+
+    def front(ids: frozenset[int]) -> NDArray[np.int32]:
+        visible = np.zeros(session.ids[-1] + 1, np.bool_)
+        visible[list(ids)] = True
+        layers: NDArray[np.int32] = session.casters.ids(frame.camera, visible, frame.size, 1)
+        return layers[0]
+
+    rgba = outlined(front(packed), inks)
+    if buried:
+        through = outlined(front(frozenset({buried})), {buried: BURIED})
+        rgba = through + (1.0 - through[..., 3:]) * rgba
+    patch = Patch(rgba, np.full(rgba.shape[:2], np.inf, np.float32), 0, 0).trimmed()
+    shot = Shot.of(patch, frame.camera, frame.size)
+    return None if shot is None else replace(shot, in_front=True)

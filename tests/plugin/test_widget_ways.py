@@ -1,0 +1,184 @@
+"""Directions drawn by hand, the best of 26, Reveal, and what is drawn over the bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
+from widget_phantoms import SMALL, open_panel, press, stage_with, states
+
+from napari_unpack.layers import compat
+from napari_unpack.widgets.directions import words_of
+from napari_unpack.widgets.reveal_box import sentence
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+Viewers = Callable[..., Any]
+
+
+def nested() -> tuple[np.ndarray, np.ndarray]:
+    """A core (1) between plates on all six sides, two deep but for the lid (2) towards -y."""
+    labels = np.zeros((30, 30, 30), np.uint16)
+    labels[12:18, 12:18, 12:18] = 1
+    labels[12:18, 10:12, 12:18] = 2
+    sides = [(1, 18, 22), (0, 10, 6), (0, 18, 22), (2, 10, 6), (2, 18, 22)]
+    for k, (axis, *places) in enumerate(sides):
+        for j, place in enumerate(places):
+            part = [slice(12, 18)] * 3
+            part[axis] = slice(place, place + 2)
+            labels[tuple(part)] = 3 + 2 * k + j
+    return np.where(labels, 1000 + 40 * labels, 0).astype(np.uint16), labels
+
+
+@pytest.fixture
+def panel(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Iterator[UnpackingWidget]:
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(*SMALL)
+    volume, labels = nested()
+    made = open_panel(viewer, qtbot)
+    expert = viewer.add_labels(labels, name="expert")
+    viewer.add_image(volume, name="bag")
+    stage_with(made, qtbot, expert)
+    stage = made.workbench.stage
+    stage.seconds, stage.recolor_at_rest = 0.2, False
+    yield made
+    made.end()
+
+
+def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
+    panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session, stage = panel.workbench.session, panel.workbench.stage
+    session.direction = "+z"
+    session.select([1])
+    panel.unpack.reveal_selected()
+    box = panel.unpack.box
+    qtbot.waitUntil(box.isVisible, timeout=20000)
+    assert "1 object must leave first, up." in box.news.text()
+    assert stage.overlays._marks.buried == 1
+    assert stage.overlays._marks.leaving == {2}
+    row = panel.objects.model.row_of(2)
+    state = panel.objects.model.index(row, 3)
+    qtbot.waitUntil(lambda: state.data() == "first", timeout=2000)
+    assert stage.settle(30)
+    assert len(stage.overlays.painter.cards_at(stage.frame)) == 1
+    press(qtbot, box.take)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
+    assert not box.isVisible()
+    assert session.direction == (1.0, 0.0, 0.0)
+    panel.workbench.undo()
+    assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
+
+
+def test_an_arrow_drawn_in_the_picture_is_the_direction(
+    panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session, stage = panel.workbench.session, panel.workbench.stage
+    viewer = stage.viewer
+    widget = compat.native_canvas(viewer).native
+    angles = viewer.scene.camera.angles
+    panel.unpack.draw.setChecked(True)
+    assert stage.drawing
+    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0
+    start = QPoint(200, 200)
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
+    for part in (20, 50, 90):
+        QTest.mouseMove(widget, start + QPoint(part, 0))
+        qtbot.wait(20)
+    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 6
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + QPoint(90, 0))
+    qtbot.waitUntil(lambda: session.direction is not None, timeout=3000)
+    np.testing.assert_allclose(session.unpack_direction, session.camera.right, atol=1e-6)
+    assert viewer.scene.camera.angles == angles
+    assert not panel.unpack.draw.isChecked()
+    assert not stage.drawing
+    qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along the arrow", timeout=3000)
+    panel.unpack.direction.setCurrentText("Towards me")
+    assert session.direction is None
+    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0
+
+    # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
+    assert stage.settle(30)
+    panel.unpack.draw.setChecked(True)
+    height, width = viewer.canvas.size
+    middle = QPoint(width // 2, height // 2)
+    QTest.mouseClick(
+        widget, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier, pos=middle
+    )
+    qtbot.waitUntil(lambda: session.direction is not None, timeout=3000)
+    assert session.unpack_direction @ -session.camera.direction > 0.2
+
+
+def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
+    panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session = panel.workbench.session
+    panel.unpack.tell_free(frozenset())
+    qtbot.waitUntil(panel.unpack.way.isVisible, timeout=20000)
+    best = session.way_out()
+    assert f"({len(best.ids)} free)" in panel.unpack.way.text()
+    assert words_of(best.direction) in panel.unpack.way.text()
+    assert "leaves next" in panel.unpack.news.text()
+    press(qtbot, panel.unpack.way)
+    np.testing.assert_allclose(session.unpack_direction, best.direction, atol=1e-9)
+
+
+def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
+    panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session, stage = panel.workbench.session, panel.workbench.stage
+    widget = compat.native_canvas(stage.viewer).native
+    (out,) = stage.unpack(1)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert stage.settle(30)
+    before, slot = session.poses[out], session._situation.out[out].slot
+    row, col = stage.frame.camera.pixels(before.center, stage.frame.size)
+    at = QPoint(round(col), round(row))
+    QTest.mouseMove(widget, at + QPoint(1, 1))
+    QTest.mouseMove(widget, at)
+    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=5000)
+    home = session.camera.project(session.boxes.center(out, session.spacing), stage.frame.size)
+    patch = stage.overlays.ghost._seen.shot.patch
+    assert patch.row < home[0] < patch.row + patch.size[0]
+    assert patch.col < home[1] < patch.col + patch.size[1]
+    assert patch.rgba[..., 3].max() < 0.5
+
+    angles, casts = stage.viewer.scene.camera.angles, stage._projector._small.casts
+    shift = Qt.KeyboardModifier.ShiftModifier
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, shift, pos=at)
+    for part in (0.4, 1.0):
+        QTest.mouseMove(widget, at + QPoint(round(-30 * part), round(40 * part)))
+        qtbot.wait(30)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, shift, pos=at + QPoint(-30, 40))
+    qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=3000)
+    moved = stage.frame.camera.pixels(session.poses[out].center, stage.frame.size)
+    np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
+    assert session._situation.out[out].slot == slot
+    assert stage.viewer.scene.camera.angles == angles
+    assert stage._projector._small.casts == casts
+    panel.workbench.undo()
+    np.testing.assert_allclose(session.poses[out].center, before.center)
+    QTest.mouseMove(widget, QPoint(3, 3))
+    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=5000)
+
+
+@pytest.mark.parametrize(
+    ("direction", "words"),
+    [
+        ((0, -1, 0), "up"),
+        ((0.7, 0, -0.71), "to the left and to the front"),
+        ((0.58, 0.58, 0.58), "to the front, down and to the right"),
+    ],
+)
+def test_directions_in_words(direction: tuple[float, ...], words: str) -> None:
+    assert words_of(direction) == words
+
+
+def test_sentences_about_what_must_leave() -> None:
+    assert sentence("Tin", 5, "up") == "Tin: 5 objects must leave first, up."
+    assert sentence("Tin", 0, "up") == "Tin can leave now, up."
