@@ -57,17 +57,17 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     session.select([1])
     panel.unpack.reveal_selected()
     box = panel.unpack.box
-    qtbot.waitUntil(box.isVisible, timeout=20000)
+    qtbot.waitUntil(box.isVisible, timeout=60000)
     assert "1 object must leave first, up." in box.news.text()
     assert stage.overlays._marks.buried == 1
     assert stage.overlays._marks.leaving == {2}
     row = panel.objects.model.row_of(2)
     state = panel.objects.model.index(row, 3)
-    qtbot.waitUntil(lambda: state.data() == "first", timeout=2000)
-    assert stage.settle(30)
+    qtbot.waitUntil(lambda: state.data() == "first", timeout=10000)
+    qtbot.waitUntil(lambda: len(stage.overlays.painter.cards_at(stage.frame)) == 1, timeout=60000)
     assert len(stage.overlays.painter.cards_at(stage.frame)) == 1
     press(qtbot, box.take)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=60000)
     assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
     assert not box.isVisible()
     assert session.direction == (1.0, 0.0, 0.0)
@@ -92,25 +92,28 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
         qtbot.wait(20)
     assert len(stage.overlays.arrow.cards_at(stage.frame)) == 6
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + QPoint(90, 0))
-    qtbot.waitUntil(lambda: session.direction is not None, timeout=3000)
+    qtbot.waitUntil(lambda: session.direction is not None, timeout=10000)
     np.testing.assert_allclose(session.unpack_direction, session.camera.right, atol=1e-6)
     assert viewer.scene.camera.angles == angles
     assert not panel.unpack.draw.isChecked()
     assert not stage.drawing
-    qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along the arrow", timeout=3000)
+    qtbot.waitUntil(
+        lambda: panel.unpack.direction.currentText() == "Along the arrow", timeout=10000
+    )
     panel.unpack.direction.setCurrentText("Towards me")
     assert session.direction is None
     assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0
 
     # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
-    assert stage.settle(30)
+    depth = stage._projector.depth
+    qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
     panel.unpack.draw.setChecked(True)
     height, width = viewer.canvas.size
     middle = QPoint(width // 2, height // 2)
     QTest.mouseClick(
         widget, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier, pos=middle
     )
-    qtbot.waitUntil(lambda: session.direction is not None, timeout=3000)
+    qtbot.waitUntil(lambda: session.direction is not None, timeout=10000)
     assert session.unpack_direction @ -session.camera.direction > 0.2
 
 
@@ -118,8 +121,11 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     session = panel.workbench.session
+    # Somebody is free in this bag: the watch must not say so in between.
+    panel._watch.end()
+    panel._watch.known.disconnect()
     panel.unpack.tell_free(frozenset())
-    qtbot.waitUntil(panel.unpack.way.isVisible, timeout=20000)
+    qtbot.waitUntil(panel.unpack.way.isVisible, timeout=60000)
     best = session.way_out()
     assert f"({len(best.ids)} free)" in panel.unpack.way.text()
     assert words_of(best.direction) in panel.unpack.way.text()
@@ -134,14 +140,14 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     session, stage = panel.workbench.session, panel.workbench.stage
     widget = compat.native_canvas(stage.viewer).native
     (out,) = stage.unpack(1)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
-    assert stage.settle(30)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=60000)
+    assert stage.settle(60)
     before, slot = session.poses[out], session._situation.out[out].slot
     row, col = stage.frame.camera.pixels(before.center, stage.frame.size)
     at = QPoint(round(col), round(row))
     QTest.mouseMove(widget, at + QPoint(1, 1))
     QTest.mouseMove(widget, at)
-    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=5000)
+    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
     home = session.camera.project(session.boxes.center(out, session.spacing), stage.frame.size)
     patch = stage.overlays.ghost._seen.shot.patch
     assert patch.row < home[0] < patch.row + patch.size[0]
@@ -155,7 +161,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
         QTest.mouseMove(widget, at + QPoint(round(-30 * part), round(40 * part)))
         qtbot.wait(30)
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, shift, pos=at + QPoint(-30, 40))
-    qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=3000)
+    qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
     moved = stage.frame.camera.pixels(session.poses[out].center, stage.frame.size)
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
     assert session._situation.out[out].slot == slot
@@ -164,7 +170,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     panel.workbench.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
     QTest.mouseMove(widget, QPoint(3, 3))
-    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=5000)
+    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=100000)
 
 
 @pytest.mark.parametrize(
