@@ -22,7 +22,7 @@ def test_the_root_manifest_is_a_relative_link_to_the_packaged_one() -> None:
 
 def test_every_command_can_be_imported(manifest: PluginManifest) -> None:
     names = [command.python_name for command in manifest.contributions.commands]
-    assert len(names) == 3
+    assert len(names) == 4
     for name in names:
         module, attribute = name.split(":")
         assert callable(getattr(importlib.import_module(module), attribute))
@@ -38,7 +38,7 @@ def test_the_panel_is_a_widget_and_stands_in_two_menus(manifest: PluginManifest)
 def test_the_reader_is_offered_for_the_formats_of_ct(manifest: PluginManifest, name: str) -> None:
     from fnmatch import fnmatch
 
-    (reader,) = manifest.contributions.readers
+    reader = manifest.contributions.readers[0]
     assert any(fnmatch(name, pattern) for pattern in reader.filename_patterns)
     assert reader.accepts_directories
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from time import monotonic
 from typing import Any
 
 import numpy as np
 from napari.layers import Labels
 from napari.utils.colormaps import DirectLabelColormap
-from qtpy.QtCore import QCoreApplication
 
 from napari_unpack.geometry.axes import Matrix, transform_points, unit
 from napari_unpack.geometry.view import Camera
@@ -20,6 +18,7 @@ from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.stage import Stage
 from napari_unpack.layers.stage_events import StageEvents
+from napari_unpack.layers.steering import point_camera, wait_until
 from napari_unpack.layers.studio import BACKENDS
 
 OPACITY = 0.9
@@ -141,6 +140,22 @@ class PlainStage:
     def leave(self) -> None:
         """Do nothing: there is no inspection here."""
 
+    def go_to(self, step: int, flying: bool = False) -> int:
+        """Run the unpacking to a step; see `Session.go_to`."""
+        return int(self.session.go_to(step))
+
+    def undo(self) -> Any:
+        """Take back the last step."""
+        return self.session.undo()
+
+    def redo(self) -> Any:
+        """Do the step taken back again."""
+        return self.session.redo()
+
+    def look_from(self, camera: Camera) -> None:
+        """Set the viewer's camera to one of the session's."""
+        point_camera(self.viewer, self.packed, camera)
+
     def finish(self) -> None:
         """Do nothing: there are no flights here."""
 
@@ -150,12 +165,7 @@ class PlainStage:
 
     def settle(self, seconds: float = 10.0) -> bool:
         """Wait, handling events, until hues and queue are known; return whether they are."""
-        limit = monotonic() + seconds
-        while monotonic() < limit:
-            QCoreApplication.processEvents()
-            if not (self._jobs.busy or self._at_rest.waiting):
-                return True
-        return False
+        return wait_until(lambda: not (self._jobs.busy or self._at_rest.waiting), seconds)
 
     def _wires(self) -> list[tuple[Any, Any]]:
         events = self.session.events

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from time import monotonic
 from typing import Any
 
 import numpy as np
-from qtpy.QtCore import QCoreApplication, QEventLoop
 
+from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.backdrop import dress
@@ -18,15 +17,16 @@ from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.packed import PackedLayer
-from napari_unpack.layers.placement import napari_from_world, placement_of
+from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.stage_events import StageEvents
+from napari_unpack.layers.steering import know_who_is_free, point_camera, run_to, wait_until
 from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.transition import TransitionLayer
-from napari_unpack.layers.view_camera import Frame, napari_view
+from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.warming import Warming
 
 RIGHT_HANDED = ("towards", "down", "right")
@@ -163,9 +163,6 @@ class Stage(Hands):
         self._on_surroundings()
         for layer in self.layers:
             viewer.add_layer(layer)
-        self.packed.frame_changed.connect(self._on_frame)
-        self.transition.frame_changed.connect(self._on_other_frame)
-        self.sprites.frame_changed.connect(self._on_other_frame)
         viewer.layers.selection.active = self.packed
         self._connect()
         self._projector.open()
@@ -198,17 +195,30 @@ class Stage(Hands):
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly free objects out, or these; see `Session.unpack`."""
         self._projector.end_inspection()
-        question = self.session.occlusion_question()
-        if question is not None:
-            answer = self._jobs.do("fine", "who is free", question.answer)
-            if answer is not None:
-                self.session.accept_answer(answer)
+        know_who_is_free(self.session, self._jobs)
         return self.session.unpack(n_or_ids)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly objects back, or these; see `Session.restore`."""
         self._projector.end_inspection()
         return self.session.restore(n_or_ids)
+
+    def go_to(self, step: int, flying: bool = False) -> int:
+        """Run the unpacking to a step, at once or flying; see `Session.go_to`."""
+        self._projector.end_inspection()
+        if not flying:
+            self.finish()
+        return run_to(self.session, self._jobs, step, flying)
+
+    def undo(self) -> Any:
+        """Take back the last step, a turn given during an inspection included."""
+        self._projector.end_inspection()
+        return self.session.undo()
+
+    def redo(self) -> Any:
+        """Do the step taken back again."""
+        self._projector.end_inspection()
+        return self.session.redo()
 
     def finish(self) -> None:
         """Land every flight now."""
@@ -235,13 +245,11 @@ class Stage(Hands):
         height, width = self.viewer.canvas.size
         pixels = compat.pixel_scale(self.viewer)
         self.session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
-        camera = self.session.overview()
-        center, zoom, direction, up = napari_view(camera, napari_from_world(self.packed), height)
-        napari_camera = self.viewer.scene.camera
-        napari_camera.perspective = camera.fov
-        napari_camera.center = tuple(center)
-        napari_camera.set_view_direction(tuple(direction), tuple(up))
-        napari_camera.zoom = zoom
+        point_camera(self.viewer, self.packed, self.session.overview())
+
+    def look_from(self, camera: Camera) -> None:
+        """Set the viewer's camera to one of the session's."""
+        point_camera(self.viewer, self.packed, camera)
 
     def step(self, seconds: float = 10.0) -> bool:
         """Show this very moment of the session's clock; for films, whose clock stands still.
@@ -272,16 +280,7 @@ class Stage(Hands):
         bool
             Whether it was reached. Flights in the air are not waited for.
         """
-        limit = monotonic() + seconds
-        flags = QEventLoop.ProcessEventsFlag.AllEvents
-        while monotonic() < limit:
-            QCoreApplication.processEvents(flags, 20)
-            if self._settled():
-                # One draw more may still change the frame.
-                QCoreApplication.processEvents(flags, 20)
-                if self._settled():
-                    return True
-        return False
+        return wait_until(self._settled, seconds)
 
     # Wiring.
 
@@ -298,9 +297,6 @@ class Stage(Hands):
         for signal, slot in self._wires():
             signal.disconnect(slot, missing_ok=True)
         self.viewer.layers.events.removed.disconnect(self._on_removed)
-        self.packed.frame_changed.disconnect(self._on_frame, missing_ok=True)
-        self.transition.frame_changed.disconnect(self._on_other_frame, missing_ok=True)
-        self.sprites.frame_changed.disconnect(self._on_other_frame, missing_ok=True)
         if self._pointer is not None:
             self._pointer.close()
             self._pointer = None
@@ -314,6 +310,9 @@ class Stage(Hands):
             (events.selected, self._mark),
             (events.surroundings, self._on_surroundings),
             (events.queue, self._on_queue),
+            (self.packed.frame_changed, self._on_frame),
+            (self.transition.frame_changed, self._on_other_frame),
+            (self.sprites.frame_changed, self._on_other_frame),
         ]
 
     def _on_frame(self, frame: Frame) -> None:

@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
 from napari_unpack.widgets.notices import inform, spoken
 from napari_unpack.widgets.reveal_box import RevealBox
+from napari_unpack.widgets.scrub_bar import ScrubBar
 from napari_unpack.widgets.section import Disclosure, Section, button, form, label, row
 from napari_unpack.widgets.settings import BACKENDS
 from napari_unpack.widgets.ways import Ways
@@ -56,6 +57,7 @@ class UnpackSection(Section):
         self.chosen = button("Selected", "Fly the selected objects out, with who blocks them not.")
         self.all_free = button("All free", "Fly out everything that nothing blocks now.")
         self.inspect = button("Inspect", "Study one object alone: the selected, or the last (I).")
+        self.scrub = ScrubBar(workbench)
         self.news = label("", "hint", wrap=True)
         self.force = button(
             "Take the least blocked", "Fly out the object of which the least is blocked."
@@ -80,6 +82,7 @@ class UnpackSection(Section):
             "Reveal…", "See what must leave first for the selected object, and along which way (R)."
         )
         self.contents.addLayout(row(self.chosen, self.all_free, self.reveal))
+        self.contents.addWidget(self.scrub)
         self.contents.addWidget(self.box)
         self.contents.addWidget(self.news)
         for extra in (self.way, self.force):

@@ -1,4 +1,4 @@
-"""The dock widget Virtual Unpacking: four steps, top to bottom."""
+"""The dock widget Virtual Unpacking: five steps, top to bottom."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from qtpy.QtCore import QEvent, QSize, Qt, QTimer
 from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.widgets.color_section import ColorSection
+from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.free_watch import FreeWatch
 from napari_unpack.widgets.keep_framed import KeepFramed
 from napari_unpack.widgets.keys import Keys, help_text
@@ -24,7 +25,7 @@ WIDTH = 328
 
 
 class UnpackingWidget(QWidget):
-    """Segment, Colour, Unpack, and the objects.
+    """Segment, Colour, Unpack, the objects, and files.
 
     Parameters
     ----------
@@ -43,6 +44,7 @@ class UnpackingWidget(QWidget):
         self.color = ColorSection(self.workbench)
         self.unpack = UnpackSection(self.workbench, self.ways)
         self.objects = ObjectsSection(self.workbench, self.ways)
+        self.files = FilesSection(self.workbench)
         self.keys = Keys(self.workbench, self.unpack.reveal_selected, self.ways)
         self._framing = KeepFramed(self.workbench, self)
         self._watch = FreeWatch(self.workbench, self)
@@ -62,7 +64,7 @@ class UnpackingWidget(QWidget):
         column = QVBoxLayout(inside)
         column.setContentsMargins(2 * GAP, 2 * GAP, 2 * GAP, 2 * GAP)
         column.setSpacing(2 * GAP)
-        steps = (self.segment, self.color, self.unpack, self.objects)
+        steps = (self.segment, self.color, self.unpack, self.objects, self.files)
         for k, step in enumerate(steps):
             if k:
                 column.addWidget(rule())
@@ -84,6 +86,7 @@ class UnpackingWidget(QWidget):
         palette = palette_of(self._viewer.theme)
         self.setStyleSheet(style_sheet(palette))
         self.color.editor.set_accent(palette.accent)
+        self.unpack.scrub.set_ink(palette.text)
 
     def sizeHint(self) -> QSize:
         """Return the size it likes: narrow, and as tall as the window gives."""
@@ -95,6 +98,8 @@ class UnpackingWidget(QWidget):
             return
         self._ended = True
         self.segment.end()
+        self.files.end()
+        self.unpack.scrub.end()
         self._watch.end()
         self.ways.end()
         self.workbench.close()

@@ -199,11 +199,15 @@ class Workbench(QObject):
 
     def undo(self) -> None:
         """Take the last command back."""
-        self._perform("undo")
+        self._perform("undo", on="stage")
 
     def redo(self) -> None:
         """Do the command taken back once more."""
-        self._perform("redo")
+        self._perform("redo", on="stage")
+
+    def go_to(self, step: int, flying: bool = False) -> None:
+        """Run the unpacking to a step."""
+        self._perform("go_to", step, flying, on="stage")
 
     def _perform(self, verb: str, *arguments: Any, on: str = "session") -> None:
         if self.stage is None:

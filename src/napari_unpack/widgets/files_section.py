@@ -1,0 +1,230 @@
+"""Step 5: keep what was done: sessions, pictures, films, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from napari.layers import Labels
+from qtpy.QtWidgets import QFileDialog, QHBoxLayout, QMenu, QSpinBox, QWidget
+
+from napari_unpack.widgets import notices
+from napari_unpack.widgets.exports import EXPORTS, Export, Prints
+from napari_unpack.widgets.gliding_bar import GlidingBar
+from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
+from napari_unpack.widgets.section import Disclosure, Section, button, column, form, label, row
+from napari_unpack.widgets.settings import preferences
+from napari_unpack.widgets.workbench import Workbench
+
+WHOLE = "Session with its volume (*.unpack)"
+REFERRING = "Small session that refers to the volume's file (*.unpack)"
+
+
+class FilesSection(Section):
+    """Save and open sessions, and export; all in a worker, with progress and cancel.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    """
+
+    def __init__(self, workbench: Workbench) -> None:
+        super().__init__("5", "Files")
+        self._bench = workbench
+        self._then: Callable[[Any], None] = lambda result: None
+        self.job = Job(self)
+        self.open = button("Open session…", "Go on where a saved session stopped.")
+        self.save = button("Save session…", "Keep everything, to go on another day.")
+        self.export = button("Export…", "Write a picture, a film, or the table of objects.")
+        self.menu = QMenu(self)
+        for kind in EXPORTS:
+            self.menu.addAction(f"{kind.title}…").triggered.connect(partial(self._ask, kind))
+        self.export.setMenu(self.menu)
+        self.width_px, self.height_px = _pixels(1280), _pixels(960)
+        self.fps = QSpinBox()
+        self.fps.setRange(1, 60)
+        self.fps.setValue(25)
+        self.fps.setToolTip("Pictures a second of films.")
+        self.bar = GlidingBar()
+        self.told = label("", "hint", wrap=True)
+        self.cancel = button("Cancel", "Stop writing; no half file is left.")
+        self.waiting = self._make_waiting()
+        self._arrange()
+
+        self.open.clicked.connect(self._ask_open)
+        self.save.clicked.connect(self._ask_save)
+        self.cancel.clicked.connect(self._cancel)
+        self.job.progressed.connect(self._show_progress)
+        self.job.ended.connect(self._finish)
+        workbench.staged.connect(self._refresh)
+        self._refresh()
+
+    def _make_waiting(self) -> QWidget:
+        waiting = QWidget()
+        layout = column(waiting)
+        layout.addWidget(self.bar)
+        line = QHBoxLayout()
+        line.addWidget(self.told, stretch=1)
+        line.addWidget(self.cancel)
+        layout.addLayout(line)
+        waiting.hide()
+        return waiting
+
+    def _arrange(self) -> None:
+        self.contents.addLayout(row(self.open, self.save))
+        self.contents.addWidget(self.export)
+        more = Disclosure("Size of pictures and films", "How large exports are, and how smooth.")
+        more.contents.addLayout(form(Width=self.width_px, Height=self.height_px, Fps=self.fps))
+        self.contents.addWidget(more)
+        self.contents.addWidget(self.waiting)
+
+    def _refresh(self) -> None:
+        idle = not self.job.running
+        self.open.setEnabled(idle)
+        for control in (self.save, self.export):
+            control.setEnabled(idle and self._bench.session is not None)
+        self.lock(None)
+
+    def save_to(self, path: str | Path, refer: bool = False) -> None:
+        """Save the session in a worker.
+
+        Parameters
+        ----------
+        path : str or Path
+        refer : bool
+            Refer to the files of the layers instead of copying them.
+        """
+        from napari_unpack.io import save_session
+
+        files = self._files() if refer else {}
+        work = partial(save_session, self._bench.session, path, copy=not refer, **files)
+        self._begin(lambda progress: work(progress=progress), self._say_written)
+
+    def open_from(self, path: str | Path) -> None:
+        """Open a session in a worker, and put it on the stage."""
+        from napari_unpack.io import open_session
+
+        self._begin(
+            lambda progress: open_session(path, progress=progress),
+            lambda session: self._put_on_stage(session, Path(path).stem),
+        )
+
+    def export_to(self, kind: Export, path: str | Path) -> None:
+        """Write an export in a worker; the view is not disturbed."""
+        prints = Prints(
+            (self.height_px.value(), self.width_px.value()),
+            self.fps.value(),
+            self._bench.stage.seconds,
+            self._bench.stage.backend,
+        )
+        work = partial(kind.write, self._bench.session, Path(path), prints)
+        self._begin(lambda progress: work(progress), self._say_written)
+
+    def end(self) -> None:
+        """Stop all work."""
+        self.job.cancel()
+
+    def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
+        if self.job.running:
+            notices.inform("Wait for the file that is being written, or cancel it.")
+            return
+        self._then = then
+        self.job.start(work)
+        self.cancel.setEnabled(True)
+        self.bar.start()
+        self.told.setText("Starting")
+        self.waiting.show()
+        self._refresh()
+
+    def _cancel(self) -> None:
+        self.cancel.setEnabled(False)
+        self.told.setText("Stopping")
+        self.job.cancel()
+
+    def _show_progress(self, fraction: float, text: str) -> None:
+        self.bar.glide(fraction)
+        if self.cancel.isEnabled():
+            self.told.setText(text)
+
+    def _finish(self, outcome: Outcome) -> None:
+        self.waiting.hide()
+        self._refresh()
+        if isinstance(outcome.error, Cancelled):
+            return
+        if isinstance(outcome.error, (*notices.EXPECTED, ImportError)):
+            notices.warn(notices.sentence(outcome.error))
+            return
+        if outcome.error is not None:
+            raise outcome.error
+        with notices.spoken():
+            self._then(outcome.result)
+
+    def _say_written(self, path: Any) -> None:
+        self.set_status(f"{Path(path).name} written")
+
+    def _put_on_stage(self, session: Any, name: str) -> None:
+        from napari_unpack.session.record import given_labels
+
+        # The viewer is where an inspection is looked at; it begins with the whole bag.
+        session.leave()
+        liked, camera = preferences(), session.camera
+        session.backend = liked.backend
+        viewer = self._bench.viewer
+        placed = {"scale": tuple(session.spacing), "units": ("mm",) * 3, "visible": False}
+        image = viewer.add_image(session.volume, name=name, colormap="gray", **placed)
+        labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
+        self._bench.open(
+            session,
+            sources=(image, labels),
+            seconds=session.seconds,
+            backend=liked.backend,
+            recolor_at_rest=liked.recolor_at_rest,
+        )
+        self._bench.stage.look_from(camera)
+        self.set_status(f"{name} opened")
+
+    def _files(self) -> dict[str, Any]:
+        """Return the files of the stage's own layers, where they came from files."""
+        found: dict[str, Any] = {}
+        for layer in self._bench.stage.sources:
+            path = getattr(layer.source, "path", None)
+            if path:
+                found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path
+        return found
+
+    def _ask_open(self) -> None:
+        path, _ = QFileDialog.getOpenFileName(
+            self, "Open session", "", "Sessions (*.unpack *.zip session.json)"
+        )
+        if path:
+            chosen = Path(path)
+            self.open_from(chosen.parent if chosen.name == "session.json" else chosen)
+
+    def _ask_save(self) -> None:
+        forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
+        path, chosen = QFileDialog.getSaveFileName(self, "Save session", "", ";;".join(forms))
+        if path:
+            self.save_to(_with_suffix(path, ".unpack"), refer=chosen == REFERRING)
+
+    def _ask(self, kind: Export, _checked: bool = False) -> None:
+        suffixes = " ".join(f"*{suffix}" for suffix in kind.suffixes)
+        path, _ = QFileDialog.getSaveFileName(self, kind.title, "", f"{kind.title} ({suffixes})")
+        if path:
+            self.export_to(kind, _with_suffix(path, *kind.suffixes))
+
+
+def _pixels(value: int) -> QSpinBox:
+    made = QSpinBox()
+    made.setRange(64, 7680)
+    made.setSingleStep(64)
+    made.setValue(value)
+    made.setToolTip("Pixels of exported pictures and films.")
+    return made
+
+
+def _with_suffix(path: str, *suffixes: str) -> Path:
+    """Return a path with the first of some suffixes where it has none of them."""
+    found = Path(path)
+    return found if found.suffix.lower() in suffixes else found.with_name(found.name + suffixes[0])

@@ -1,0 +1,261 @@
+"""Sessions saved and opened by the panel, exports, and the bar over the steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
+
+import napari_unpack as nu
+from napari_unpack.widgets import notices
+from napari_unpack.widgets.exports import EXPORTS
+from napari_unpack.widgets.files_section import _with_suffix
+from napari_unpack.widgets.session_reader import get_session_reader, open_dropped
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+Viewers = Callable[..., Any]
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy: Viewers) -> Any:
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(*SMALL)
+    return made
+
+
+@pytest.fixture
+def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+    _, expert = add_bag(viewer)
+    stage_with(panel, qtbot, expert)
+    panel.workbench.stage.seconds = 0.15
+    panel.color.at_rest.setChecked(False)
+    rest(panel, qtbot)
+    return panel
+
+
+def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    stage = panel.workbench.stage
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    assert stage.settle(20.0)
+    qtbot.wait(60)
+
+
+def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    qtbot.waitUntil(lambda: not panel.files.job.running, timeout=60000)
+    qtbot.wait(20)
+
+
+def shot(viewer: Any) -> Any:
+    return viewer.screenshot(canvas_only=True, flash=False)[..., :3].astype(int)
+
+
+def out(panel: UnpackingWidget) -> list[int]:
+    return [i for i, state in states(panel.workbench.session).items() if state == "UNPACKED"]
+
+
+def test_the_bar_runs_the_unpacking_forwards_and_backwards(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot
+) -> None:
+    panel, scrub = staged, staged.unpack.scrub
+    session = panel.workbench.session
+    first = shot(viewer)
+    assert (scrub.bar.minimum(), scrub.bar.value(), scrub.bar.maximum()) == (0, 0, 6)
+    scrub.bar.setValue(4)
+    assert session.step == 4
+    assert not session.flights
+    rest(panel, qtbot)
+    four, where = out(panel), session.poses
+    assert len(four) == 4
+    name = session.objects["name"][session.steps[3][0]]
+    assert scrub.words.text() == f"Step 4 of 6: {name}"
+    assert np.abs(shot(viewer) - first).max() > 40
+
+    for step in (1, 6, 2, 5, 3):
+        scrub.bar.setValue(step)
+        qtbot.wait(20)
+    scrub.bar.setValue(4)
+    rest(panel, qtbot)
+    assert out(panel) == four
+    for i, pose in where.items():
+        np.testing.assert_array_equal(session.poses[i].center, pose.center)
+
+    scrub.bar.setValue(0)
+    rest(panel, qtbot)
+    assert set(states(session).values()) == {"PACKED"}
+    # Windows of the packed picture that are cast anew may round a pixel otherwise.
+    assert np.abs(shot(viewer) - first).max() <= 1
+    assert scrub.words.text() == "Everything packed, 6 steps known"
+
+    # All of the dragging was one step; the bar follows other commands.
+    panel.workbench.undo()
+    rest(panel, qtbot)
+    assert session.step == 0
+    assert session.steps == ()
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    assert scrub.bar.value() == 1
+    press(qtbot, panel.unpack.back)
+    rest(panel, qtbot)
+    assert scrub.bar.value() == 0
+
+
+def test_play_flies_one_object_after_another_and_stops_when_asked(
+    staged: UnpackingWidget, qtbot: QtBot
+) -> None:
+    panel, scrub = staged, staged.unpack.scrub
+    session = panel.workbench.session
+    scrub.play.click()
+    assert scrub.playing
+    qtbot.waitUntil(lambda: session.step >= 2, timeout=20000)
+    scrub.play.click()
+    assert not scrub.playing
+    reached = session.step
+    rest(panel, qtbot)
+    assert session.step == reached < 6
+    panel.workbench.stage.seconds = 0.05
+    scrub.play.click()
+    qtbot.waitUntil(lambda: not scrub.play.isChecked(), timeout=30000)
+    rest(panel, qtbot)
+    assert len(out(panel)) == 6
+    # At the end, play begins again with the packed bag; dragging stops it.
+    scrub.play.click()
+    assert session.step <= 1
+    scrub.bar.setValue(3)
+    assert not scrub.playing
+    panel.workbench.close()
+    assert not scrub.isEnabled()
+
+
+def test_a_session_saved_in_the_panel_opens_as_it_was(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    session = panel.workbench.session
+    panel.color.at_rest.setChecked(True)
+    panel.unpack.scrub.bar.setValue(3)
+    session.rename(session.ids[0], "first")
+    viewer.scene.camera.angles = (20, 50, 10)
+    viewer.scene.camera.zoom *= 1.1
+    rest(panel, qtbot)
+    before, where = states(session), {i: p.center for i, p in session.poses.items()}
+    hues, names, seen = session.hues, session.objects["name"], shot(viewer)
+    path = tmp_path / "bag.unpack"
+    panel.files.save_to(path)
+    assert panel.files.waiting.isVisibleTo(panel)
+    assert not panel.files.save.isEnabled()
+    done(panel, qtbot)
+    assert panel.files.status == "bag.unpack written"
+    assert path.exists()
+
+    panel.workbench.close()
+    assert not panel.files.save.isEnabled()
+    for layer in list(viewer.layers):
+        viewer.layers.remove(layer.name)
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    again = panel.workbench.session
+    assert again is not session
+    rest(panel, qtbot)
+    assert states(again) == before
+    assert again.hues == hues
+    assert again.objects["name"].to_dict() == names.to_dict()
+    assert [layer.name for layer in viewer.layers][:2] == ["bag", "bag objects"]
+    for i, center in where.items():
+        np.testing.assert_allclose(again.poses[i].center, center, atol=1e-9)
+    np.testing.assert_allclose(again.camera.rotation, session.camera.rotation, atol=1e-6)
+    print("SIZES", session.canvas_size, again.canvas_size, viewer.canvas.size)
+    np.testing.assert_allclose(again.camera.height, session.camera.height, rtol=1e-6)
+    # The camera went through napari's angles: a pixel here and there may round otherwise.
+    assert (np.abs(shot(viewer) - seen).max(-1) > 40).mean() < 0.01
+    assert panel.unpack.scrub.bar.value() == 3
+
+
+def test_faults_of_files_are_told_and_change_nothing(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    panel = staged
+    said: list[str] = []
+    monkeypatch.setattr(notices, "warn", said.append)
+    session, names = panel.workbench.session, [layer.name for layer in viewer.layers]
+    whole = nu.save_session(session, tmp_path / "whole.unpack").read_bytes()
+    (tmp_path / "cut.unpack").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "empty.unpack").touch()
+    for name in ("cut.unpack", "empty.unpack", "missing.unpack"):
+        panel.files.open_from(tmp_path / name)
+        done(panel, qtbot)
+    assert len(said) == 3
+    assert all("not whole" in text for text in said[:2])
+    assert "No such session" in said[2]
+    panel.files.save_to(tmp_path / "nowhere" / "s.unpack")
+    done(panel, qtbot)
+    assert "No folder" in said[3]
+    assert panel.workbench.session is session
+    assert [layer.name for layer in viewer.layers] == names
+    # Cancelled before it was done, nothing is written.
+    panel.files.save_to(tmp_path / "late.unpack")
+    panel.files.cancel.click()
+    done(panel, qtbot)
+    assert len(said) == 4
+    assert sorted(p.name for p in tmp_path.iterdir())[:2] == ["cut.unpack", "empty.unpack"]
+
+
+def test_a_dropped_session_opens_in_the_panel(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    panel.workbench.session.unpack(2)
+    rest(panel, qtbot)
+    path = nu.save_session(panel.workbench.session, tmp_path / "dropped.unpack")
+    assert get_session_reader(str(path)) is open_dropped
+    assert get_session_reader([str(path)]) is open_dropped
+    assert get_session_reader([str(path), str(path)]) is None
+    assert get_session_reader(str(tmp_path)) is None
+    folder = nu.save_session(panel.workbench.session, tmp_path / "folder")
+    assert get_session_reader(str(folder)) is open_dropped
+    panel.workbench.close()
+    viewer.open(str(path), plugin="napari-unpack")
+    _, other = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
+    qtbot.waitUntil(lambda: other.workbench.session is not None, timeout=30000)
+    assert len(out(other)) == 2
+    other.end()
+
+
+def test_exports_are_written_and_the_view_is_not_disturbed(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    panel.unpack.scrub.bar.setValue(2)
+    rest(panel, qtbot)
+    before, seen = states(panel.workbench.session), shot(viewer)
+    panel.files.width_px.setValue(96)
+    panel.files.height_px.setValue(64)
+    panel.files.fps.setValue(2)
+    for kind in EXPORTS:
+        path = tmp_path / f"{kind.title}{kind.suffixes[0]}"
+        panel.files.export_to(kind, path)
+        done(panel, qtbot)
+        assert panel.files.status == f"{path.name} written"
+        assert path.stat().st_size > 100
+        if kind.suffixes[0] in (".png", ".mp4"):
+            assert iio.imread(path).shape[-3:-1] == (64, 96)
+    assert states(panel.workbench.session) == before
+    np.testing.assert_array_equal(shot(viewer), seen)
+
+
+def test_suffixes_are_added_where_they_are_missing() -> None:
+    assert _with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
+    assert _with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
+    assert _with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
