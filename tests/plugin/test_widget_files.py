@@ -176,7 +176,6 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     for i, center in where.items():
         np.testing.assert_allclose(again.poses[i].center, center, atol=1e-9)
     np.testing.assert_allclose(again.camera.rotation, session.camera.rotation, atol=1e-6)
-    print("SIZES", session.canvas_size, again.canvas_size, viewer.canvas.size)
     np.testing.assert_allclose(again.camera.height, session.camera.height, rtol=1e-6)
     # The camera went through napari's angles: a pixel here and there may round otherwise.
     assert (np.abs(shot(viewer) - seen).max(-1) > 40).mean() < 0.01

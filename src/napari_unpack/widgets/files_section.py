@@ -178,11 +178,11 @@ class FilesSection(Section):
         self._bench.open(
             session,
             sources=(image, labels),
+            camera=camera,
             seconds=session.seconds,
             backend=liked.backend,
             recolor_at_rest=liked.recolor_at_rest,
         )
-        self._bench.stage.look_from(camera)
         self.set_status(f"{name} opened")
 
     def _files(self) -> dict[str, Any]:

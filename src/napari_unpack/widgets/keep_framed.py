@@ -40,7 +40,7 @@ class KeepFramed(QObject):
             return
         self._size = session.canvas_size
         if np.allclose(self._camera(), self._framed, rtol=1e-3):
-            self._bench.stage.frame_bag()
+            self._bench.frame()
             self._framed = self._camera()
 
     def _camera(self) -> Any:

@@ -41,6 +41,7 @@ class Workbench(QObject):
         super().__init__(parent)
         self.viewer = viewer
         self.stage: Any = None
+        self._camera: Any = None
         self._news: set[str] = set()
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
@@ -55,7 +56,9 @@ class Workbench(QObject):
         """The session on the stage, or None."""
         return None if self.stage is None else self.stage.session
 
-    def open(self, session: Any, sources: Sequence[Any] = (), **settings: Any) -> None:
+    def open(
+        self, session: Any, sources: Sequence[Any] = (), camera: Any = None, **settings: Any
+    ) -> None:
         """Put a session on the stage, in place of what was there.
 
         Parameters
@@ -63,6 +66,8 @@ class Workbench(QObject):
         session : napari_unpack.Session
         sources : sequence of napari layers
             The user's own layers, hidden while the stage is on.
+        camera : Camera, optional
+            How to look at it first; by default the whole bag is framed.
         **settings
             Attributes of the stage to set before it opens.
         """
@@ -79,7 +84,16 @@ class Workbench(QObject):
         self._link(stage.events.message, self._told.emit)
         self._link(stage.events.closed, lambda *_: self._forget())
         stage.open()
+        self._camera = camera
+        self.frame()
         self.staged.emit()
+
+    def frame(self) -> None:
+        """Look at the bag as it was first looked at."""
+        if self._camera is None:
+            self.stage.frame_bag()
+        else:
+            self.stage.look_from(self._camera)
 
     def close(self) -> None:
         """Take the stage down; the user's layers come back as they were."""
