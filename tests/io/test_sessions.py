@@ -163,6 +163,22 @@ def test_a_session_may_refer_to_its_files(session, tmp_path):
         nu.save_session(session, path, copy=False)
 
 
+@pytest.mark.parametrize("factor", [1, 10**9])
+def test_repaired_labels_come_back_with_the_ids_they_have(tmp_path, factor):
+    volume, labels = bag()
+    s = nu.Session(volume, labels.astype(np.int64) * factor)
+    s.delete([3])
+    kept = s.merge([7, 1])
+    new = s.split(kept, *(tuple(np.argwhere(s.labels == kept)[k]) for k in (0, -1)))
+    s.unpack(3)
+    found = nu.open_session(nu.save_session(s, tmp_path / "s.unpack"))
+    assert new in found.ids
+    assert everything(found) == everything(s)
+    assert [found.label_of(i) for i in found.ids] == [s.label_of(i) for i in s.ids]
+    pd.testing.assert_frame_equal(found.objects, s.objects)
+    assert found.unpack(1) == s.unpack(1)
+
+
 def changed(path, change, member="session.json"):
     """Rewrite one member of a session file."""
     with zipfile.ZipFile(path) as archive:
@@ -220,6 +236,9 @@ def setting(*keys, to):
         (setting("session", "view", "direction", to=[0, 0, 0]), "direction"),
         (setting("session", "look", "colored", to=1), "true or false"),
         (setting("session", "objects", "ids", to=["a"]), "malformed"),
+        (setting("session", "objects", "ids", to=list(range(2, 11))), "those of the labels"),
+        (setting("session", "objects", "given_ids", to=[0, 5]), "those of the labels"),
+        (setting("session", "objects", "slots", to=3), "a whole number from 9"),
         (setting("session", "objects", "columns", "voxels", to=["a"] * 9), "must hold numbers"),
         (setting("session", "log", to=5), "must be a list"),
         (setting("session", to=[]), "must be an object"),
@@ -249,7 +268,7 @@ def test_a_file_that_is_cut_short_damaged_or_something_else_is_refused(saved, tm
         with pytest.raises(ValueError, match=r"no session, or not whole|damaged or not whole"):
             nu.open_session(saved)
     damaged = bytearray(whole)
-    damaged[len(whole) // 3] ^= 0xFF
+    damaged[whole.index(b"array.npy") + 400] ^= 0xFF
     saved.write_bytes(bytes(damaged))
     with pytest.raises(ValueError, match=r"damaged|not whole|lacks|readable"):
         nu.open_session(saved)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.compaction import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.fields import Fields
@@ -111,7 +112,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     """
     fields = Fields(record, "session")
     spacing = fields.array("spacing", (3,))
-    session = Session(volume, labels, spacing, _objects(fields.part("objects")))
+    session = _fresh(fields.part("objects"), spacing, volume, labels)
     known = frozenset(session.ids)
     rules, look, camera = fields.part("rules"), fields.part("look"), fields.part("camera")
     session.rule = rules.text("rule", get_args(Rule))  # type: ignore[assignment]
@@ -145,12 +146,8 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
 
 def given_labels(session: Session) -> NDArray[Any]:
     """Return the (Z, Y, X) labels with the IDs they came with."""
-    ids = session.ids
-    if session.label_of(ids[-1]) == ids[-1]:
-        return np.asarray(session.labels)
-    given = np.zeros(ids[-1] + 1, np.int64)
-    given[list(ids)] = [session.label_of(i) for i in ids]
-    return np.asarray(given[session.labels])
+    given = session._given_ids
+    return np.asarray(session.labels if given is None else given[session.labels])
 
 
 def _read_view(fields: Fields) -> View:
@@ -199,7 +196,7 @@ def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> 
             raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
         hues[i] = float(hue)
     names = {i: str(name) for i, name in fields.by_id("names", known).items()}
-    out = dict(_read_berth(part, known, len(known)) for part in fields.parts("out"))
+    out = dict(_read_berth(part, known, session._most) for part in fields.parts("out"))
     slots = [berth.slot for berth in out.values()]
     if len(set(slots)) != len(slots):
         raise ValueError("session.situation.out must give every object a slot of its own")
@@ -213,7 +210,7 @@ def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> 
         hues=hues,
         names=names,
         out=out,
-        ahead=tuple(_read_ahead(fields, known, out)),
+        ahead=tuple(_read_ahead(fields, known, session._most, out)),
         hidden=hidden,
         inspected=inspected,
         direction=_read_direction(fields),
@@ -258,12 +255,12 @@ def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int,
 
 
 def _read_ahead(
-    fields: Fields, known: frozenset[int], out: Mapping[int, Berth]
+    fields: Fields, known: frozenset[int], slots: int, out: Mapping[int, Berth]
 ) -> list[dict[int, Berth]]:
     found, seen = [], set(out)
     for k, _ in enumerate(fields.items("ahead")):
         departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
-        berths = dict(_read_berth(part, known, len(known)) for part in departure.parts("ahead"))
+        berths = dict(_read_berth(part, known, slots) for part in departure.parts("ahead"))
         if seen.intersection(berths):
             raise ValueError("session.situation.ahead must name nobody who is out already")
         seen.update(berths)
@@ -340,13 +337,39 @@ def _log(fields: Fields, known: frozenset[int]) -> list[LogEntry]:
 def _table(session: Session) -> dict[str, Any]:
     facts = session._facts
     return {
-        "ids": [session.label_of(int(i)) for i in facts.index],
-        "columns": {
-            str(name): [_plain(v) for v in facts[name].tolist()]
-            for name in facts
-            if name != "label"
-        },
+        "ids": [int(i) for i in facts.index],
+        "given_ids": None if session._given_ids is None else session._given_ids.tolist(),
+        "slots": session._most,
+        "largest_id": session._top,
+        "columns": {str(name): [_plain(v) for v in facts[name].tolist()] for name in facts},
     }
+
+
+def _fresh(
+    fields: Fields, spacing: NDArray[np.float64], volume: ArrayLike, labels: ArrayLike
+) -> Session:
+    """Return a session with everything packed, and the IDs of old."""
+    table = _objects(fields)
+    if not fields.has("given_ids"):
+        session = Session(volume, labels, spacing, table)
+    else:
+        given = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
+        compact, present = compact_labels(np.asarray(labels))
+        order = np.argsort(given, kind="stable")
+        place = np.searchsorted(given[order], present).clip(max=len(given) - 1)
+        own = order[place]
+        if len(given) > 65536 or not np.array_equal(given[own], present):
+            raise ValueError("session.objects.given_ids must be those of the labels")
+        session = Session(volume, own.astype(np.uint16)[compact], spacing, table)
+        session._given_ids = given
+    if not np.array_equal(table.index, session.ids):
+        raise ValueError("session.objects.ids must be those of the labels")
+    session._facts = session._contents.facts = session._facts[list(table.columns)]
+    session._most = fields.integer("slots", len(session.ids))
+    session._top = fields.integer("largest_id", session.ids[-1])
+    if max(session._most, session._top) > 65535:
+        raise ValueError("session.objects.slots and largest_id must be at most 65535")
+    return session
 
 
 def _objects(fields: Fields) -> Any:
@@ -356,6 +379,8 @@ def _objects(fields: Fields) -> Any:
     for name in _NUMBERS.intersection(columns):
         if not all(isinstance(v, int | float) for v in columns[name]):
             raise ValueError(f"session.objects.columns.{name} must hold numbers")
+    if not _NUMBERS | {"name"} <= columns.keys():
+        raise ValueError(f"session.objects.columns must hold {', '.join(sorted(_NUMBERS))}, name")
     try:
         return pd.DataFrame(columns, index=pd.Index(ids, name="id", dtype=np.int64))
     except (TypeError, ValueError, OverflowError) as error:
