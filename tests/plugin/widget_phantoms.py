@@ -56,7 +56,7 @@ def stage_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
     """Press the first step's button and wait for the stage; return its session."""
     panel.segment.labels_box.choose(labels)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: panel.workbench.stage is not None, timeout=30000)
+    qtbot.waitUntil(lambda: panel.workbench.stage is not None, timeout=90000)
     qtbot.waitUntil(lambda: not panel.segment.job.running, timeout=5000)
     return panel.workbench.session
 
