@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
@@ -26,9 +27,9 @@ def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
 
     Notes
     -----
-    Only the ends of every row along x can be corners of the hull, so the hull is taken of those,
-    and then of its corners moved half a voxel along each axis: the centres alone would make a
-    thin plate flat.
+    Only voxels that end their rows along all axes can be corners of the hull, so the hull is taken
+    of those, and then of its corners moved half a voxel along each axis: the centres alone would
+    make a thin plate flat.
     """
     corners = hull_points(None, mask, np.zeros(3), spacing)
     filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
@@ -107,9 +108,39 @@ def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _row_ends(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    rows = np.stack(np.nonzero(mask.any(axis=2)), axis=1)
-    lines = mask[rows[:, 0], rows[:, 1]]
-    first = lines.argmax(axis=1)
-    last = mask.shape[2] - 1 - lines[:, ::-1].argmax(axis=1)
-    both = [np.column_stack([rows, first]), np.column_stack([rows, last])]
-    return np.unique(np.concatenate(both), axis=0).astype(np.float64)
+    """Return the voxels that are first or last of their rows along all three axes."""
+    return np.asarray(_extremes(np.ascontiguousarray(mask)))
+
+
+@njit(cache=True, nogil=True)
+def _extremes(mask):  # type: ignore[no-untyped-def]
+    nz, ny, nx = mask.shape
+    first_z = np.full((ny, nx), nz, np.int32)
+    last_z = np.full((ny, nx), -1, np.int32)
+    first_y = np.full((nz, nx), ny, np.int32)
+    last_y = np.full((nz, nx), -1, np.int32)
+    ends = np.full((nz, ny, 2), -1, np.int32)
+    for z in range(nz):
+        for y in range(ny):
+            for x in range(nx):
+                if mask[z, y, x]:
+                    first_z[y, x] = min(first_z[y, x], z)
+                    last_z[y, x] = z
+                    first_y[z, x] = min(first_y[z, x], y)
+                    last_y[z, x] = y
+                    if ends[z, y, 0] < 0:
+                        ends[z, y, 0] = x
+                    ends[z, y, 1] = x
+    found = np.empty((2 * nz * ny, 3), np.float64)
+    count = 0
+    for z in range(nz):
+        for y in range(ny):
+            for side in range(2):
+                x = ends[z, y, side]
+                if x < 0 or (side == 1 and x == ends[z, y, 0]):
+                    continue
+                along_y = y == first_y[z, x] or y == last_y[z, x]
+                if along_y and (z == first_z[y, x] or z == last_z[y, x]):
+                    found[count, 0], found[count, 1], found[count, 2] = z, y, x
+                    count += 1
+    return found[:count].copy()

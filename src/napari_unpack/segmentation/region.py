@@ -28,12 +28,15 @@ class Region:
         First voxel of the box in the volume.
     spacing : (float, float, float)
         Voxel size z y x, mm.
+    whole : ndarray, optional
+        Density of the whole volume, so that what lies beyond the box can be seen.
     """
 
     mask: NDArray[np.bool_]
     density: NDArray[np.generic]
     origin: tuple[int, int, int]
     spacing: Spacing
+    whole: NDArray[np.generic] | None = None
 
     @cached_property
     def voxels(self) -> int:
@@ -55,6 +58,13 @@ class Region:
         """Densities of the region's voxels, NaN as 0, (N,) float32."""
         return np.nan_to_num(self.density[self.mask].astype(np.float32))
 
+    @property
+    def field(self) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+        """The largest density known, and where this region's box begins in it."""
+        if self.whole is None:
+            return self.density, np.zeros(3, np.int64)
+        return self.whole, np.array(self.origin, np.int64)
+
     def part(self, mask: NDArray[np.bool_]) -> Region:
         """Return the region of some of this one's voxels, cropped to their box."""
         box = bounding_box(mask)
@@ -64,6 +74,7 @@ class Region:
             self.density[box],
             (first[0], first[1], first[2]),
             self.spacing,
+            self.whole,
         )
 
     @property

@@ -138,4 +138,4 @@ def _region(
     spacing: Spacing,
 ) -> Region:
     first = (box[0].start, box[1].start, box[2].start)
-    return Region(mask, density[box], first, spacing)
+    return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
