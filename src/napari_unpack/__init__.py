@@ -13,6 +13,8 @@ _HOMES = {
     "simulate_bag": "napari_unpack.simulation",
     "segment": "napari_unpack.segmentation",
     "score": "napari_unpack.segmentation",
+    "Oracle": "napari_unpack.segmentation",
+    "train": "napari_unpack.segmentation",
     "score_by": "napari_unpack.segmentation",
     "score_objects": "napari_unpack.segmentation",
     "View": "napari_unpack.geometry.view",

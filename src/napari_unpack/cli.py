@@ -149,6 +149,30 @@ def segment(
 
 @app.command()
 @_told
+def train(
+    output: Annotated[Path, typer.Argument(metavar="OUT", help="The oracle to write, .npz.")],
+    bags: Annotated[
+        list[Path],
+        typer.Argument(metavar="BAG...", help="Volumes with true labels, such as simulated bags."),
+    ],
+    seed: Annotated[int, typer.Option(help="Of the false examples and the fit.")] = 0,
+) -> None:
+    """Train the confidence of objects on labelled volumes."""
+    from napari_unpack import train as learn
+    from napari_unpack.io import load_volume
+
+    _check_output(output, (".npz",))
+    for path in bags:
+        if not path.exists():
+            raise FileNotFoundError(f"no such file or folder: {path}")
+    ticker = Ticker()
+    oracle = learn((load_volume(path) for path in bags), seed, lambda _, text: ticker(0.0, text))
+    oracle.save(output)
+    typer.echo(f"wrote {output}")
+
+
+@app.command()
+@_told
 def score(
     truth: Annotated[
         Path, typer.Argument(metavar="TRUTH", help="True labels, such as a simulated bag's .npz.")

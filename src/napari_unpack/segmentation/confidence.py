@@ -2,14 +2,16 @@
 
 After Grady et al. 2012 (AQUA): features of good objects are z-scored, rotated by principal
 components, and their density is modelled by a mixture of Gaussians. Regions known to be wrong
-(pieces, unions) may be given too; they calibrate the score.
+(pieces, unions) may be given too; their density calibrates the score (docs/decisions/0005).
 """
 
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,7 @@ from napari_unpack.segmentation.features import FEATURES, features
 from napari_unpack.segmentation.mixture import Mixture, fit_mixture
 from napari_unpack.segmentation.region import Region
 
-FORMAT = "napari-unpack oracle 1"
+FORMAT = "napari-unpack oracle 2"
 LIMIT = 8.0
 
 
@@ -32,7 +34,7 @@ class Oracle:
     center, scale : (F,) ndarray of float64
         z-score of the features.
     axes : (C, F) ndarray of float64
-        Principal components.
+        Principal components, each over its standard deviation.
     good : Mixture
         Of true objects.
     quantiles : (101,) ndarray of float64
@@ -133,7 +135,7 @@ class Oracle:
                 found = {name: file[name] for name in file.files}
         except FileNotFoundError:
             raise
-        except (ValueError, EOFError, OSError, AttributeError, zipfile.BadZipFile) as error:
+        except (*_UNREADABLE, zipfile.BadZipFile, zlib.error) as error:
             raise ValueError(f"{path} is not an oracle, or is damaged: {error}") from error
         if str(found.get("format")) != FORMAT or tuple(found.get("features", ())) != FEATURES:
             raise ValueError(
@@ -145,15 +147,42 @@ class Oracle:
         ]
         if missing:
             raise ValueError(f"{path} is a damaged oracle: it lacks {', '.join(missing)}")
-        good = Mixture(*(found[f"good_{name}"] for name in _MIXTURE))
-        bad = None
-        if "bad_weights" in found:
-            bad = Mixture(*(found[f"bad_{name}"] for name in _MIXTURE))
-        return Oracle(good=good, bad=bad, **{name: found[name] for name in _ARRAYS})
+        sides: dict[str, Mixture | None] = {"good": None, "bad": None}
+        for side in sides:
+            if f"{side}_weights" in found:
+                sides[side] = Mixture(*(found.get(f"{side}_{n}", np.zeros(0)) for n in _MIXTURE))
+        oracle = Oracle(**sides, **{name: found[name] for name in _ARRAYS})  # type: ignore[arg-type]
+        if not _fits(oracle):
+            raise ValueError(f"{path} is a damaged oracle: its arrays do not fit each other")
+        return oracle
 
 
+_UNREADABLE = (ValueError, EOFError, OSError, AttributeError, KeyError, NotImplementedError)
 _ARRAYS = ("center", "scale", "axes", "quantiles", "logistic")
 _MIXTURE = ("weights", "means", "covariances")
+
+
+@cache
+def default_oracle() -> Oracle:
+    """Return the oracle that ships with the package; `benchmarks/train_oracle.py` makes it."""
+    return Oracle.load(Path(__file__).with_name("oracle.npz"))
+
+
+def _fits(oracle: Oracle) -> bool:
+    """Tell whether the arrays of an oracle have each other's shapes and finite values."""
+    parts, width = oracle.axes.shape[0] if oracle.axes.ndim == 2 else -1, len(FEATURES)
+    shapes = [
+        (oracle.center, (width,)),
+        (oracle.scale, (width,)),
+        (oracle.axes, (parts, width)),
+        (oracle.quantiles, (101,)),
+        (oracle.logistic, (2,)),
+    ]
+    for mixture in filter(None, (oracle.good, oracle.bad)):
+        count = len(mixture.weights)
+        shapes += [(mixture.weights, (max(count, 1),)), (mixture.means, (count, parts))]
+        shapes.append((mixture.covariances, (count, parts, parts)))
+    return all(a.shape == shape and np.isfinite(a).all() for a, shape in shapes)
 
 
 def fit_features(
@@ -181,19 +210,17 @@ def fit_features(
 
     Notes
     -----
-    z-score by the mean and standard deviation of the good; principal components of all keep
-    95 % of the variance, 99 % where there are bad ones, since what tells them apart need not be
-    what varies most among the good.
+    z-score by the mean and standard deviation of the good, and their principal components up to
+    95 % of the variance, scaled to unit variance. Measured on unseen bags this told true objects
+    from false ones better than 99 %, and than median and MAD, which blow up features that are
+    alike in most objects.
     """
     for rows, name in ((good, "objects"), (good if bad is None else bad, "wrong regions")):
         if len(rows) < 8:
             raise ValueError(f"an oracle needs at least 8 {name} to learn from, got {len(rows)}")
     center = good.mean(axis=0)
     scale = np.maximum(good.std(axis=0), 1e-3)
-    everything = good if bad is None else np.concatenate([good, bad])
-    axes = _principal(
-        np.clip((everything - center) / scale, -LIMIT, LIMIT), 0.95 if bad is None else 0.99
-    )
+    axes = _principal(np.clip((good - center) / scale, -LIMIT, LIMIT), 0.95)
     blank = Oracle(
         center, scale, axes, Mixture(*(np.zeros(1),) * 3), np.zeros(101), None, np.zeros(2)
     )
@@ -216,7 +243,8 @@ def _principal(rows: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     axes = vectors[:, order[: int(np.searchsorted(explained, share)) + 1]].T
     # The sign of an eigenvector is arbitrary; fixing it keeps training reproducible.
     signs = np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])
-    return np.asarray(axes * signs[:, None])
+    deviations = np.sqrt(np.maximum(variances[order[: len(axes)]], 1e-12))
+    return np.asarray(axes * (signs / deviations)[:, None])
 
 
 def _calibrate(good: NDArray[np.float64], bad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.sources import Box
 from napari_unpack.segmentation.splitting import Oracle
@@ -106,7 +107,7 @@ def object_table(
     spacing : (float, float, float)
         Voxel size z y x, mm.
     oracle : callable, optional
-        Judges each object; without one the confidence is that of `plain_confidence`.
+        Judges each object; by default the one that ships with the package.
 
     Returns
     -------
@@ -137,26 +138,14 @@ def confidences(
         By label.
     """
     boxes = label_boxes(labels)
-    judge = oracle or plain_confidence
+    judge = oracle or default_oracle()
     found = {}
     for name in boxes.ids.tolist():
         box = boxes.slices(name)
         first = (box[0].start, box[1].start, box[2].start)
-        region = Region(labels[box] == name, density[box], first, spacing)
+        region = Region(labels[box] == name, density[box], first, spacing, density)
         found[name] = float(judge(region))
     return found
-
-
-def plain_confidence(region: Region) -> float:
-    """Return how evenly dense a region is, in (0, 1]: a stand-in where no oracle is given.
-
-    Notes
-    -----
-    1 / (1 + (s / m)^2) with m the median density of the region and s its interquartile range.
-    """
-    low, middle, high = np.quantile(region.values, [0.25, 0.5, 0.75])
-    spread = (high - low) / max(abs(float(middle)), 1e-6)
-    return float(1 / (1 + spread**2))
 
 
 @njit(cache=True, nogil=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sized
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,14 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.confidence import Oracle, fit_features
 from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.features import features
 from napari_unpack.segmentation.materials import log_density
 from napari_unpack.segmentation.merging import measure_contacts
 from napari_unpack.segmentation.pipeline import split_parts
 from napari_unpack.segmentation.region import Region, bounding_box
+from napari_unpack.segmentation.splitting import Progress
 
 
 def true_objects(
@@ -63,6 +67,8 @@ def merged_pairs(
     names = label_boxes(labels).ids
     compact = np.searchsorted(names, labels).astype(np.int32) + 1
     compact[labels == 0] = 0
+    if len(names) < 2:
+        return
     contacts = measure_contacts(compact, spacing)
     surface = np.minimum.outer(contacts.surface, contacts.surface)
     touching = contacts.area > least * surface
@@ -70,6 +76,90 @@ def merged_pairs(
         both = (compact == one) | (compact == two)
         box = bounding_box(both)
         yield _region(both[box], density, box, spacing)
+
+
+class Labelled(Protocol):
+    """A volume whose objects are known: a simulated bag, a scan with labels."""
+
+    @property
+    def volume(self) -> NDArray[np.generic]:
+        """(Z, Y, X) density."""
+
+    @property
+    def labels(self) -> NDArray[np.integer]:
+        """(Z, Y, X) true objects, 0 background."""
+
+    @property
+    def spacing(self) -> tuple[float, float, float]:
+        """Voxel size z y x, mm."""
+
+
+def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = None) -> Oracle:
+    """Learn a confidence from labelled volumes.
+
+    Parameters
+    ----------
+    bags : iterable of Labelled
+        Used one after another, so that they need not all be in memory. All their objects are
+        examples of good ones; unions of two that touch, and halves, are examples of bad ones.
+    seed : int
+        Of the planes that cut objects in two, and of the mixtures.
+    progress : callable, optional
+        Called with (fraction in [0, 1], text) after every volume; the fraction stays 0 where the
+        number of volumes is not known. Raising in it cancels.
+
+    Returns
+    -------
+    Oracle
+
+    Raises
+    ------
+    ValueError
+        If a volume has no labels of its shape, or there are fewer than eight objects.
+    """
+    good: list[NDArray[np.float64]] = []
+    bad: list[NDArray[np.float64]] = []
+    total = len(bags) if isinstance(bags, Sized) else 0
+    for k, bag in enumerate(bags):
+        for rows, more in zip((good, bad), oracle_examples(bag, seed + k), strict=True):
+            rows.extend(more)
+        if progress is not None:
+            progress((k + 1) / total if total else 0.0, f"Learning: {len(good)} objects")
+    if len(bad) < 8:
+        return fit_features(np.array(good), None, seed)
+    return fit_features(np.array(good), np.array(bad), seed)
+
+
+def oracle_examples(
+    bag: Labelled, seed: int = 0
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Return the feature rows of the true objects of a volume, and of false ones.
+
+    Parameters
+    ----------
+    bag : Labelled
+        Objects of fewer than 64 voxels are left out.
+    seed : int
+        Of the planes that cut objects in two.
+
+    Returns
+    -------
+    good, bad : list of (F,) ndarray of float64
+        Columns as `features.FEATURES`.
+
+    Raises
+    ------
+    ValueError
+        If the volume has no labels of its shape.
+    """
+    if bag.labels is None or bag.labels.shape != bag.volume.shape or not bag.labels.any():
+        raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
+    a, b, c = (float(v) for v in bag.spacing)
+    objects = list(true_objects(bag.volume, bag.labels, (a, b, c)))
+    good = [features(region) for region in objects]
+    bad = [features(region) for region in merged_pairs(bag.volume, bag.labels, (a, b, c))]
+    bad += [features(region) for region in halves(objects, np.random.default_rng(seed))]
+    return good, bad
 
 
 def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Region]:
