@@ -5,6 +5,7 @@ from phantoms import ball, box, packed, scanned, superquadric
 from napari_unpack.segmentation.confidence import Oracle, fit_features
 from napari_unpack.segmentation.convexity import solidity
 from napari_unpack.segmentation.features import FEATURES, features
+from napari_unpack.segmentation.measures import chamfer, quantiles
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.training import halves, merged_pairs, true_objects
 
@@ -49,35 +50,72 @@ def auroc(good, bad):
 def test_a_ball_has_the_features_worked_out_by_hand():
     row = dict(zip(FEATURES, features(region_of(ball((41,) * 3, (20,) * 3, 18))), strict=True))
     assert row["log_volume"] == pytest.approx(np.log(4 / 3 * np.pi * 18**3), abs=0.02)
-    assert row["log_compactness"] == pytest.approx(0, abs=0.1)
+    assert row["compactness"] == pytest.approx(0, abs=0.1)
     assert row["elongation"] == pytest.approx(0, abs=0.01)
     assert row["flatness"] == pytest.approx(0, abs=0.01)
     assert row["thickness"] == pytest.approx(0, abs=0.06)
     # The mean depth of a ball is a quarter of its radius.
     assert row["depth_ratio"] == pytest.approx(0.25, abs=0.03)
     assert row["solidity"] > 0.93
-    for name in ("spread", "tail", "skew", "roughness", "two_materials", "weak_boundary"):
+    # Density 1000 inside, 0 outside, no noise: every step is the median, none is inside.
+    for name in ("spread", "quartiles", "skew", "l1_mean", "l2_high", "rayleigh", "material_cut"):
         assert row[name] == pytest.approx(0, abs=1e-6), name
+    assert row["weak_boundary"] == row["dense_boundary"] == row["lobes_60"] == 0
+    assert row["weighted_cut"] == row["high_to_low_cut"] == pytest.approx(np.log(2))
+    assert row["low_to_high_cut"] == 0
+    assert row["blur_index"] == pytest.approx(1)
+    # A fifth of the radius is 1 - 0.8^3 of the volume.
+    assert row["shell_share"] == pytest.approx(0.488, abs=0.06)
+    assert row["ellipsoid_fill"] == pytest.approx(1, abs=0.03)
+    # A ball of radius 18 in a box of 37 voxels, and r |b| S / m V = 3.
+    assert row["box_fill"] == pytest.approx(4 / 3 * np.pi * 18**3 / 37**3, abs=0.005)
+    assert row["cut_over_volume"] == pytest.approx(np.log(3), abs=0.06)
 
 
 def test_two_materials_in_one_region_show():
     mask = box((20, 20, 40), (2, 2, 2), (18, 18, 38))
-    density = np.where(np.arange(40) < 20, 500.0, 1500.0) * mask
+    density = np.where(np.arange(40) < 22, 500.0, 1500.0) * mask
     one, two = (
         dict(zip(FEATURES, features(region_of(mask, d)), strict=True))
         for d in (mask * 500.0, density)
     )
     assert two["two_materials"] > one["two_materials"] + 0.5
     assert two["spread"] > 0.4
+    # 16 x 16 faces cut 16 of 36 layers off.
+    radius = np.cbrt(3 * 16 * 16 * 36 / 4 / np.pi)
+    assert two["material_cut"] == pytest.approx(np.log1p(radius / 16), abs=0.01)
 
 
-@pytest.mark.parametrize("axes", [(0, 1), (0, 2), (1, 2)])
-def test_features_do_not_change_under_quarter_turns(axes):
+@pytest.mark.parametrize("axes", [(0, 1), (0, 2), (1, 2), "mirror"])
+def test_features_do_not_change_under_quarter_turns_and_mirrors(axes):
     rng = np.random.default_rng(1)
     mask = superquadric(rng, 12)
-    density = rng.normal(1000, 50, mask.shape) * mask
-    turned = region_of(np.rot90(mask, axes=axes).copy(), np.rot90(density, axes=axes).copy())
+    density = rng.normal(1000, 50, mask.shape) * (0.3 + 0.7 * mask)
+    change = (lambda a: a[::-1].copy()) if axes == "mirror" else (lambda a: np.rot90(a, axes=axes))
+    turned = region_of(change(mask).copy(), change(density).copy())
     np.testing.assert_allclose(features(turned), features(region_of(mask, density)), atol=1e-5)
+
+
+def test_features_do_not_depend_on_the_place_or_the_unit_of_density():
+    rng = np.random.default_rng(2)
+    mask = superquadric(rng, 10)
+    density = rng.normal(1000, 50, mask.shape) * mask
+    wide = np.pad(density, ((5, 3), (0, 7), (2, 2)))
+    moved = Region(mask, density, (5, 0, 2), UNIT, wide)
+    alone = Region(mask, density, (2, 2, 2), UNIT, np.pad(density, 2))
+    np.testing.assert_allclose(features(moved)[:14], features(alone)[:14])
+    other = Region(mask, density * 3.5, (2, 2, 2), UNIT, np.pad(density * 3.5, 2))
+    np.testing.assert_allclose(features(other), features(alone), atol=1e-6)
+
+
+def test_the_density_beyond_the_box_is_seen():
+    whole = np.full((10, 10, 20), 1000.0)
+    mask = np.ones((10, 10, 10), bool)
+    half = Region(mask, whole[:, :, :10], (0, 0, 0), UNIT, whole)
+    row = dict(zip(FEATURES, features(half), strict=True))
+    # Only the cut face has a beyond, and that is the same matter: one weak plane of six faces.
+    assert row["weak_boundary"] == 1
+    assert row["weak_plane"] == pytest.approx(1 / 6, abs=0.06)
 
 
 def test_features_change_little_under_any_turn():
@@ -126,6 +164,39 @@ def test_the_percentile_is_calibrated_on_what_was_learned(bags, oracle):
     assert (scores < 0.25).mean() == pytest.approx(0.25, abs=0.03)
 
 
+def test_the_chamfer_distance_is_the_length_of_the_shortest_way_out():
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    rng = np.random.default_rng(0)
+    mask, spacing = rng.random((5, 6, 7)) < 0.9, (2.0, 1.0, 1.5)
+    padded = np.pad(mask, 1)
+    index = np.arange(padded.size).reshape(padded.shape)
+    one, two, length = [], [], []
+    for step in np.ndindex(3, 3, 3):
+        move = np.array(step) - 1
+        if move.any():
+            shifted = np.roll(index, -move, (0, 1, 2))
+            one.append(index[1:-1, 1:-1, 1:-1].ravel())
+            two.append(shifted[1:-1, 1:-1, 1:-1].ravel())
+            length.append(np.full(mask.size, np.linalg.norm(move * spacing)))
+    graph = coo_array(
+        (np.concatenate(length), (np.concatenate(two), np.concatenate(one))), (padded.size,) * 2
+    )
+    outside = index[~padded]
+    expected = dijkstra(graph.tocsr(), indices=outside, min_only=True).reshape(padded.shape)
+    found = chamfer(mask, spacing)
+    np.testing.assert_allclose(found[mask], expected[1:-1, 1:-1, 1:-1][mask], rtol=1e-5)
+    assert not found[~mask].any()
+
+
+def test_quantiles_are_those_of_the_sorted_values():
+    values = np.random.default_rng(0).normal(size=5000).astype(np.float32)
+    found = quantiles(values, [0.05, 0.5, 0.95])
+    np.testing.assert_allclose(found, np.quantile(values, [0.05, 0.5, 0.95]), atol=5e-3)
+    assert quantiles(np.full(3, 7, np.float32), [0.1, 0.9]).tolist() == [7, 7]
+
+
 def test_training_is_reproducible_and_survives_a_file(bags, oracle, tmp_path):
     (train, _, _), (good, _, _) = bags
     again = fit_features(train)
@@ -147,6 +218,12 @@ def test_a_damaged_foreign_or_old_file_is_refused(oracle, tmp_path):
         Oracle.load(path)
     np.savez(path, format="napari-unpack oracle 0")
     with pytest.raises(ValueError, match="this version"):
+        Oracle.load(path)
+    oracle.save(path)
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(path, **arrays | {"center": arrays["center"][:5]})
+    with pytest.raises(ValueError, match="do not fit"):
         Oracle.load(path)
     with pytest.raises(FileNotFoundError):
         Oracle.load(tmp_path / "none.npz")

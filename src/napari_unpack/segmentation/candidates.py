@@ -14,9 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.coarse import carried_back
+from napari_unpack.segmentation.coarse import carried_back, coarsened
 from napari_unpack.segmentation.density_candidates import density_candidates
 from napari_unpack.segmentation.lattice_candidates import lattice_candidates
+from napari_unpack.segmentation.measures import chamfer
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.shape_cuts import connected_parts
 from napari_unpack.segmentation.sheet_candidates import sheet_candidates
@@ -30,6 +31,7 @@ SOURCES: tuple[Callable[[Workpiece], Proposals], ...] = (
     lattice_candidates,
 )
 SAME = 0.97
+MOST_VOXELS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +78,8 @@ def pool(region: Region, smallest: float, most_parts: int = 12) -> list[Candidat
     """
     if region.volume < 2 * smallest or region.voxels < 16:
         return []
+    if region.voxels > MOST_VOXELS:
+        return _reduced_pool(region, smallest, most_parts)
     piece = Workpiece.of(region, smallest)
     fewest = max(int(smallest / region.voxel_volume), 1)
     areas = region.voxel_volume / np.array(region.spacing)
@@ -95,6 +99,21 @@ def pool(region: Region, smallest: float, most_parts: int = 12) -> list[Candidat
         if not any(_alike(candidate.parts, other.parts) for other in kept):
             kept.append(candidate)
     return kept
+
+
+def _reduced_pool(region: Region, smallest: float, most_parts: int) -> list[Candidate]:
+    """Search on a copy of at most a million voxels, and carry its candidates back."""
+    depth = chamfer(region.mask, region.spacing)
+    small = coarsened(region.mask, depth, region.density, region.spacing, MOST_VOXELS)
+    copy = Region(small.mask, small.density, (0, 0, 0), small.spacing)
+    fewest = max(int(smallest / region.voxel_volume), 1)
+    found = []
+    for candidate in pool(copy, smallest, most_parts):
+        parts = carried_back(candidate.parts, small.factor, region.mask, depth)
+        parts = connected_parts(parts, fewest)
+        if parts.max() >= 2:
+            found.append(Candidate(parts, candidate.ratio, candidate.source))
+    return found
 
 
 def _ratio(parts: NDArray[np.int32], areas: NDArray[np.float64], voxel: float) -> float:
