@@ -3,7 +3,6 @@ import pytest
 from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import score, segment
-from napari_unpack.segmentation.splitting import SplitRule
 
 
 def test_two_overlapping_balls_of_one_material_become_two_objects():
@@ -139,12 +138,12 @@ def test_an_oracle_decides_about_cuts_and_gives_the_confidence():
 
     def likes_them_large(region):
         asked.append(region.voxels)
-        return min(region.voxels / 40_000, 1.0)
+        return min(region.voxels / 50_000, 1.0)
 
-    whole = segment(volume, oracle=likes_them_large, rule=SplitRule(gain=0.01))
+    whole = segment(volume, oracle=likes_them_large)
     assert len(whole.objects) == 1
     assert len(asked) > 2
-    assert whole.objects.confidence[1] == pytest.approx(min(max(asked) / 40_000, 1.0), rel=0.01)
+    assert whole.objects.confidence[1] == pytest.approx(min(max(asked) / 50_000, 1.0), rel=0.01)
     apart = segment(volume, oracle=lambda region: 1.0 if region.voxels < 25_000 else 0.0)
     assert len(apart.objects) == 2
 

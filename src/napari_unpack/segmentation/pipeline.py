@@ -16,6 +16,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing, check_out, checked_spacing, checked_volume
+from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
@@ -24,6 +25,8 @@ from napari_unpack.segmentation.materials import MaterialScale, log_density, mat
 from napari_unpack.segmentation.matter import checked_way, find_matter
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
+from napari_unpack.segmentation.recursion import take_apart
+from napari_unpack.segmentation.refine_by_oracle import RefineRule, join_touching
 from napari_unpack.segmentation.region import FEWEST, Region
 from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.sources import source_of
@@ -31,6 +34,7 @@ from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, sp
 from napari_unpack.segmentation.supports import find_supports
 from napari_unpack.segmentation.working_grid import MOST
 
+METHODS = ("affinity", "cuts")
 # Times the median density of matter.
 LIGHT = 2.2
 
@@ -59,6 +63,7 @@ def segment(
     oracle: Oracle | None = None,
     progress: Progress | None = None,
     *,
+    method: str = "affinity",
     foreground: str | float = "hysteresis",
     smallest: float = 500.0,
     supports: bool = True,
@@ -79,9 +84,13 @@ def segment(
     spacing : (3,) sequence of float
         Voxel size z y x, mm.
     oracle : callable, optional
-        `oracle(region) -> confidence in [0, 1]` decides about cuts; see `splitting`.
+        `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
+        oracle that ships with the package. Where one is passed it also decides about cuts.
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
+    method : {"affinity", "cuts"}
+        "affinity" cuts at density steps and necks and joins parts again by how they meet; "cuts"
+        is the method of the paper (section 3), recursive cuts judged by the oracle.
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
         matter.
@@ -120,6 +129,9 @@ def segment(
     source = source_of(volume)
     size = checked_spacing(spacing)
     way = checked_way(foreground)
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {METHODS}, got {method!r}")
+    decides = default_oracle() if method == "cuts" and oracle is None else oracle
     if out is not None:
         check_out(out, source.shape)
     tell = progress or _silent
@@ -132,7 +144,7 @@ def segment(
         step=step,
         rule=rule,
         judge=judge,
-        oracle=oracle,
+        oracle=decides,
     )
     if source.size > working:
         fewest = int(max(smallest / float(np.prod(size)), FEWEST))
@@ -211,6 +223,8 @@ def segment_grid(
     if oracle is None:
         tell(0.8, "Joining parts")
         parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
+    else:
+        parts = join_touching(parts, density, spacing, oracle, RefineRule(), tell)
     labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     labels = rank_labels(fill_cavities(labels, spacing))
     if not labels.any():
@@ -267,7 +281,14 @@ def split_parts(
     materials = material_parts(density, matter, scale, fewest)
     tell(0.25, "Finding components")
     regions = _components(materials, density, spacing, limits.smallest)
-    found = split(regions, limits, oracle, lambda f, text: tell(0.3 + 0.5 * f, text))
+
+    def told(fraction: float, text: str) -> None:
+        tell(0.3 + 0.5 * fraction, text)
+
+    if oracle is None:
+        found = split(regions, limits, told)
+    else:
+        found = take_apart(regions, oracle, limits.smallest, told)
     parts = _label(found, density.shape)
     if shell:
         skin = find_shell(parts, spacing)

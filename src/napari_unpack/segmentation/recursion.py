@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -44,9 +45,9 @@ GRID = tuple(
         (False, True), (0.25, 0.1, 0.03), (0.7, 1.1, 1.6, 3.0)
     )
 )
-SURE = 0.95
-HOPELESS = -0.35
-DEEPEST = 8
+SURE = 0.9
+HOPELESS = 0.1
+DEEPEST = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,44 @@ class Node:
     source: str = ""
 
 
+def take_apart(
+    regions: list[Region], oracle: Oracle, smallest: float, tell: Progress | None = None
+) -> list[Region]:
+    """Split regions into what the oracle takes for single objects.
+
+    Parameters
+    ----------
+    regions : list of Region
+        6-connected regions.
+    oracle : callable
+        Confidence in [0, 1] that a region is exactly one object.
+    smallest : float
+        No part is smaller, mm^3.
+    tell : callable, optional
+        Called before every split with the fraction of voxels seen; raising in it cancels.
+
+    Returns
+    -------
+    list of Region
+        In a fixed order.
+    """
+    total = max(sum(region.voxels for region in regions), 1)
+    seen = 0
+    trees = []
+    for region in regions:
+        share = seen / total
+        told = None if tell is None else partial(_tell, tell, share)
+        trees.append(grow(region, oracle, smallest, told))
+        seen += region.voxels
+    if not trees:
+        return []
+    return [node.region for node in _all(trees, best_rule(trees))]
+
+
+def _tell(tell: Progress, share: float, _: float, text: str) -> None:
+    tell(share, text)
+
+
 def grow(
     region: Region,
     oracle: Oracle,
@@ -95,7 +134,7 @@ def grow(
     tell : callable, optional
         Called before every split with (0, text); raising in it cancels.
     depth : int
-        Of this region in the tree; below 8 nothing is cut.
+        Of this region in the tree; below 6 nothing is cut.
     confidence : float, optional
         The region's, where it is known.
 
@@ -106,8 +145,8 @@ def grow(
     Notes
     -----
     At every region that is not sure to be one object the whole pool is judged, and the cut whose
-    parts are the best by volume is followed, also where it gains nothing yet; a loss of more than
-    0.35 is not. The work is bounded by the depth and the smallest part.
+    parts are the best by volume is followed, also where it gains nothing yet; one that loses more
+    than 0.1 is not. The work is bounded by the depth and the smallest part.
     """
     sure = oracle(region) if confidence is None else confidence
     if sure >= SURE or depth >= DEEPEST:
@@ -123,7 +162,7 @@ def grow(
         if best is None or value > best[0]:
             small = sum(volumes) - max(volumes)
             best = (value, parts, scores, candidate.ratio * small ** (1 / 3), candidate.source)
-    if best is None or best[0] - sure < HOPELESS:
+    if best is None or best[0] < sure - HOPELESS:
         return Node(region, sure)
     nodes = tuple(
         grow(part, oracle, smallest, tell, depth + 1, score)

@@ -1,4 +1,4 @@
-"""Recursive splitting: cut a region where it is several objects, and stop where it is one."""
+"""Recursive splitting at necks, without an oracle; with one see `recursion`."""
 
 from __future__ import annotations
 
@@ -24,27 +24,22 @@ class SplitRule:
     smallest : float
         No part is smaller, mm^3.
     neck : float
-        Without an oracle a cut is taken when its neck is at most this.
+        A cut is taken when its neck is at most this.
     compactness : float
         And when its area over volume^(2/3) of the smaller side is at most this.
     convexity : float
         And when the parts' volume-weighted mean solidity exceeds the whole's by this.
-    gain : float
-        With an oracle a cut is taken when the parts' volume-weighted mean confidence exceeds
-        the whole's by this.
     """
 
     smallest: float = 1000.0
     neck: float = 0.65
     compactness: float = 1.2
     convexity: float = 0.05
-    gain: float = 0.05
 
 
 def split(
     regions: list[Region],
     rule: SplitRule,
-    oracle: Oracle | None = None,
     progress: Progress | None = None,
 ) -> list[Region]:
     """Split regions until no cut is worth taking.
@@ -55,8 +50,6 @@ def split(
         6-connected regions.
     rule : SplitRule
         When to cut.
-    oracle : callable, optional
-        Returns a confidence in [0, 1] that a region is exactly one object.
     progress : callable, optional
         Called before every region with the fraction of voxels settled; raising in it cancels.
 
@@ -73,7 +66,7 @@ def split(
         region = stack.pop()
         if progress is not None:
             progress(settled / total, f"Splitting: {len(done)} objects")
-        cut = best_cut(region, rule, oracle)
+        cut = best_cut(region, rule)
         if cut is None:
             done.append(region)
             settled += region.voxels
@@ -82,22 +75,12 @@ def split(
     return done
 
 
-def best_cut(region: Region, rule: SplitRule, oracle: Oracle | None) -> Cut | None:
+def best_cut(region: Region, rule: SplitRule) -> Cut | None:
     """Return the cut to take, or None where the region should stay whole."""
     if region.volume < 2 * rule.smallest:
         return None
     cuts = shape_cuts(region, rule.smallest)
-    if oracle is None:
-        return next((cut for cut in cuts if _is_neck(region, cut, rule)), None)
-    whole = oracle(region)
-    best, most = None, rule.gain
-    for cut in cuts:
-        parts = parts_of(region, cut)
-        weights = np.array([part.volume for part in parts])
-        gain = float(np.average([oracle(part) for part in parts], weights=weights)) - whole
-        if gain > most:
-            best, most = cut, gain
-    return best
+    return next((cut for cut in cuts if _is_neck(region, cut, rule)), None)
 
 
 def parts_of(region: Region, cut: Cut) -> list[Region]:

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+from phantoms import packed, scanned
+
+from napari_unpack import simulate_bag
+from napari_unpack.segmentation import Oracle, train
+from napari_unpack.segmentation.confidence import default_oracle
+from napari_unpack.segmentation.training import oracle_examples
+
+
+class Labelled:
+    spacing = (1.0, 1.0, 1.0)
+
+    def __init__(self, seed):
+        self.labels, densities = packed(seed, (64, 80, 90), 12, 16, press=3)
+        self.volume = scanned(self.labels, densities, seed=seed)
+
+
+def auroc(good, bad):
+    above = (good[:, None] > bad[None, :]).mean()
+    return above + (good[:, None] == bad[None, :]).mean() / 2
+
+
+def test_training_twice_gives_the_same_file_to_the_bit(tmp_path):
+    bags = [Labelled(seed) for seed in range(300, 302)]
+    heard = []
+    for name in ("one.npz", "two.npz"):
+        train(bags, progress=lambda f, text: heard.append((f, text))).save(tmp_path / name)
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+    assert [f for f, _ in heard] == [0.5, 1.0] * 2
+    assert Oracle.load(tmp_path / "one.npz").bad is not None
+
+
+def test_a_volume_without_labels_is_refused():
+    bag = Labelled(300)
+    bag.labels = np.zeros_like(bag.labels)
+    with pytest.raises(ValueError, match="labels"):
+        train([bag])
+
+
+def test_the_oracle_that_ships_tells_objects_of_an_unseen_bag_from_pairs_and_halves():
+    bag = simulate_bag(seed=61, shape=(96, 112, 144), count=14)
+    good, bad = (default_oracle().scores(np.array(rows)) for rows in oracle_examples(bag, 1))
+    assert len(good) > 8
+    assert auroc(good, bad) >= 0.9
+    assert ((good >= 0) & (good <= 1)).all()
