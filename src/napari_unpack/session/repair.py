@@ -65,8 +65,8 @@ class SessionRepair(SessionSight):
     Attributes
     ----------
     judge : callable, optional
-        Returns the confidence of a `segmentation.Region`; by default that of
-        `segmentation.object_table`. Asked for touched objects where any confidence is known.
+        Returns the confidence of a `segmentation.Region`; by default the oracle that ships with
+        the package. Asked for touched objects where any confidence is known.
 
     Notes
     -----
@@ -239,9 +239,9 @@ class SessionRepair(SessionSight):
 
     def _judge(self) -> Judge:
         from napari_unpack.segmentation import Region
-        from napari_unpack.segmentation.object_table import plain_confidence
+        from napari_unpack.segmentation.confidence import default_oracle
 
-        confidence = self.judge or plain_confidence
+        confidence = self.judge or default_oracle()
         z, y, x = (float(v) for v in self.spacing)
 
         def judged(
