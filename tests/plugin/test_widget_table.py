@@ -39,6 +39,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         hues={ids[0]: 0.0},
         tint_mode="hsv",
         selected=frozenset(),
+        good=frozenset(),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)

@@ -53,7 +53,7 @@ class Candidate:
     source: str
 
 
-def pool(region: Region, smallest: float, most_parts: int = 12) -> list[Candidate]:
+def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate]:
     """Propose cuts of a region from every source.
 
     Parameters

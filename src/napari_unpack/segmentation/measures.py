@@ -227,8 +227,8 @@ def chamfer(mask: NDArray[np.bool_], spacing: tuple[float, float, float]) -> NDA
     Returns
     -------
     (Z, Y, X) ndarray of float32
-        mm, 0 outside. At most 13 % above the Euclidean distance for cubic voxels, and three times
-        as fast.
+        mm, 0 outside. At most 13 % above the Euclidean distance for cubic voxels, in an eighth
+        of its time.
     """
     steps = np.array(
         [

@@ -47,6 +47,7 @@ GRID = tuple(
 )
 SURE = 0.9
 HOPELESS = 0.1
+FAINT = 0.05
 DEEPEST = 6
 
 
@@ -146,7 +147,8 @@ def grow(
     -----
     At every region that is not sure to be one object the whole pool is judged, and the cut whose
     parts are the best by volume is followed, also where it gains nothing yet; one that loses more
-    than 0.1 is not. The work is bounded by the depth and the smallest part.
+    than 0.1 is not, nor below the first cut one to which hardly any confidence is left. The work is
+    bounded by the depth and the smallest part.
     """
     sure = oracle(region) if confidence is None else confidence
     if sure >= SURE or depth >= DEEPEST:
@@ -162,7 +164,7 @@ def grow(
         if best is None or value > best[0]:
             small = sum(volumes) - max(volumes)
             best = (value, parts, scores, candidate.ratio * small ** (1 / 3), candidate.source)
-    if best is None or best[0] < sure - HOPELESS:
+    if best is None or best[0] < max(sure - HOPELESS, FAINT if depth else 0.0):
         return Node(region, sure)
     nodes = tuple(
         grow(part, oracle, smallest, tell, depth + 1, score)

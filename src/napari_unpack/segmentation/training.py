@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -128,6 +129,54 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     if len(bad) < 8:
         return fit_features(np.array(good), None, seed)
     return fit_features(np.array(good), np.array(bad), seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Marked:
+    volume: NDArray[np.generic]
+    labels: NDArray[np.integer]
+    spacing: tuple[float, float, float]
+
+
+def train_on_marked(
+    volume: NDArray[np.generic],
+    labels: NDArray[np.integer],
+    spacing: Sequence[float],
+    good: Iterable[int],
+    seed: int = 0,
+) -> Oracle:
+    """Learn a confidence from the objects of one volume that a person marked good.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density.
+    labels : (Z, Y, X) ndarray of int
+        Objects, right and wrong ones.
+    spacing : (3,) sequence of float
+        Voxel size z y x, mm.
+    good : iterable of int
+        Labels of those that are exactly one object each; at least eight.
+    seed : int
+        As for `train`.
+
+    Returns
+    -------
+    Oracle
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than eight.
+    """
+    wanted = np.array(sorted(good), np.int64)
+    if len(wanted) < 8:
+        raise ValueError(
+            f"a confidence needs at least 8 objects to learn from, {len(wanted)} are marked good"
+        )
+    a, b, c = (float(v) for v in spacing)
+    kept = np.where(np.isin(labels, wanted), labels, 0)
+    return train([_Marked(np.asarray(volume), kept, (a, b, c))], seed)
 
 
 def oracle_examples(

@@ -357,6 +357,7 @@ class SessionCore:
         changed = {i for i, state in self.states.items() if state is not states.get(i)}
         changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
         changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
+        changed |= situation.good ^ before.good
         if edited:
             self.events.labels.emit(edited)
             # Slots may have been planned anew.

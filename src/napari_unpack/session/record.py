@@ -176,6 +176,7 @@ def _situation(session: Session) -> dict[str, Any]:
         "out": [_berth(i, berth) for i, berth in now.out.items()],
         "ahead": [[_berth(i, b) for i, b in departure.items()] for departure in now.ahead],
         "hidden": sorted(now.hidden),
+        "good": sorted(session.good),
         "inspected": now.inspected,
         "direction": list(now.direction) if isinstance(now.direction, tuple) else now.direction,
         "queue": {
@@ -212,6 +213,7 @@ def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> 
         out=out,
         ahead=tuple(_read_ahead(fields, known, session._most, out)),
         hidden=hidden,
+        good=frozenset(fields.ids("good", known)) if fields.has("good") else frozenset(),
         inspected=inspected,
         direction=_read_direction(fields),
         queue=_read_queue(fields.part("queue"), session, known),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -236,6 +236,20 @@ class SessionRepair(SessionSight):
             return Repair(verb, source, after)
 
         return RepairQuestion(answer)
+
+    def judge_by(self, judge: Callable[[Any], float] | None, scores: Mapping[int, float]) -> None:
+        """Take another confidence for the table and for repairs to come.
+
+        Parameters
+        ----------
+        judge : callable or None
+            Returns the confidence of a `segmentation.Region`; None is the one that ships.
+        scores : mapping of int to float
+            The confidence of every object by it.
+        """
+        self.judge = judge
+        facts = self._contents.facts
+        facts["confidence"] = [float(scores.get(int(i), float("nan"))) for i in facts.index]
 
     def _judge(self) -> Judge:
         from napari_unpack.segmentation import Region

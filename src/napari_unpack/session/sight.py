@@ -121,6 +121,19 @@ class SessionSight(SessionCore):
         names = {**self._situation.names, object_id: name.strip()}
         self._do("rename", replace(self._situation, names=names))
 
+    @property
+    def good(self) -> frozenset[int]:
+        """The objects marked as examples of whole ones, to train the confidence on."""
+        return self._situation.good & self._known
+
+    def mark_good(self, ids: int | Iterable[int], good: bool = True) -> None:
+        """Mark objects as examples of whole ones, or take the mark away."""
+        wanted = frozenset(checked_ids(ids, self._known))
+        now = self._situation.good
+        after = now | wanted if good else now - wanted
+        if after != now:
+            self._do("mark" if good else "unmark", replace(self._situation, good=after))
+
     def hide(self, ids: int | Iterable[int]) -> None:
         """Put objects out of sight, in the bag or outside; a flight of theirs ends."""
         wanted = checked_ids(ids, self._known)

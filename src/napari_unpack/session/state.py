@@ -83,6 +83,8 @@ class Situation:
         repeats them. Any other command that moves, hides or shows objects forgets them.
     edit : Edit, optional
         The last repair of the labels; None as they were given.
+    good : frozenset of int
+        Objects a person marked as examples of whole ones.
     transfer_function : TransferFunction
     """
 
@@ -96,6 +98,7 @@ class Situation:
     direction: str | tuple[float, float, float] | None = None
     ahead: tuple[Mapping[int, Berth], ...] = ()
     edit: Edit | None = None
+    good: frozenset[int] = frozenset()
 
     @property
     def departures(self) -> tuple[tuple[int, ...], ...]:

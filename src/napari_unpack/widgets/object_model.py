@@ -87,6 +87,7 @@ class _Live:
     hue: float | None
     color: Rgb
     mark: str
+    good: bool = False
 
     @property
     def words(self) -> str:
@@ -144,6 +145,8 @@ class ObjectModel(QAbstractTableModel):
             if old != new:
                 only_color = (old.state, old.name, old.mark) == (new.state, new.name, new.mark)
                 left, right = columns["color" if only_color else "rest"]
+                if old.good != new.good:
+                    right = Column.CONFIDENCE
                 self.dataChanged.emit(self.index(row, left), self.index(row, right))
 
     def _look(self) -> list[_Live]:
@@ -152,6 +155,7 @@ class ObjectModel(QAbstractTableModel):
         states, hues = self._session.states, self._session.hues
         names = self._session.objects["name"].to_dict()
         colors = _colors(hues, self._session.tint_mode)
+        good = self._session.good
         groups = self._session.queue.groups
         together = {i for group in groups if len(group) > 1 for i in group}
 
@@ -169,6 +173,7 @@ class ObjectModel(QAbstractTableModel):
                 float(hues[f.id]) % 1.0 if f.id in hues else None,
                 colors.get(f.id, _NO_COLOR),
                 mark(f.id),
+                f.id in good,
             )
             for f in self._facts
         ]
@@ -282,7 +287,8 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.DENSITY:
         return f"{facts.density:.0f}" if abs(facts.density) >= 10 else f"{facts.density:.2g}"
     if column == Column.CONFIDENCE:
-        return "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
+        sure = "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
+        return f"✓ {sure}" if live.good else sure
     return ""
 
 
@@ -315,7 +321,9 @@ def _tip(facts: _Facts, live: _Live, column: Column) -> str:
         f"density {_text(facts, live, Column.DENSITY)}",
     ]
     if not np.isnan(facts.confidence):
-        told.append(f"{_text(facts, live, Column.CONFIDENCE)} sure that this is one whole object")
+        told.append(f"{100 * facts.confidence:.0f} % sure that this is one whole object")
+    if live.good:
+        told.append("marked good: an example to train the confidence on")
     return "\n".join(told)
 
 

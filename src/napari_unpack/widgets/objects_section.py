@@ -7,6 +7,7 @@ from typing import Any
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
 
+from napari_unpack.widgets.confidence_box import ConfidenceBox
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
 from napari_unpack.widgets.section import Section, button, row
@@ -50,6 +51,8 @@ class ObjectsSection(Section):
         self.contents.addLayout(row(self.search, self.filter))
         self.contents.addWidget(self.table, stretch=1)
         self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
+        self.confidence = ConfidenceBox(workbench, self._chosen, self._reload)
+        self.contents.addWidget(self.confidence)
 
         self.search.textChanged.connect(self.table.rows.keep_text)
         self.filter.currentTextChanged.connect(
@@ -100,6 +103,7 @@ class ObjectsSection(Section):
         self.isolate.setEnabled(some)
         self.hide_chosen.setEnabled(some)
         self.show_all.setEnabled(bool(self._in("HIDDEN")))
+        self.confidence.refresh()
 
     def _in(self, *states: str) -> list[int]:
         session = self._bench.session
@@ -148,6 +152,9 @@ class ObjectsSection(Section):
             ("Hide", lambda: bench.hide(ids), states != {"HIDDEN"}),
             ("Show", lambda: bench.show(ids), "HIDDEN" in states),
             ("Show all", self._show_all, bool(self._in("HIDDEN"))),
+            (None, None, False),
+            ("Mark good", lambda: bench.mark_good(ids), not set(ids) <= bench.session.good),
+            ("Unmark", lambda: bench.mark_good(ids, False), bool(set(ids) & bench.session.good)),
         )
         for text, act, enabled in entries:
             if text is None:

@@ -207,6 +207,10 @@ class Workbench(QObject):
         """Show these objects alone."""
         self._perform("isolate", list(ids))
 
+    def mark_good(self, ids: Iterable[int], good: bool = True) -> None:
+        """Mark objects as examples of whole ones, or take the mark away."""
+        self._perform("mark_good", list(ids), good)
+
     def select(self, ids: Iterable[int]) -> None:
         """Select these objects everywhere."""
         self._perform("select", list(ids))

@@ -1,0 +1,83 @@
+"""Marking objects good, training on them, loading and going back to the default."""
+
+import numpy as np
+import pytest
+from widget_phantoms import add_bag, open_panel, press, stage_with
+
+from napari_unpack.segmentation.confidence import fit_features
+from napari_unpack.segmentation.features import FEATURES
+from napari_unpack.widgets.object_model import Column
+
+
+@pytest.fixture
+def taught(make_napari_viewer_proxy, qtbot, monkeypatch):
+    """Return a panel with the pile on its stage, and its session."""
+    viewer = make_napari_viewer_proxy()
+    _, labels = add_bag(viewer)
+    panel = open_panel(viewer, qtbot)
+    session = stage_with(panel, qtbot, labels)
+    return panel, session
+
+
+def _select(panel, ids):
+    panel.workbench.select(ids)
+    panel.objects.table.show_selection(frozenset(ids))
+    panel.objects.confidence.refresh()
+
+
+def _texts(panel, column):
+    model = panel.objects.model
+    return {model.id_at(r): model.data(model.index(r, column)) for r in range(model.rowCount())}
+
+
+def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
+    panel, session = taught
+    box = panel.objects.confidence
+    assert not box.mark.isEnabled()
+    _select(panel, [1, 2])
+    press(qtbot, box.mark)
+    assert session.good == {1, 2}
+    qtbot.waitUntil(lambda: _texts(panel, Column.CONFIDENCE)[1].startswith("✓"), timeout=5000)
+    assert not _texts(panel, Column.CONFIDENCE)[3].startswith("✓")
+    session.undo()
+    assert session.good == frozenset()
+    qtbot.waitUntil(lambda: not _texts(panel, Column.CONFIDENCE)[1].startswith("✓"), timeout=5000)
+
+
+def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp_path):
+    panel, session = taught
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notices.warn", warned.append)
+    box = panel.objects.confidence
+    session.mark_good([1, 2, 3])
+    box.refresh()
+    box.train_to(str(tmp_path / "mine.npz"))
+    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    assert len(warned) == 1
+    assert "at least 8" in warned[0]
+    assert not (tmp_path / "mine.npz").exists()
+
+
+def test_a_trained_confidence_judges_and_the_default_comes_back(
+    taught, qtbot, tmp_path, monkeypatch
+):
+    panel, session = taught
+    box = panel.objects.confidence
+    path = tmp_path / "mine.npz"
+    rng = np.random.default_rng(0)
+    fit_features(rng.normal(size=(40, len(FEATURES)))).save(path)
+    box.judge_by(str(path))
+    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    mine = session.objects["confidence"].to_numpy().copy()
+    assert np.isfinite(mine).all()
+    assert "your confidence" in box.told.text()
+    press(qtbot, box.restore)
+    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    assert (session.objects["confidence"].to_numpy() != mine).any()
+    assert "default" in box.told.text()
+    path.write_text("no oracle")
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notices.warn", warned.append)
+    box.judge_by(str(path))
+    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    assert "not an oracle" in warned[0]
