@@ -1,0 +1,1 @@
+"""How the network of boundaries is trained; see `train.py`."""

@@ -1,0 +1,278 @@
+"""Patches to learn from: cut out, turned, stretched, given other densities, and scanned anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
+
+from napari_unpack.segmentation.boundaries import REACHES
+
+FAR = 9.0
+"""No log density lies above."""
+
+USUAL = 750.0
+"""Median density of the matter of a bag."""
+
+
+class Source:
+    """Volumes in files, cut open where they are asked for."""
+
+    def __init__(self, folder: Path, bags: range, solids: range) -> None:
+        self.folder, self.bags, self.solids = folder, bags, solids
+
+    def patch(
+        self, rng: np.random.Generator, size: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32], bool]:
+        """Return sharp density and labels of a cube cut at a random zoom and turned."""
+        solid = bool(rng.random() < 0.25) and len(self.solids) > 0
+        several = self.solids if solid else self.bags
+        while True:
+            seed = several[int(rng.integers(len(several)))]
+            path = self.folder / f"{'solids' if solid else 'bag'}{seed}-density.npy"
+            if path.exists():
+                break
+        density = np.load(path, mmap_mode="r")
+        labels = np.load(str(path).replace("-density", "-labels"), mmap_mode="r")
+        zoom = np.exp(rng.uniform(np.log(0.65), np.log(1.6)))
+        zoom = zoom * np.exp(rng.normal(0, 0.08, 3))
+        reach = size / zoom
+        room = np.array(density.shape) - reach
+        # Beyond the volume there is air, but not much of it.
+        low = np.where(
+            room > 0, rng.uniform(-0.1, 1.1, 3) * room, room * rng.uniform(0.2, 0.8, 3)
+        )
+        low = np.clip(low, -0.2 * reach, np.array(density.shape) - 0.8 * reach)
+        first = np.maximum(np.floor(low).astype(int), 0)
+        last = np.minimum(np.ceil(low + reach).astype(int) + 2, density.shape)
+        region = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+        values, names = _resample(
+            np.ascontiguousarray(density[region]),
+            np.ascontiguousarray(labels[region]),
+            low - first,
+            1 / zoom,
+            size,
+        )
+        axes = rng.permutation(3)
+        flips = tuple(slice(None, None, int(s)) for s in rng.choice([-1, 1], 3))
+        values, names = values.transpose(axes)[flips], names.transpose(axes)[flips]
+        return np.ascontiguousarray(values), np.ascontiguousarray(names), solid
+
+
+@njit(cache=True, nogil=True)
+def _resample(density, labels, low, step, size):  # type: ignore[no-untyped-def]
+    values = np.zeros((size, size, size), np.float32)
+    names = np.zeros((size, size, size), np.int32)
+    depth, height, width = density.shape
+    for k in range(size):
+        z = low[0] + k * step[0]
+        for j in range(size):
+            y = low[1] + j * step[1]
+            for i in range(size):
+                x = low[2] + i * step[2]
+                nz, ny, nx = int(np.round(z)), int(np.round(y)), int(np.round(x))
+                if nz < 0 or ny < 0 or nx < 0 or nz >= depth or ny >= height or nx >= width:
+                    continue
+                names[k, j, i] = labels[nz, ny, nx]
+                a, b, c = int(np.floor(z)), int(np.floor(y)), int(np.floor(x))
+                total = 0.0
+                for dz in range(2):
+                    wz = 1 - abs(z - a - dz)
+                    pz = min(max(a + dz, 0), depth - 1)
+                    for dy in range(2):
+                        wy = wz * (1 - abs(y - b - dy))
+                        py = min(max(b + dy, 0), height - 1)
+                        for dx in range(2):
+                            w = wy * (1 - abs(x - c - dx))
+                            px = min(max(c + dx, 0), width - 1)
+                            total += w * density[pz, py, px]
+                values[k, j, i] = total
+    return values, names
+
+
+def repaint(
+    rng: np.random.Generator, density: NDArray[np.float32], labels: NDArray[np.int32], solid: bool
+) -> None:
+    """Give objects other densities, or one, or take them out; in place."""
+    names = np.flatnonzero(np.bincount(labels.reshape(-1)))
+    names = names[names > 0]
+    top = int(labels.max()) + 1
+    gain = np.ones(top, np.float32)
+    flat = np.full(top, -1.0, np.float32)
+    gone = np.zeros(top, np.bool_)
+    if len(names) == 0:
+        return
+    mood = rng.random()
+    if mood < 0.35:
+        gain[names] = np.exp(rng.normal(0, 0.35, len(names)))
+    if mood < 0.2 or (solid and mood < 0.5):
+        # Some become one plain material, often the same as their neighbours.
+        few = np.exp(rng.uniform(np.log(180), np.log(3500), int(rng.integers(1, 4))))
+        some = names[rng.random(len(names)) < rng.choice([0.3, 0.6, 1.0])]
+        flat[some] = rng.choice(few, len(some)) * np.exp(rng.normal(0, 0.01, len(some)))
+    if rng.random() < 0.25:
+        gone[names] = rng.random(len(names)) < 0.25
+    gain[0] = 0.0 if rng.random() < 0.1 else np.exp(rng.normal(0, 0.3))
+    _repaint(density, labels, gain, flat, gone)
+
+
+@njit(cache=True, nogil=True)
+def _repaint(density, labels, gain, flat, gone):  # type: ignore[no-untyped-def]
+    values, names = density.reshape(-1), labels.reshape(-1)
+    for k in range(len(values)):
+        name = names[k]
+        if gone[name]:
+            values[k] = 0
+            names[k] = 0
+        elif flat[name] >= 0 and values[k] > 60:
+            values[k] = flat[name]
+        else:
+            values[k] *= gain[name]
+
+
+def scan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Add shading, bands, noise and blur; in place."""
+    size = density.shape[0]
+    axes = np.meshgrid(*[np.arange(size, dtype=np.float32)] * 3, indexing="ij", sparse=True)
+    if rng.random() < 0.3:
+        way = rng.normal(size=3) / size
+        density *= 1 + 0.12 * np.sin(
+            sum(a * w for a, w in zip(axes, way * 3, strict=True)) + rng.uniform(0, 6)
+        ).astype(np.float32)
+    if rng.random() < 0.3:
+        for _ in range(int(rng.integers(1, 4))):
+            way = rng.normal(size=3)
+            way[rng.integers(3)] *= 0.05
+            way *= np.exp(rng.uniform(np.log(0.05), np.log(0.6))) / np.linalg.norm(way)
+            wave = np.sin(sum(a * w for a, w in zip(axes, way, strict=True)) + rng.uniform(0, 6))
+            density += np.float32(np.exp(rng.uniform(np.log(8), np.log(70)))) * wave
+    sigma = rng.uniform(0.3, 1.0) if rng.random() < 0.85 else rng.uniform(1.0, 1.5)
+    reach = int(np.ceil(3 * sigma))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    noise = np.exp(rng.uniform(np.log(4), np.log(60)))
+    # Part of the noise is as coarse as the blur.
+    coarse = rng.random()
+    lift = coarse * noise / (kernel**2).sum() ** 1.5
+    density += np.float32(lift) * rng.standard_normal(density.shape, dtype=np.float32)
+    for axis in range(3):
+        density = correlate1d(density, kernel, axis=axis, mode="nearest")
+    density += np.float32((1 - coarse) * noise) * rng.standard_normal(
+        density.shape, dtype=np.float32
+    )
+    return density
+
+
+def to_log(
+    rng: np.random.Generator, density: NDArray[np.float32], matter: float
+) -> NDArray[np.float32]:
+    """Compress as `boundaries.normalised` does, with its errors of air and of matter."""
+    knee = matter / 4 * np.exp(rng.normal(0, 0.3))
+    air = rng.normal(0, 6)
+    gamma = np.exp(rng.normal(0, 0.05))
+    return np.minimum(np.log1p(np.maximum(density - air, 0) / knee) * gamma, FAR).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def cells_of(labels):  # type: ignore[no-untyped-def]
+    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have."""
+    half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
+    cells = np.zeros(half, np.int32)
+    seen = np.zeros(8, np.int32)
+    for z in range(half[0]):
+        for y in range(half[1]):
+            for x in range(half[2]):
+                n = 0
+                for k in range(8):
+                    name = labels[2 * z + k // 4, 2 * y + k // 2 % 2, 2 * x + k % 2]
+                    if name:
+                        seen[n] = name
+                        n += 1
+                most = 0
+                for a in range(n):
+                    count = 0
+                    for b in range(n):
+                        count += seen[a] == seen[b]
+                    if count > most:
+                        most = count
+                        cells[z, y, x] = seen[a]
+    return cells
+
+
+def packed(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return (8, z/2, y/2, x/2): the voxels of each cell as channels."""
+    z, y, x = (n // 2 for n in values.shape)
+    cells = values.reshape(z, 2, y, 2, x, 2).transpose(1, 3, 5, 0, 2, 4)
+    return np.ascontiguousarray(cells.reshape(8, z, y, x))
+
+
+def targets(
+    labels: NDArray[np.int32], apart: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return what the network shall say, and how much each answer weighs.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Truth.
+    apart : float
+        Weight of two voxels of two objects, against two of one.
+
+    Returns
+    -------
+    wanted, weights : (CHANNELS, Z/2, Y/2, X/2) ndarray of float32
+        In the order of `boundaries.CHANNELS`.
+    """
+    wanted = [packed((labels > 0).astype(np.float32))]
+    weights = [np.ones_like(wanted[0])]
+    for axis in range(3):
+        same, weight = _pairs(labels, axis, 1, apart)
+        wanted.append(packed(same))
+        weights.append(packed(weight))
+    cells = cells_of(labels)
+    for reach in REACHES:
+        for axis in range(3):
+            same, weight = _pairs(cells, axis, reach, apart)
+            wanted.append(same[None])
+            weights.append(weight[None])
+    return np.concatenate(wanted), np.concatenate(weights)
+
+
+def _pairs(
+    labels: NDArray[np.int32], axis: int, reach: int, apart: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    same, weight = np.zeros(labels.shape, np.float32), np.zeros(labels.shape, np.float32)
+    if reach < labels.shape[axis]:
+        here = np.moveaxis(labels, axis, 0)
+        a, b = here[:-reach], here[reach:]
+        equal, both = (a == b) & (a > 0), (a > 0) & (b > 0)
+        np.moveaxis(same, axis, 0)[:-reach] = equal
+        np.moveaxis(weight, axis, 0)[:-reach] = np.where(
+            equal, 1.0, np.where(both, apart, np.where((a > 0) | (b > 0), 0.2, 0.0))
+        )
+    return same, weight
+
+
+def examples(
+    source: Source, seed: int, size: int, apart: float
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]]:
+    """Yield (cells, wanted, weights) without end."""
+    rng = np.random.default_rng(seed)
+    while True:
+        density, labels, solid = source.patch(rng, size)
+        matter = density[(labels > 0) & (density > 60)]
+        if matter.size < 0.05 * labels.size:
+            continue
+        repaint(rng, density, labels, solid)
+        matter = density[density > 60]
+        # A volume's median is not its patch's: it is somewhere between that and the usual one.
+        typical = float(np.median(matter)) if matter.size else USUAL
+        share = rng.random()
+        typical = max(float(np.exp(share * np.log(typical) + (1 - share) * np.log(USUAL))), 120.0)
+        lifted = to_log(rng, scan(rng, density), typical)
+        wanted, weights = targets(labels, apart)
+        yield packed(lifted), wanted, weights

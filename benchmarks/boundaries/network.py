@@ -1,0 +1,66 @@
+"""The network of boundaries, for training; the package runs it as an ONNX file."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from napari_unpack.segmentation.boundaries import CHANNELS
+
+WIDTHS = (24, 48, 64, 80)
+WIDE = 32
+
+
+def convolution(coming: int, going: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv3d(coming, going, 3, padding=1, bias=False), nn.BatchNorm3d(going, momentum=0.03)
+    )
+
+
+class Block(nn.Module):
+    """Two convolutions and what came in."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.one, self.two = convolution(width, width), convolution(width, width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(x + self.two(torch.relu(self.one(x))))
+
+
+class Boundaries(nn.Module):
+    """A U-Net over cells of 2 x 2 x 2 voxels, which are its channels.
+
+    Half of the work is done at the cells' grid, most of the weights lie two and three halvings
+    below it, where a whole object is in sight.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        a, b, c, d = WIDTHS
+        self.first = convolution(8, a)
+        self.fine = convolution(a, a)
+        self.downs = nn.ModuleList(nn.Conv3d(m, n, 2, 2) for m, n in ((a, b), (b, c), (c, d)))
+        self.enter = nn.ModuleList(Block(n) for n in (b, c, d))
+        self.ups = nn.ModuleList(
+            nn.ConvTranspose3d(n, m, 2, 2) for m, n in ((b, c), (c, d))
+        )
+        self.leave = nn.ModuleList(Block(n) for n in (b, c))
+        self.last_up = nn.ConvTranspose3d(b, a, 2, 2)
+        self.mix, self.end = convolution(a, WIDE), convolution(WIDE, WIDE)
+        self.head = nn.Conv3d(WIDE, CHANNELS, 1)
+
+    def forward(self, cells: Tensor) -> Tensor:
+        """Return (N, CHANNELS, z, y, x) logits for (N, 8, z, y, x) cells."""
+        fine = torch.relu(self.first(cells))
+        fine = torch.relu(self.fine(fine))
+        kept = []
+        x = fine
+        for down, block in zip(self.downs, self.enter, strict=True):
+            x = block(torch.relu(down(x)))
+            kept.append(x)
+        for k in (1, 0):
+            x = self.leave[k](torch.relu(kept[k] + self.ups[k](x)))
+        x = torch.relu(fine + self.last_up(x))
+        x = torch.relu(self.mix(x))
+        return self.head(torch.relu(x + self.end(x)))

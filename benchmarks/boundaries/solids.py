@@ -1,0 +1,201 @@
+"""Random solids packed so that they touch: shapes no simulated bag holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Points = NDArray[np.float32]
+Solid = Callable[[Points], NDArray[np.float32]]
+"""Signed distance, roughly, of (N, 3) points in voxels about the solid's centre."""
+
+
+def box(rng: np.random.Generator, size: float) -> Solid:
+    half = size * np.exp(rng.uniform(-1.0, 0.2, 3)).astype(np.float32)
+    rounding = np.float32(rng.uniform(0, 0.3) * half.min())
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        q = np.abs(points) - (half - rounding)
+        return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding
+
+    return distance
+
+
+def ellipsoid(rng: np.random.Generator, size: float) -> Solid:
+    radii = size * np.exp(rng.uniform(-0.6, 0.3, 3)).astype(np.float32)
+    power = float(rng.choice([0.8, 1.3, 2.0, 2.0, 3.0, 6.0]))
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        reach = (np.abs(points / radii) ** power).sum(axis=1) ** (1 / power)
+        return (reach - 1) * radii.min()
+
+    return distance
+
+
+def cylinder(rng: np.random.Generator, size: float) -> Solid:
+    radius, half = size * rng.uniform(0.3, 0.9), size * np.exp(rng.uniform(-1.5, 0.5))
+    taper = rng.uniform(-0.4, 0.4) * (rng.random() < 0.4)
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        here = radius * (1 + taper * points[:, 0] / half)
+        return np.maximum(np.hypot(points[:, 1], points[:, 2]) - here, np.abs(points[:, 0]) - half)
+
+    return distance
+
+
+def tube(rng: np.random.Generator, size: float) -> Solid:
+    """Return a bent rod, or a pipe."""
+    knots = np.cumsum(rng.normal(size=(4, 3)), axis=0)
+    t = np.linspace(0, 1, 24)[:, None]
+    line = sum(
+        c * k
+        for c, k in zip(
+            ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3), knots, strict=True
+        )
+    )
+    line = line - (line.max(axis=0) + line.min(axis=0)) / 2
+    line = (line * (1.5 * size / np.abs(line).max())).astype(np.float32)
+    radius = max(size * rng.uniform(0.12, 0.35), 1.6)
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        from scipy.spatial import cKDTree
+
+        fine = np.concatenate([np.linspace(a, b, 6) for a, b in zip(line, line[1:], strict=False)])
+        return (cKDTree(fine).query(points)[0] - radius).astype(np.float32)
+
+    return distance
+
+
+def sheet(rng: np.random.Generator, size: float) -> Solid:
+    """Return a thin, wavy plate."""
+    half = size * rng.uniform(0.8, 1.6, 2)
+    thick = rng.uniform(0.9, 3.0)
+    wave = rng.uniform(0, 0.35) * size * np.array([1.0, rng.random()])
+    phase, pace = rng.uniform(0, 6, 2), rng.uniform(1, 3.5, 2) / size
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        lift = (wave * np.sin(points[:, 1:] * pace + phase)).sum(axis=1)
+        q = np.abs(points[:, 1:]) - half
+        return np.maximum(np.abs(points[:, 0] - lift) - thick, q.max(axis=1)).astype(np.float32)
+
+    return distance
+
+
+def polyhedron(rng: np.random.Generator, size: float) -> Solid:
+    normals = rng.normal(size=(int(rng.integers(5, 14)), 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    reach = size * rng.uniform(0.5, 1.0, len(normals))
+    # Six more keep it bounded.
+    normals = np.concatenate([normals, np.eye(3), -np.eye(3)]).astype(np.float32)
+    reach = np.concatenate([reach, np.full(6, 1.2 * size)]).astype(np.float32)
+
+    def distance(points: Points) -> NDArray[np.float32]:
+        return (points @ normals.T - reach).max(axis=1)
+
+    return distance
+
+
+def union(rng: np.random.Generator, size: float) -> Solid:
+    one, two = (any_solid(rng, 0.7 * size) for _ in range(2))
+    shift = (rng.normal(size=3) * 0.5 * size).astype(np.float32)
+    return lambda points: np.minimum(one(points - shift), two(points + shift))
+
+
+PLAIN = (box, box, ellipsoid, ellipsoid, cylinder, polyhedron, polyhedron)
+
+
+def any_solid(rng: np.random.Generator, size: float) -> Solid:
+    return PLAIN[int(rng.integers(len(PLAIN)))](rng, size)
+
+
+def packed_solids(
+    seed: int, shape: tuple[int, int, int] = (104, 104, 104)
+) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return the sharp density and the labels of touching solids.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random.
+    shape : (int, int, int)
+        Of the volume, z y x.
+
+    Returns
+    -------
+    density : (Z, Y, X) ndarray of uint16
+    labels : (Z, Y, X) ndarray of uint16
+        Where two overlap the voxel is the one's it is deeper in, so that they meet flat.
+        A shell and what it is filled with are one.
+    """
+    rng = np.random.default_rng(seed)
+    best = np.full(shape, 1e9, np.float32)
+    labels = np.zeros(shape, np.uint16)
+    density = np.zeros(shape, np.float32)
+    few = np.exp(rng.uniform(np.log(150), np.log(4000), int(rng.integers(1, 6))))
+    wanted = int(rng.integers(10, 50))
+    name = 0
+    for attempt in range(2 * wanted):
+        size = float(np.exp(rng.uniform(np.log(7), np.log(32)))) * (1 if attempt < wanted else 0.6)
+        kind = rng.random()
+        make = tube if kind < 0.15 else sheet if kind < 0.3 else union if kind < 0.42 else any_solid
+        solid, turn = make(rng, size), Rotation.random(random_state=rng).as_matrix()
+        if rng.random() < 0.3:
+            turn = np.eye(3)
+        place = _place(rng, solid, turn.astype(np.float32), size, labels, name > 0)
+        if place is None:
+            continue
+        region, reach = place
+        name += 1
+        value = rng.choice(few) * (1 if rng.random() < 0.6 else np.exp(rng.normal(0, 0.3)))
+        inside = reach < np.minimum(best[region], 0)
+        wall = rng.uniform(1.5, 4)
+        filling = value
+        if rng.random() < 0.3 and make is not sheet:
+            filling = 0.0 if rng.random() < 0.4 else rng.choice(few)
+        labels[region][inside] = name
+        density[region][inside] = np.where(reach > -wall, value, filling)[inside]
+        best[region] = np.minimum(best[region], reach)
+        if name == wanted:
+            break
+    return density.astype(np.uint16), labels
+
+
+def _place(
+    rng: np.random.Generator,
+    solid: Solid,
+    turn: NDArray[np.float32],
+    size: float,
+    labels: NDArray[np.uint16],
+    touch: bool,
+) -> tuple[tuple[slice, ...], NDArray[np.float32]] | None:
+    """Return where a solid goes and its distances there: it may flatten itself a little."""
+    reach = int(np.ceil(2.6 * size)) + 2
+    axis = np.arange(-reach, reach + 1, 2, dtype=np.float32)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    cloud = grid[solid(grid @ turn) < 0]
+    if len(cloud) < 12:
+        return None
+    lowest, highest = cloud.min(axis=0), cloud.max(axis=0)
+    limit = np.array(labels.shape)
+    if len(cloud) > 600:
+        cloud = cloud[rng.choice(len(cloud), 600, replace=False)]
+    for _ in range(80):
+        center = rng.uniform(0, limit).astype(np.float32)
+        cells = np.rint(cloud + center).astype(int)
+        kept = ((cells >= 0) & (cells < limit)).all(axis=1)
+        if kept.mean() < 0.5:
+            continue
+        taken = (labels[tuple(cells[kept].T)] > 0).mean()
+        if taken < 0.16 and (taken > 0.002 or not touch):
+            break
+    else:
+        return None
+    low = np.maximum(np.floor(center + lowest).astype(int) - 3, 0)
+    high = np.minimum(np.ceil(center + highest).astype(int) + 4, limit)
+    region = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    axes = [np.arange(a, b, dtype=np.float32) - c for a, b, c in zip(low, high, center, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return region, solid(points @ turn).reshape([len(a) for a in axes]).astype(np.float32)

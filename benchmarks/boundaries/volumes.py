@@ -1,0 +1,59 @@
+"""Volumes to learn from, without blur and noise, which training adds anew every time.
+
+`python -m benchmarks.boundaries.volumes FOLDER FIRST LAST` writes simulated bags;
+with `--solids`, packed solids.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.boundaries.solids import packed_solids
+from napari_unpack.simulation import Scanner, simulate_bag
+
+SHAPES = (
+    *[(160, 176, 256)] * 3,
+    (128, 144, 176),
+    (144, 144, 208),
+    (112, 128, 160),
+    (192, 192, 192),
+)
+
+
+def bag(seed: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return a sharp bag of random size, spacing, fullness and streaks, and its labels."""
+    rng = np.random.default_rng(seed)
+    shape = SHAPES[rng.integers(len(SHAPES))]
+    share = np.prod(shape) / np.prod(SHAPES[0])
+    count = int(np.clip(30 * share**0.5 * np.exp(rng.normal(0, 0.3)), 8, 60))
+    spacing = (1.0, 1.0, 1.0)
+    if rng.random() >= 0.6:
+        spacing = tuple(float(s) for s in np.round(np.exp(rng.uniform(-0.3, 0.3, 3)), 2))
+    streaks = float(rng.choice([0, 30, 70, 70, 120]))
+    table = bool(rng.random() < 0.3)
+    scanner = Scanner(blur=0, noise=0, streaks=streaks)
+    made = simulate_bag(seed, shape, count, spacing, scanner=scanner, table=table)
+    return made.volume, made.labels
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("first", type=int)
+    parser.add_argument("last", type=int)
+    parser.add_argument("--solids", action="store_true")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    for seed in range(options.first, options.last):
+        volume, labels = (packed_solids if options.solids else bag)(seed)
+        prefix = "solids" if options.solids else "bag"
+        np.save(options.folder / f"{prefix}{seed}-labels.npy", labels)
+        np.save(options.folder / f"{prefix}{seed}-density.npy", volume)
+
+
+if __name__ == "__main__":
+    main()
