@@ -24,6 +24,7 @@ class Shipped(nn.Module):
         self.network = network
 
     def forward(self, cells: Tensor) -> Tensor:
+        """Return probabilities in 255ths."""
         return (torch.sigmoid(self.network(cells)) * 255 + 0.5).to(torch.uint8)
 
 

@@ -25,6 +25,7 @@ class Block(nn.Module):
         self.one, self.two = convolution(width, width), convolution(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
+        """Return as many channels as came."""
         return torch.relu(x + self.two(torch.relu(self.one(x))))
 
 
@@ -42,9 +43,7 @@ class Boundaries(nn.Module):
         self.fine = convolution(a, a)
         self.downs = nn.ModuleList(nn.Conv3d(m, n, 2, 2) for m, n in ((a, b), (b, c), (c, d)))
         self.enter = nn.ModuleList(Block(n) for n in (b, c, d))
-        self.ups = nn.ModuleList(
-            nn.ConvTranspose3d(n, m, 2, 2) for m, n in ((b, c), (c, d))
-        )
+        self.ups = nn.ModuleList(nn.ConvTranspose3d(n, m, 2, 2) for m, n in ((b, c), (c, d)))
         self.leave = nn.ModuleList(Block(n) for n in (b, c))
         self.last_up = nn.ConvTranspose3d(b, a, 2, 2)
         self.mix, self.end = convolution(a, WIDE), convolution(WIDE, WIDE)

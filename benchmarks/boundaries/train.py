@@ -3,7 +3,8 @@
 1. `python -m benchmarks.boundaries.volumes DATA 100 300`
 2. `python -m benchmarks.boundaries.volumes DATA 0 260 --solids`
 3. `python -m benchmarks.boundaries.train DATA CHECKPOINT --steps 3000 --decay 800`
-4. `python -m benchmarks.boundaries.export CHECKPOINT src/napari_unpack/segmentation/boundaries.onnx`
+4. `python -m benchmarks.boundaries.export CHECKPOINT
+   src/napari_unpack/segmentation/boundaries.onnx`
 
 It needs the dependency group `train`. One state of the code, one machine and one number of
 threads give the same weights; elsewhere sums are taken in another order and the scores of
@@ -38,7 +39,9 @@ class Patches(IterableDataset[Any]):
     def __iter__(self) -> Iterator[Any]:
         worker = torch.utils.data.get_worker_info()
         torch.set_num_threads(1)
-        return examples(self.source, self.seed + (worker.id if worker else 0), self.size, self.apart)
+        return examples(
+            self.source, self.seed + (worker.id if worker else 0), self.size, self.apart
+        )
 
 
 def losses(said: torch.Tensor, wanted: torch.Tensor, weights: torch.Tensor) -> dict[str, Any]:

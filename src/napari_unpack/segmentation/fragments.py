@@ -9,9 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from napari_unpack.segmentation.boundaries import REACHES, Prediction
+from napari_unpack.segmentation.boundaries import REACHES
 from napari_unpack.segmentation.flooding import flood
-from napari_unpack.segmentation.materials import _minima
+from napari_unpack.segmentation.materials import minima
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,7 @@ def cells_with(matter: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the cells of which any voxel is matter."""
     padded = np.pad(matter, [(0, n % 2) for n in matter.shape])
     z, y, x = (n // 2 for n in padded.shape)
-    found: NDArray[np.bool_] = padded.reshape(z, 2, y, 2, x, 2).any(axis=(1, 3, 5))
-    return found
+    return np.asarray(padded.reshape(z, 2, y, 2, x, 2).any(axis=(1, 3, 5)))
 
 
 def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -63,7 +62,7 @@ def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[n
     along the axes: lowest in the middle of an object, highest at its end.
     """
     height = _looseness(far, mask, np.array(REACHES))
-    return flood(_minima(height, mask), mask, height)
+    return flood(minima(height, mask), mask, height)
 
 
 @njit(cache=True, nogil=True)

@@ -98,11 +98,25 @@ def material_parts(
     floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
-    basins = flood(_minima(levels, mask), mask, levels)
+    basins = flood(minima(levels, mask), mask, levels)
     return merge_basins(basins, smooth, gradient, noise, scale.step, smallest)
 
 
-def _minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Label the plateaus from which no way leads down.
+
+    Parameters
+    ----------
+    levels : (Z, Y, X) ndarray of uint8
+        Heights, below 255 inside the mask.
+    mask : (Z, Y, X) ndarray of bool
+        Where to look.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        1, 2, ... on minima, 0 elsewhere.
+    """
     plateaus, count = cc3d.connected_components(
         np.where(mask, levels + np.uint8(1), 0).astype(np.uint8), connectivity=6, return_N=True
     )

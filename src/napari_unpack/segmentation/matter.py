@@ -92,3 +92,9 @@ def find_matter(
     """
     levels = levels_of(density, way)
     return peel(foreground(density, levels), density, levels.air), levels
+
+
+def typical_knee(density: NDArray[np.generic], matter: NDArray[np.bool_], air: float) -> float:
+    """Return a quarter of the median density of matter above air; see `MaterialScale`."""
+    values = density[matter][:: max(1, int(matter.size // 1_000_000))]
+    return max((float(np.nanmedian(values.astype(np.float64))) - air) / 4, 1e-6)

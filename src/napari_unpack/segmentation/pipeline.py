@@ -21,8 +21,9 @@ from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.large import segment_large
+from napari_unpack.segmentation.learned import learned_parts
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
-from napari_unpack.segmentation.matter import checked_way, find_matter
+from napari_unpack.segmentation.matter import checked_way, find_matter, typical_knee
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.recursion import take_apart
@@ -34,7 +35,7 @@ from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, sp
 from napari_unpack.segmentation.supports import find_supports
 from napari_unpack.segmentation.working_grid import MOST
 
-METHODS = ("affinity", "cuts")
+METHODS = ("learned", "affinity", "cuts")
 # Times the median density of matter.
 LIGHT = 2.2
 
@@ -88,8 +89,8 @@ def segment(
         oracle that ships with the package. Where one is passed it also decides about cuts.
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
-    method : {"affinity", "cuts"}
-        "affinity" cuts at density steps and necks and joins parts again by how they meet; "cuts"
+    method : {"learned", "affinity", "cuts"}
+        "learned" joins what a network of boundaries sees belong together; "affinity" cuts at density steps and necks and joins parts again by how they meet; "cuts"
         is the method of the paper (section 3), recursive cuts judged by the oracle.
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
@@ -130,7 +131,7 @@ def segment(
     size = checked_spacing(spacing)
     way = checked_way(foreground)
     if method not in METHODS:
-        raise ValueError(f"method must be one of {METHODS}, got {method!r}")
+        raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     decides = default_oracle() if method == "cuts" and oracle is None else oracle
     if out is not None:
         check_out(out, source.shape)
@@ -138,6 +139,7 @@ def segment(
     find = partial(
         segment_grid,
         foreground=way,
+        method=method,
         smallest=smallest,
         supports=supports,
         shell=shell,
@@ -178,6 +180,7 @@ def segment_grid(
     tell: Progress,
     *,
     foreground: str | float = "hysteresis",
+    method: str = "affinity",
     smallest: float = 500.0,
     supports: bool = True,
     shell: bool = True,
@@ -196,7 +199,7 @@ def segment_grid(
         Voxel size z y x, mm.
     tell : callable
         Progress.
-    foreground, smallest, supports, shell, step, rule, judge, oracle
+    foreground, method, smallest, supports, shell, step, rule, judge, oracle
         As for `segment`.
 
     Returns
@@ -209,22 +212,25 @@ def segment_grid(
     ValueError
         If nothing is found.
     """
-    parts, scale = split_parts(
-        density,
-        spacing,
-        tell,
-        foreground=foreground,
-        supports=supports,
-        shell=shell,
-        step=step,
-        rule=rule or SplitRule(smallest=smallest / 2),
-        oracle=oracle,
-    )
-    if oracle is None:
-        tell(0.8, "Joining parts")
-        parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
+    if method == "learned" and oracle is None:
+        parts = learned_parts(density, spacing, tell, foreground=foreground, supports=supports)
     else:
-        parts = join_touching(parts, density, spacing, oracle, RefineRule(), tell)
+        parts, scale = split_parts(
+            density,
+            spacing,
+            tell,
+            foreground=foreground,
+            supports=supports,
+            shell=shell,
+            step=step,
+            rule=rule or SplitRule(smallest=smallest / 2),
+            oracle=oracle,
+        )
+        if oracle is None:
+            tell(0.8, "Joining parts")
+            parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
+        else:
+            parts = join_touching(parts, density, spacing, oracle, RefineRule(), tell)
     labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     labels = rank_labels(fill_cavities(labels, spacing))
     if not labels.any():
@@ -277,7 +283,7 @@ def split_parts(
         matter &= ~find_supports(matter, spacing)
     tell(0.1, "Finding materials")
     fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
-    scale = MaterialScale(levels.air, _knee(density, matter, levels.air), step)
+    scale = MaterialScale(levels.air, typical_knee(density, matter, levels.air), step)
     materials = material_parts(density, matter, scale, fewest)
     tell(0.25, "Finding components")
     regions = _components(materials, density, spacing, limits.smallest)
@@ -338,12 +344,6 @@ def default_affinity() -> Affinity:
 
 def _silent(fraction: float, text: str) -> None:
     """Report nothing."""
-
-
-def _knee(density: NDArray[np.generic], matter: NDArray[np.bool_], air: float) -> float:
-    """Return a quarter of the median density of matter above air."""
-    values = density[matter][:: max(1, int(matter.size // 1_000_000))]
-    return max((float(np.nanmedian(values.astype(np.float64))) - air) / 4, 1e-6)
 
 
 def _components(

@@ -1,0 +1,114 @@
+"""Objects by what a network sees: fragments between its boundaries, joined by its affinities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.boundaries import Boundaries, Tell, default_boundaries
+from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.fragments import cells_with, find_fragments, tie
+from napari_unpack.segmentation.linkage import link
+from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.segmentation.matter import find_matter, typical_knee
+from napari_unpack.segmentation.resolving import resolve
+from napari_unpack.segmentation.supports import find_supports
+
+
+@dataclass(frozen=True)
+class JoinRule:
+    """When the network's word is taken.
+
+    Parameters
+    ----------
+    matter : float
+        Probability from which a voxel is an object's.
+    dense : float
+        And from which one is that is dense enough to be matter by itself: what closes the wall
+        of a container.
+    object : float
+        Mean probability of its voxels from which something is an object.
+    together : float
+        Mean probability from which two fragments are joined.
+    weights : (4,) tuple of float
+        Of pairs of cells in that mean, by reach.
+    """
+
+    matter: float = 0.3
+    dense: float = 0.1
+    object: float = 0.5
+    together: float = 0.4
+    weights: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+
+
+def learned_parts(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    tell: Tell,
+    *,
+    foreground: str | float = "hysteresis",
+    supports: bool = True,
+    network: Boundaries | None = None,
+    rule: JoinRule | None = None,
+) -> NDArray[np.int32]:
+    """Take a volume apart as the network sees it.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+        Checked density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    tell : callable
+        Progress.
+    foreground : str or float
+        See `matter.checked_way`; it sets the scale of density, and where a number is given
+        nothing below it is matter.
+    supports : bool
+        Leave out the scanner's table.
+    network : Boundaries, optional
+        By default the one that ships with the package.
+    rule : JoinRule, optional
+        When its word is taken.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        1, 2, ...; 0 is background, which the network takes the bag and the table for.
+    """
+    limits = rule or JoinRule()
+    tell(0.0, "Finding matter")
+    seen, levels = find_matter(density, spacing, foreground)
+    scale = MaterialScale(levels.air, typical_knee(density, seen, levels.air))
+    said = (network or default_boundaries()).predict(
+        density, scale, lambda f, text: tell(0.05 + 0.6 * f, text)
+    )
+    matter = said.matter >= 255 * limits.matter
+    matter |= seen & (said.matter >= 255 * limits.dense)
+    section = measured_section(density)
+    if section is not None:
+        matter &= section
+    if supports:
+        matter &= ~find_supports(seen, spacing)
+    tell(0.65, "Finding fragments")
+    fragments = find_fragments(said.far, cells_with(matter))
+    tell(0.75, "Joining fragments")
+    ties = tie(fragments, said.far, np.array(limits.weights))
+    owner = link(ties, int(fragments.max()) + 1, limits.together)
+    tell(0.85, "Drawing borders")
+    parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
+    return _believed(parts, said.matter, 255 * limits.object)
+
+
+def _believed(
+    parts: NDArray[np.int32], matter: NDArray[np.uint8], least: float
+) -> NDArray[np.int32]:
+    """Drop parts that are rather the bag's."""
+    flat = parts.reshape(-1)
+    counts = np.bincount(flat)
+    sums = np.bincount(flat, matter.reshape(-1), len(counts))
+    names = np.where(sums >= least * counts, np.arange(len(counts)), 0).astype(np.int32)
+    return names[parts]

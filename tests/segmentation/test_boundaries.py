@@ -1,0 +1,96 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from phantoms import box, scanned
+
+from napari_unpack.segmentation import boundaries, score, segment
+from napari_unpack.segmentation.boundaries import Boundaries, default_boundaries
+from napari_unpack.segmentation.materials import MaterialScale
+
+SCALE = MaterialScale(0.0, 200.0)
+
+
+def silent(fraction, text):
+    pass
+
+
+def two_boxes():
+    """Return boxes of one density, pressed together, one standing over the other's edge."""
+    shape = (56, 56, 88)
+    truth = np.zeros(shape, np.int32)
+    truth[box(shape, (10, 12, 10), (40, 44, 44))] = 1
+    truth[box(shape, (22, 6, 44), (46, 34, 76))] = 2
+    return truth
+
+
+def test_two_touching_boxes_of_one_density_come_apart():
+    truth = two_boxes()
+    found = segment(scanned(truth, {1: 1000, 2: 1000}), method="learned")
+    assert score(truth, found.labels)["f1_75"] == 1.0
+
+
+def test_the_network_says_the_same_twice():
+    volume = scanned(two_boxes(), {1: 1000, 2: 1000})
+    one, two = (default_boundaries().predict(volume, SCALE, silent) for _ in range(2))
+    for a, b in zip((one.matter, one.next, one.far), (two.matter, two.next, two.far), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_tiles_agree_with_the_whole():
+    truth = two_boxes()
+    volume = scanned(truth, {1: 1000, 2: 400})
+    whole = default_boundaries().predict(volume, SCALE, silent)
+    tiled = default_boundaries().predict(volume, SCALE, silent, tile=24)
+    assert np.abs(whole.matter.astype(int) - tiled.matter).mean() < 5
+    inside = truth > 0
+    assert np.abs(whole.next.astype(int) - tiled.next)[:, inside].mean() < 5
+
+
+def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
+    class Echo:
+        """A network that says what it is shown."""
+
+        def run(self, names, feed):
+            cells = feed["cells"][0]
+            said = np.zeros((boundaries.CHANNELS, *cells.shape[1:]), np.uint8)
+            said[:8] = np.rint(np.expm1(cells) * 100)
+            return [said[None]]
+
+    volume = np.random.default_rng(0).integers(0, 250, (37, 50, 21)).astype(np.uint8)
+    said = Boundaries(Echo()).predict(volume, MaterialScale(0.0, 100.0), silent, tile=8)
+    np.testing.assert_array_equal(said.matter, volume)
+
+
+def test_a_damaged_or_foreign_network_is_refused(tmp_path):
+    good = (Path(boundaries.__file__).parent / "boundaries.onnx").read_bytes()
+    for content in (b"", good[: len(good) // 2], b"not a network"):
+        path = tmp_path / "net.onnx"
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="not a network of boundaries"):
+            Boundaries.load(path)
+    with pytest.raises(FileNotFoundError):
+        Boundaries.load(tmp_path / "none.onnx")
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 2), (3, 5, 4), (1, 40, 40)])
+def test_tiny_and_flat_volumes_are_looked_at(shape):
+    said = default_boundaries().predict(np.full(shape, np.nan), SCALE, silent)
+    assert said.matter.shape == shape
+    assert said.next.shape == (3, *shape)
+
+
+def test_progress_is_told_and_raising_in_it_cancels():
+    volume = scanned(two_boxes(), {1: 1000, 2: 1000})
+
+    def cancel(fraction, text):
+        if text.startswith("Looking"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        segment(volume, progress=cancel, method="learned")
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(ValueError, match="method must be one of learned, affinity, cuts"):
+        segment(two_boxes() * 1000.0, method="guess")
