@@ -90,7 +90,7 @@ def segment(
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
     method : {"learned", "affinity", "cuts"}
-        "learned" joins what a network of boundaries sees belong together; "affinity" cuts at density steps and necks and joins parts again by how they meet; "cuts"
+        "learned" joins what a network of boundaries sees belong together. "affinity" cuts at
         is the method of the paper (section 3), recursive cuts judged by the oracle.
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
