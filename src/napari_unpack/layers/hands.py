@@ -35,11 +35,11 @@ class Hands:
 
     def sprite_at(self, pixel: NDArray[np.float64]) -> int:
         """Return the object whose sprite is at a pixel of the canvas (row, column), or 0."""
-        return self._projector.sprite_at(*self._device(pixel))
+        return self._projector.sprite_at(*self.device_pixel(pixel))
 
     def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
         """Return the packed objects at a pixel of the canvas, the most visible first."""
-        return self._projector.packed_at(*self._device(pixel))
+        return self._projector.packed_at(*self.device_pixel(pixel))
 
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
@@ -75,7 +75,7 @@ class Hands:
 
     def draw(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> None:
         """Show an arrow under the hand."""
-        self.overlays.arrow.drawn = np.array([self._device(start), self._device(end)])
+        self.overlays.arrow.drawn = np.array([self.device_pixel(start), self.device_pixel(end)])
         self._projector.transition.repaint()
 
     def drawn(self, start: NDArray[np.float64], end: NDArray[np.float64], out: bool) -> None:
@@ -93,7 +93,7 @@ class Hands:
         self.drawing = False
         frame = self.frame
         if frame is not None:
-            pixels = np.array([self._device(start), self._device(end)])
+            pixels = np.array([self.device_pixel(start), self.device_pixel(end)])
             found = drawn_direction(pixels, frame.camera)
             if out:
                 row, col = (round(v) for v in pixels[0])
@@ -111,7 +111,7 @@ class Hands:
     def _mark(self) -> None:
         raise NotImplementedError
 
-    def _device(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
+    def device_pixel(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
         """Return the frame's pixel (row, column) of one of the canvas."""
         height, width = self.viewer.canvas.size
         rows, cols = (height, width) if self.frame is None else self.frame.size

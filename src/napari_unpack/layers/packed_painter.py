@@ -104,6 +104,10 @@ class PackedPainter:
             self._crop = PictureCache(self._session).whole()
         return self._crop
 
+    def known_crop(self) -> Crop:
+        """Return the whole volume as last made ready, which may be of labels just repaired."""
+        return self._crop or self.crop()
+
     def look(self, frame: Frame) -> None:
         """Take note of what the canvas shows now."""
         if not frame.same_as(self._frame):

@@ -170,10 +170,15 @@ class PlainStage:
     def _wires(self) -> list[tuple[Any, Any]]:
         events = self.session.events
         return [
+            (events.labels, self._on_labels),
             (events.states, self._on_states),
             (events.hues, self._paint),
             (events.selected, self._mark),
         ]
+
+    def _on_labels(self) -> None:
+        self.packed.data = self.session.labels
+        self._on_states()
 
     def _on_states(self) -> None:
         self._paint()

@@ -122,6 +122,16 @@ class Projector:
         if self._director.active(self._clock.now()):
             self._clock.start()
 
+    def labels_changed(self, ids: Iterable[int]) -> None:
+        """Follow the session's labels, which were repaired where these objects are or were."""
+        for object_id in ids:
+            self._jobs.drop(f"warm {object_id}")
+        self._packed_ids = frozenset(
+            i for i, s in self.session.states.items() if s.name == "PACKED"
+        )
+        self._jobs.ask("fine", "volume", self.bag.crop, self._supply_new)
+        self._set_tables()
+
     def hues_changed(self) -> None:
         """Follow the session's hues."""
         self.bag.refine()
@@ -234,7 +244,8 @@ class Projector:
             return []
         if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
             return []
-        return pick_packed(self.session, self.bag.crop(), frame, row, col)
+        found = pick_packed(self.session, self.bag.known_crop(), frame, row, col)
+        return [i for i in found if i in self.session.states]
 
     def close(self) -> None:
         """Show nothing new."""
@@ -284,6 +295,10 @@ class Projector:
         before = self.studio.active
         self.studio.supply(crop)
         self._caster_changed(before)
+
+    def _supply_new(self, crop: Crop) -> None:
+        self._supply(crop)
+        self.bag.refine()
 
     def _caster_changed(self, before: bool) -> None:
         if self.studio.active != before:

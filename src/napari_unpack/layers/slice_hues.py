@@ -29,7 +29,7 @@ class SliceHues:
     def __init__(self, session: Any, sources: Sequence[Any]) -> None:
         self._session = session
         self._theirs = [
-            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session)
+            (layer, layer.colormap) for layer in sources if shows_labels(layer, session)
         ]
 
     def paint(self) -> None:
@@ -50,7 +50,8 @@ class SliceHues:
         self._theirs = []
 
 
-def _shows_labels(layer: Any, session: Any) -> bool:
+def shows_labels(layer: Any, session: Any) -> bool:
+    """Tell whether a layer holds the session's labels, as far as some of its voxels show."""
     labels = session.labels
     if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
         return False

@@ -304,6 +304,8 @@ class Stage(Hands):
     def _wires(self) -> list[tuple[Any, Any]]:
         events = self.session.events
         return [
+            (events.labels, self._projector.labels_changed),
+            (events.labels, self._at_rest.moved),
             (events.states, self._on_states),
             (events.hues, self._on_hues),
             (events.transfer_function, self._on_densities),

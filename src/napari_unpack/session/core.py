@@ -361,7 +361,7 @@ class SessionCore:
         if edited:
             self.events.labels.emit(edited)
             # Slots may have been planned anew.
-            changed.update(situation.out)
+            changed.update(situation.out, edited & self._known)
         if situation.hues is not before.hues:
             self.events.hues.emit(dict(situation.hues))
         if situation.transfer_function is not before.transfer_function:

@@ -109,6 +109,24 @@ class PictureCache:
         self._density: Density | None = None
         self._whole: Crop | None = None
 
+    def taking_over(self, earlier: PictureCache) -> PictureCache:
+        """Keep the crops of another cache that other labels leave as they are; return self."""
+        self._density = earlier._density
+        with earlier._lock:
+            kept = list(earlier._kept.items())
+        for key, made in kept:
+            if not (isinstance(made, Crop) and isinstance(key, tuple) and key[0] == "crop"):
+                continue
+            try:
+                box = self._boxes.slices(key[1], MARGIN)
+                middle = self._boxes.center(key[1], self._spacing)
+            except KeyError:
+                continue
+            same = np.array_equal(middle, made.center)
+            if same and np.array_equal(self.labels[box], made.labels):
+                self.keep(key, lambda made=made: made)  # type: ignore[misc]
+        return self
+
     def whole(self) -> Crop:
         """Return the whole volume as a crop."""
         if self._whole is None:
@@ -185,10 +203,8 @@ class CacheBook:
     def of(self, session: Pictured) -> PictureCache:
         """Return a session's cache."""
         cache = self._caches.get(session)
-        if (
-            cache is None
-            or cache.volume is not session.volume
-            or cache.labels is not session.display_labels
-        ):
+        if cache is None or cache.volume is not session.volume:
             cache = self._caches[session] = PictureCache(session)
+        elif cache.labels is not session.display_labels:
+            cache = self._caches[session] = PictureCache(session).taking_over(cache)
         return cache

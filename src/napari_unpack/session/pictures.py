@@ -111,8 +111,9 @@ def packed_patch(
     Patch
         The window of the picture that the volume's box covers.
     """
-    look = _packed_look(session, shading, step_scale, backend)
-    return cast_crop(_BOOK.of(session).whole(), None, camera, size, look)
+    # The crop first: tints may be of more objects than the labels have, never of fewer.
+    crop = _BOOK.of(session).whole()
+    return cast_crop(crop, None, camera, size, _packed_look(session, shading, step_scale, backend))
 
 
 def object_patch(

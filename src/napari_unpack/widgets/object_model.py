@@ -168,8 +168,8 @@ class ObjectModel(QAbstractTableModel):
 
         return [
             _Live(
-                str(names[f.id]),
-                str(states[f.id].name),
+                str(names.get(f.id, "")),
+                str(states[f.id].name) if f.id in states else "HIDDEN",
                 float(hues[f.id]) % 1.0 if f.id in hues else None,
                 colors.get(f.id, _NO_COLOR),
                 mark(f.id),

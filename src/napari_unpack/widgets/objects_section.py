@@ -10,7 +10,8 @@ from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
 from napari_unpack.widgets.confidence_box import ConfidenceBox
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
-from napari_unpack.widgets.section import Section, button, row
+from napari_unpack.widgets.repair_bench import RepairBench
+from napari_unpack.widgets.section import Section, button, label, row
 from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
 
@@ -20,6 +21,9 @@ _SHOWN: dict[str, frozenset[str] | None] = {
     "Taken out": frozenset({"UNPACKED", "FLYING_OUT", "FLYING_BACK", "INSPECTED"}),
     "Hidden": frozenset({"HIDDEN"}),
 }
+
+
+_INSIDE = {"PACKED", "HIDDEN"}
 
 
 class ObjectsSection(Section):
@@ -48,9 +52,23 @@ class ObjectsSection(Section):
         self.hide_chosen = button("Hide", "Hide the selected objects from the picture (H).")
         self.show_all = button("Show all", "Show every hidden object again.")
 
+        self.repair = RepairBench(workbench, self)
+        self.split = button(
+            "Split", "Split an object: click two points of it, in the picture or in a 2D slice."
+        )
+        self.split.setCheckable(True)
+        self.merge = button("Merge", "Make one object of the selected ones (Ctrl-click rows).")
+        self.delete = button(
+            "Delete", "Take the selected objects out of the labels. Ctrl+Z undoes."
+        )
+        self.next_click = label("", "hint", wrap=True)
+        self.next_click.hide()
+
         self.contents.addLayout(row(self.search, self.filter))
         self.contents.addWidget(self.table, stretch=1)
         self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
+        self.contents.addLayout(row(self.split, self.merge, self.delete))
+        self.contents.addWidget(self.next_click)
         self.confidence = ConfidenceBox(workbench, self._chosen, self._reload)
         self.contents.addWidget(self.confidence)
 
@@ -61,6 +79,11 @@ class ObjectsSection(Section):
         self.isolate.clicked.connect(lambda: self._bench.isolate(self._chosen()))
         self.hide_chosen.clicked.connect(lambda: self._bench.hide(self._chosen()))
         self.show_all.clicked.connect(self._show_all)
+        self.split.clicked.connect(lambda: self.repair.split_by_clicks())
+        self.merge.clicked.connect(lambda: self.repair.merge(self._chosen()))
+        self.delete.clicked.connect(lambda: self.repair.delete(self._chosen()))
+        self.repair.splitting.connect(self._say_next_click)
+        self.repair.busy.connect(lambda _: self._enable())
         self.table.eye_clicked.connect(self._toggle_eye)
         self.table.swatch_clicked.connect(self._toggle_alone)
         self.table.ids_selected.connect(self._bench.select)
@@ -79,7 +102,11 @@ class ObjectsSection(Section):
         self._enable()
 
     def _refresh(self, news: frozenset[str]) -> None:
-        if news & {"states", "hues", "queue"}:
+        if "labels" in news:
+            self.model.load(self._bench.session)
+            self.table.show_selection(frozenset(self._bench.session.selected))
+            self._count()
+        elif news & {"states", "hues", "queue"}:
             self.model.refresh()
             self._count()
         if "selected" in news:
@@ -102,8 +129,17 @@ class ObjectsSection(Section):
         some = self._bench.session is not None and bool(self._chosen())
         self.isolate.setEnabled(some)
         self.hide_chosen.setEnabled(some)
+        idle = self._bench.session is not None and not self.repair.running
+        self.split.setEnabled(idle)
+        self.merge.setEnabled(idle and len(self._chosen()) > 1)
+        self.delete.setEnabled(idle and some)
         self.show_all.setEnabled(bool(self._in("HIDDEN")))
         self.confidence.refresh()
+
+    def _say_next_click(self, words: str) -> None:
+        self.split.setChecked(bool(words))
+        self.next_click.setText(words)
+        self.next_click.setVisible(bool(words))
 
     def _in(self, *states: str) -> list[int]:
         session = self._bench.session
@@ -147,6 +183,9 @@ class ObjectsSection(Section):
             ("Reveal…", lambda: ways.reveal(ids[0]), len(ids) == 1 and "PACKED" in states),
             ("Restore", lambda: bench.restore(ids), "UNPACKED" in states),
             ("Inspect", lambda: bench.inspect(ids[0]), len(ids) == 1 and "HIDDEN" not in states),
+            (None, None, False),
+            ("Merge", lambda: self.repair.merge(ids), len(ids) > 1 and states <= _INSIDE),
+            ("Delete", lambda: self.repair.delete(ids), states <= _INSIDE),
             (None, None, False),
             ("Isolate", lambda: bench.isolate(ids), True),
             ("Hide", lambda: bench.hide(ids), states != {"HIDDEN"}),

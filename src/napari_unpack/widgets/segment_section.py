@@ -75,6 +75,7 @@ class SegmentSection(Section):
         self.volume_box.chosen.connect(self._choose_volume)
         self.labels_box.chosen.connect(self._refresh)
         workbench.staged.connect(self._refresh)
+        workbench.changed.connect(lambda news: self._refresh() if "labels" in news else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         self._refresh()
 

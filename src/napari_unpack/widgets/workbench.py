@@ -15,7 +15,7 @@ from qtpy.QtCore import QObject, QTimer, Signal
 from napari_unpack.widgets import notices
 
 _GATHER_MS = 30
-WATCHED = ("states", "hues", "transfer_function", "queue", "view", "selected")
+WATCHED = ("labels", "states", "hues", "transfer_function", "queue", "view", "selected")
 """Signals of the session that the sections hear of, by name."""
 
 

@@ -1,0 +1,126 @@
+"""The user's own Labels layer and the session's labels, kept equal both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from qtpy.QtCore import QTimer
+
+from napari_unpack.layers.clock import stop
+from napari_unpack.layers.slice_hues import shows_labels
+
+QUIET_MS = 300
+"""After the last stroke of a brush."""
+
+EDITED = ("labels_update", "paint", "data", "set_data")
+
+
+class PaintedLabels:
+    """Hears brushes on the layers the session's labels came from, and shows repairs there.
+
+    Parameters
+    ----------
+    session : Session
+    sources : sequence of napari layers
+        The user's own.
+    ask : callable
+        Given a `RepairQuestion`, has it answered on another thread and accepted; returns False
+        where that must wait.
+
+    Notes
+    -----
+    A stroke is compared with the session's labels once the brush has been quiet for a moment.
+    Where the layer's array is the one the session was made of, the session first takes a copy,
+    or it would never know what was there before the stroke.
+    """
+
+    def __init__(self, session: Any, sources: Sequence[Any], ask: Callable[[Any], bool]) -> None:
+        self._session, self._ask = session, ask
+        self._layers = [
+            layer for layer in sources if _is_array(layer) and shows_labels(layer, session)
+        ]
+        if any(np.may_share_memory(layer.data, session.labels) for layer in self._layers):
+            session.own_labels()
+        self._seen = session.labels
+        self._writing = False
+        self._painted: Any = None
+        self._timer = QTimer()
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(QUIET_MS)
+        self._timer.timeout.connect(self._compare)
+        for layer in self._layers:
+            for name in EDITED:
+                if hasattr(layer.events, name):
+                    getattr(layer.events, name).connect(self._on_painted)
+        session.events.labels.connect(self._show)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a stroke has not been compared yet."""
+        return bool(self._timer.isActive())
+
+    def close(self) -> None:
+        """Hear and show nothing more."""
+        stop(self._timer)
+        self._session.events.labels.disconnect(self._show, missing_ok=True)
+        for layer in self._layers:
+            for name in EDITED:
+                if hasattr(layer.events, name):
+                    getattr(layer.events, name).disconnect(self._on_painted)
+        self._layers = []
+
+    def _on_painted(self, event: Any) -> None:
+        layer = event.source
+        if self._writing or layer not in self._layers:
+            return
+        self._painted = layer
+        self._timer.start()
+
+    def _compare(self) -> None:
+        layer = self._painted
+        if layer is None or layer not in self._layers:
+            return
+        if np.shape(layer.data) != self._session.labels.shape:
+            return
+        if not self._ask(self._session.paint_question(np.asarray(layer.data))):
+            self._timer.start()
+
+    def _show(self, _ids: Any = None) -> None:
+        """Write what the session has changed into the layers."""
+        before, self._seen = self._seen, self._session.labels
+        given = self._given()
+        self._writing = True
+        try:
+            for layer in self._layers:
+                box = _differing(before, self._seen)
+                if box is None:
+                    continue
+                wanted = given[self._seen[box]]
+                if np.array_equal(np.asarray(layer.data[box]), wanted):
+                    continue
+                if not layer.data.flags.writeable:
+                    layer.data = layer.data.copy()
+                layer.data[box] = wanted.astype(layer.data.dtype)
+                layer.refresh()
+        finally:
+            self._writing = False
+
+    def _given(self) -> NDArray[np.int64]:
+        session = self._session
+        given = np.zeros(session.ids[-1] + 1, np.int64)
+        given[list(session.ids)] = [session.label_of(i) for i in session.ids]
+        return given
+
+
+def _is_array(layer: Any) -> bool:
+    return not getattr(layer, "multiscale", False) and isinstance(layer.data, np.ndarray)
+
+
+def _differing(one: NDArray[Any], two: NDArray[Any]) -> tuple[slice, ...] | None:
+    planes = [z for z in range(len(one)) if not np.array_equal(one[z], two[z])]
+    if not planes:
+        return None
+    return (slice(planes[0], planes[-1] + 1),)

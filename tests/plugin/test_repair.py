@@ -1,0 +1,180 @@
+"""Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
+from widget_phantoms import SMALL, open_panel, press, stage_with
+
+from napari_unpack.layers import compat
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+BELL, CUBE, SLAB = 1, 2, 3
+
+
+def bells() -> tuple[np.ndarray, np.ndarray]:
+    """Two balls joined by a bar (1) before a slab (3), and a cube (2) beside them."""
+    z, y, x = np.indices((40, 40, 72))
+    labels = np.zeros(z.shape, np.uint16)
+    for middle in (16, 44):
+        labels[(z - 12) ** 2 + (y - 20) ** 2 + (x - middle) ** 2 < 100] = BELL
+    labels[10:15, 18:23, 16:44] = BELL
+    labels[4:16, 14:26, 58:70] = CUBE
+    labels[26:34, 6:36, 6:60] = SLAB
+    volume = np.where(labels > 0, 800 + 200 * labels, 0).astype(np.uint16)
+    return volume, labels
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy: Callable[..., Any]) -> Any:
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(*SMALL)
+    return made
+
+
+@pytest.fixture
+def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    volume, labels = bells()
+    layer = viewer.add_labels(labels, name="found", visible=False)
+    viewer.add_image(volume, name="bag")
+    made = stage_with(panel, qtbot, layer)
+    panel.workbench.stage.recolor_at_rest = False
+    assert panel.workbench.stage.settle(60)
+    return made
+
+
+def click(panel: UnpackingWidget, voxel: tuple[int, int, int], qtbot: QtBot) -> None:
+    """Click where a voxel is seen in the picture."""
+    stage = panel.workbench.stage
+    world = np.array(voxel) * stage.session.spacing
+    row, col = stage.frame.camera.project(world, stage.frame.size)
+    widget = compat.native_canvas(stage.viewer).native
+    QTest.mouseMove(widget, QPoint(round(col) + 1, round(row)))
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(round(col), round(row)))
+    qtbot.wait(60)
+
+
+def test_two_clicks_split_and_undo_joins(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects, first = panel.objects, session.labels.copy()
+    layer = viewer.layers["found"]
+    press(qtbot, objects.split)
+    assert "Click the object to split" in objects.next_click.text()
+    click(panel, (12, 20, 16), qtbot)
+    assert "Now click the other part of Object 1" in objects.next_click.text()
+    click(panel, (12, 20, 44), qtbot)
+    qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
+    assert not objects.split.isChecked()
+    assert objects.next_click.isHidden()
+    left, right = int(session.labels[12, 20, 16]), int(session.labels[12, 20, 44])
+    assert {left, right} == {1, 4}
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=5000)
+    assert np.array_equal(layer.data, session.labels)
+    assert panel.workbench.stage.settle(30)
+
+    panel.workbench.undo()
+    assert np.array_equal(session.labels, first)
+    assert np.array_equal(layer.data, first)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=5000)
+    assert panel.workbench.stage.settle(30)
+
+
+def test_a_click_on_another_object_starts_over_and_split_again_cancels(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects = panel.objects
+    press(qtbot, objects.split)
+    click(panel, (10, 20, 64), qtbot)
+    click(panel, (12, 20, 16), qtbot)
+    assert "That is another object" in objects.next_click.text()
+    press(qtbot, objects.split)
+    assert objects.next_click.text() == ""
+    click(panel, (12, 20, 44), qtbot)
+    assert len(session.ids) == 3
+    assert session.selected == {BELL}
+
+
+def test_clicks_in_a_slice_split_too(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    viewer.dims.ndisplay = 2
+    viewer.dims.set_point(0, 12)
+    qtbot.wait(100)
+    press(qtbot, panel.objects.split)
+    widget = compat.native_canvas(panel.workbench.stage.viewer).native
+    camera = viewer.scene.camera
+    height, width = viewer.canvas.size
+    for x in (12, 48):
+        at = (np.array([20, x]) - np.asarray(camera.center)[-2:]) * camera.zoom
+        spot = QPoint(round(width / 2 + at[1]), round(height / 2 + at[0]))
+        QTest.mouseMove(widget, spot + QPoint(1, 0))
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
+        qtbot.wait(60)
+    qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
+    assert session.labels[12, 20, 12] != session.labels[12, 20, 48]
+
+
+def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects = panel.objects
+    objects.table.show_selection(frozenset({BELL, CUBE}))
+    panel.workbench.select([BELL, CUBE])
+    qtbot.waitUntil(objects.merge.isEnabled, timeout=3000)
+    press(qtbot, objects.merge)
+    qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=5000)
+    assert panel.workbench.stage.settle(30)
+    panel.workbench.undo()
+    assert session.ids == (1, 2, 3)
+
+    session.take_least_occluded = True
+    panel.workbench.unpack([CUBE])
+    panel.workbench.stage.finish()
+    before = session.labels
+    objects.repair.delete([CUBE])
+    qtbot.wait(50)
+    assert session.labels is before
+    objects.repair.delete([BELL])
+    qtbot.waitUntil(lambda: session.ids == (2, 3), timeout=10000)
+    assert panel.workbench.stage.settle(30)
+    panel.workbench.undo()
+    assert session.ids == (1, 2, 3)
+    assert session.states[CUBE].name == "UNPACKED"
+
+
+def test_a_brush_on_the_users_layer_reaches_the_session(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer, first = viewer.layers["found"], session.labels.copy()
+    session.hide([CUBE])
+    layer.visible = True
+    viewer.dims.ndisplay = 2
+    viewer.dims.set_point(0, 30)
+    layer.brush_size = 9
+    layer.selected_label = 9
+    layer.paint((30, 20, 20), 9)
+    layer.paint((30, 20, 24), 9)
+    assert np.array_equal(session.labels, first)
+    qtbot.waitUntil(lambda: 9 in session.ids, timeout=10000)
+    assert np.array_equal(session.labels, layer.data)
+    assert session.states[CUBE].name == "HIDDEN"
+    qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=5000)
+    panel.workbench.undo()
+    assert np.array_equal(session.labels, first)
+    assert np.array_equal(layer.data, first)
+    assert session.states[CUBE].name == "HIDDEN"
+    qtbot.wait(500)
+    assert np.array_equal(session.labels, first)
