@@ -50,7 +50,8 @@ def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     viewer.add_image(volume, name="bag")
     made = stage_with(panel, qtbot, layer)
     panel.workbench.stage.recolor_at_rest = False
-    assert panel.workbench.stage.settle(60)
+    # The first to cast compiles the kernels.
+    assert panel.workbench.stage.settle(200)
     return made
 
 
