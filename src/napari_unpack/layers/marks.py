@@ -159,7 +159,7 @@ def draw(
     """
 
     def front(ids: frozenset[int]) -> NDArray[np.int32]:
-        visible = np.zeros(session.ids[-1] + 1, np.bool_)
+        visible = np.zeros(len(session.packed_tints()), np.bool_)
         visible[list(ids)] = True
         layers: NDArray[np.int32] = session.casters.ids(frame.camera, visible, frame.size, 1)
         return layers[0]

@@ -123,7 +123,9 @@ class Ways(QObject):
             overlays.unearth(target, leaving)
 
     def _hear(self, news: frozenset[str]) -> None:
-        if "states" in news and self._found is not None:
+        if "labels" in news:
+            self.forget()
+        elif "states" in news and self._found is not None:
             states = self._bench.session.states
             if any(states[i].name != "PACKED" for i in self._found.ids):
                 self.forget()
