@@ -206,6 +206,7 @@ class SessionRepair(SessionSight):
                 hues=hues,
                 names={i: name for i, name in now.names.items() if i in known},
                 hidden=now.hidden & known,
+                good=now.good & known,
                 inspected=inspected,
                 queue=Queue(),
                 ahead=(),
