@@ -13,6 +13,7 @@ from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import pictures
+from napari_unpack.session.study import Study
 
 object_patch = partial(pictures.object_patch, backend="cpu")
 packed_patch = partial(pictures.packed_patch, backend="cpu")
@@ -38,6 +39,12 @@ class FakeSession(SimpleNamespace):
         tints = np.zeros((4, 4), np.float32)
         tints[object_id] = COLORS[object_id]
         return tints
+
+    def study(self, object_id: int) -> Study:
+        return Study()
+
+    def transfer_function_of(self, object_id: int) -> Any:
+        return self.transfer_function
 
 
 COLORS = {1: (1, 0.2, 0.2, 1), 2: (0.2, 1, 0.2, 1), 3: (0.2, 0.2, 1, 1)}

@@ -65,6 +65,10 @@ class Hands:
         """Let go of an object that was turned."""
         self._projector.turned(object_id)
 
+    def rotation_of(self, object_id: int) -> Matrix:
+        """Return how an object is held now, from world axes to pivot axes."""
+        return self._projector.rotation_of(object_id)
+
     def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
         """Carry a sprite along with the hand."""
         self._projector.move(object_id, self._scale() * pixels)

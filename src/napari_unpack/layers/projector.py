@@ -201,6 +201,15 @@ class Projector:
             self._place(object_id, pose)
         self._clock.start()
 
+    def rotation_of(self, object_id: int) -> Matrix:
+        """Return how an object is held now, (3, 3) from world axes to pivot axes."""
+        one = self._director.inspection
+        if one is not None and one.object_id == object_id:
+            return one.rotation
+        pose = self.session.poses.get(object_id)
+        camera: Matrix = self.session.camera.rotation
+        return camera if pose is None else pose.rotation
+
     def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
         """Carry a sprite by some pixels of the frame; its picture stays."""
         pose = self._director.carried.get(object_id) or self.session.poses.get(object_id)

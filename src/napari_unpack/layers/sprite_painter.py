@@ -100,7 +100,8 @@ class SpritePainter:
 
     def _key(self, object_id: int, pose: Pose, fine: float) -> tuple[Any, ...]:
         tint = self._session.solo_tints(object_id)[object_id].tobytes()
-        return pose.rotation.tobytes(), pose.scale, tint, fine, self._state
+        study = self._session.study(object_id)
+        return pose.rotation.tobytes(), pose.scale, tint, fine, study, self._state
 
     def _ask(self, object_id: int, pose: Pose, fine: float, key: Any) -> None:
         self._jobs.ask(

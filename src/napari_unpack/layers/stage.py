@@ -63,6 +63,7 @@ class Stage(Hands):
         self._borrowed: Borrowed | None = None
         self._before = False, "auto"
         self._pointed = 0
+        self._held: dict[str, Any] | None = None
         box = np.stack([np.zeros(3), np.asarray(session.labels.shape, dtype=float) - 1])
         where = placement_of(self.sources, np.asarray(session.spacing, dtype=np.float64))
         self.packed = PackedLayer("Packed", session.spacing, box, **where)
@@ -331,9 +332,20 @@ class Stage(Hands):
             self._on_frame(frame)
 
     def _on_states(self) -> None:
+        self._hold_view()
         self._projector.states_changed()
         self.overlays.states_changed()
         self._at_rest.moved()
+
+    def _hold_view(self) -> None:
+        """Keep the view while an object is studied, and give it back after."""
+        studied = any(s.name == "INSPECTED" for s in self.session.states.values())
+        camera = self.viewer.scene.camera
+        if studied and self._held is None:
+            self._held = {name: getattr(camera, name) for name in ("center", "zoom", "angles")}
+        elif not studied and self._held is not None:
+            camera.update(self._held)
+            self._held = None
 
     def _on_hues(self) -> None:
         self._projector.hues_changed()

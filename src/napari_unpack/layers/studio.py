@@ -203,6 +203,7 @@ class Studio:
         high = np.minimum(session.boxes.upper[row] + FRINGE, session.labels.shape)
         center = session.boxes.center(object_id, np.asarray(session.spacing, dtype=np.float64))
         moved = moving.pose.world_from_world(center, camera)
+        voxels = np.eye(4) if self._crop is None else self._crop.voxel_from_world
         return self._shot(
             place,
             (low.astype(float), high - 1.0),
@@ -212,6 +213,8 @@ class Studio:
             step,
             lambda: session.solo_tints(object_id),
             done,
+            lambda: session.study(object_id).planes(voxels),
+            lambda: session.transfer_function_of(object_id),
         )
 
     def _shot(
@@ -225,6 +228,7 @@ class Studio:
         tints: Callable[[], NDArray[np.float32]],
         done: Callable[[float], None],
         clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
+        function: Callable[[], Any] | None = None,
     ) -> LiveShot | None:
         if self._crop is None:
             return None
@@ -242,7 +246,8 @@ class Studio:
         def develop() -> Picture | None:
             part = window.row, window.col, *window.size
             rays = rays_for(camera, size, spacing, affine, step, part)
-            return self._cast(key, rays, tints(), done, clipping())
+            shown = self._session.transfer_function if function is None else function()
+            return self._cast(key, rays, tints(), done, clipping(), shown)
 
         return LiveShot(window, camera, size, develop)
 
@@ -253,10 +258,11 @@ class Studio:
         tints: NDArray[np.float32],
         done: Callable[[float], None],
         clipping: NDArray[np.float64] | None,
+        function: Any,
     ) -> Picture | None:
         if self._store is None or self._crop is None or not self.active:
             return None
-        known = self._look(self._crop, key, tints)
+        known = self._look(self._crop, key, tints, function)
         caster = self._casters.get(key)
         if caster is None:
             caster = self._casters[key] = TintedCaster(self._store, self._programs)
@@ -280,8 +286,8 @@ class Studio:
             self._told(self._notice)
         return picture
 
-    def _look(self, crop: Crop, key: object, tints: NDArray[np.float32]) -> _Known:
-        function, known = self._session.transfer_function, self._known.get(key)
+    def _look(self, crop: Crop, key: object, tints: NDArray[np.float32], function: Any) -> _Known:
+        known = self._known.get(key)
         if (
             known is None
             or known.function is not function

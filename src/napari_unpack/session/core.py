@@ -308,6 +308,10 @@ class SessionCore:
         hue = situation.hues[object_id]
         table = tints_of({object_id: hue}, self._top, mode=self.tint_mode)
         density = float(self._facts.at[object_id, "mean_density"])
+        study = situation.studies.get(object_id)
+        own = None if study is None else study.transfer_function
+        if own is not None:
+            return table
         opacity = float(situation.transfer_function.opacity_at(density))
         table[object_id, 3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
         return table
@@ -358,6 +362,7 @@ class SessionCore:
         changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
         changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
         changed |= situation.good ^ before.good
+        changed |= {i for i, _ in situation.studies.items() ^ before.studies.items()}
         if edited:
             self.events.labels.emit(edited)
             # Slots may have been planned anew.

@@ -37,6 +37,11 @@ class History:
         """Steps that can be undone, the latest last."""
         return tuple(self._done)
 
+    def clear(self) -> None:
+        """Forget all steps."""
+        self._done.clear()
+        self._undone.clear()
+
     def push(self, step: Step, merge: bool = False) -> None:
         """Add a step, which ends the possibility to redo.
 

@@ -20,9 +20,10 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging import TransferFunctionLike
-from napari_unpack.session.picture_cache import CacheBook, Pictured
+from napari_unpack.session.picture_cache import CacheBook, Crop, Pictured
 from napari_unpack.session.picture_casting import Look, cast_crop
 from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
+from napari_unpack.session.study import Study
 
 __all__ = [
     "Patch",
@@ -79,6 +80,12 @@ class Depicted(Pictured, Protocol):
 
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
         """(M, 4) tints, zero but for one object."""
+
+    def study(self, object_id: int) -> Study:
+        """Opacity and cut of an object's own."""
+
+    def transfer_function_of(self, object_id: int) -> TransferFunctionLike:
+        """What an object is shown with outside the bag."""
 
 
 def packed_patch(
@@ -164,7 +171,7 @@ def object_patch(
     """
     crop = _BOOK.of(session).crop(object_id)
     moved = pose.world_from_world(crop.center, camera)
-    look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
+    look = _solo_look(session, object_id, crop, shading, step_scale, backend)
     return cast_crop(crop, moved, camera, size, look)
 
 
@@ -331,7 +338,8 @@ def _placed_sprite(
     if nearness <= 0.0:
         return nothing()
     resolution = size[0] / camera.height / nearness
-    look = _look(session, session.solo_tints(object_id), shading, 1.0, backend)
+    crop = _BOOK.of(session).crop(object_id)
+    look = _solo_look(session, object_id, crop, shading, 1.0, backend)
     key = ("sprite", look.key, pose.rotation.tobytes(), pose.scale, round(resolution, 6))
     patch: Patch = _BOOK.of(session).keep(
         key,
@@ -346,6 +354,22 @@ def _packed_look(
 ) -> Look:
     look = _look(session, session.packed_tints(), shading, step_scale, backend)
     return replace(look, clipping=session.clipping)
+
+
+def _solo_look(
+    session: Depicted,
+    object_id: int,
+    crop: Crop,
+    shading: Shading | None,
+    step_scale: float,
+    backend: str,
+) -> Look:
+    look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
+    return replace(
+        look,
+        transfer_function=session.transfer_function_of(object_id),
+        clipping=session.study(object_id).planes(crop.voxel_from_world),
+    )
 
 
 def _look(

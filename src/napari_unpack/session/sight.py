@@ -12,6 +12,7 @@ from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
 from napari_unpack.session.checks import checked_ids, checked_planes
 from napari_unpack.session.core import SessionCore
 from napari_unpack.session.state import ObjectState
+from napari_unpack.session.study import Study
 
 DISTANCE = 5.0
 """DT of eq. 1, pixels of the canvas."""
@@ -21,6 +22,8 @@ LAYERS = 2
 
 MOST_PIXELS = 640
 """Longer side of the object-ID image hues are chosen from; larger canvases are scaled down."""
+
+_NO_STUDY = Study()
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,26 @@ class SessionSight(SessionCore):
     def surroundings(self, surroundings: Surroundings) -> None:
         self._surroundings = surroundings
         self.events.surroundings.emit(surroundings)
+
+    def study(self, object_id: int) -> Study:
+        """Return the opacity and the cut an object has of its own."""
+        return self._situation.studies.get(object_id, _NO_STUDY)
+
+    def transfer_function_of(self, object_id: int) -> TransferFunction:
+        """Return the transfer function an object is shown with outside the bag."""
+        own = self.study(object_id).transfer_function
+        return self._situation.transfer_function if own is None else own
+
+    def set_study(self, object_id: int, study: Study | None) -> None:
+        """Give an object an opacity or a cut of its own; None takes both away.
+
+        Successive changes are one step of undo. The bag shows nothing of it.
+        """
+        (object_id,) = checked_ids(object_id, self._known, "object_id")
+        studies = {i: one for i, one in self._situation.studies.items() if i != object_id}
+        if study is not None and (study.transfer_function or study.cut):
+            studies[object_id] = study
+        self._do(f"study {object_id}", replace(self._situation, studies=studies), merge=True)
 
     @property
     def selected(self) -> frozenset[int]:

@@ -10,6 +10,7 @@ from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.contents import Edit
+from napari_unpack.session.study import Study
 from napari_unpack.unpacking import Queue, Slots
 
 
@@ -81,6 +82,8 @@ class Situation:
     ahead : tuple of dict of int to Berth
         Departures that `at_step` has taken back, the next one first: going forward again
         repeats them. Any other command that moves, hides or shows objects forgets them.
+    studies : mapping of int to Study
+        By ID, how those are shown alone that have an opacity or a cut of their own.
     edit : Edit, optional
         The last repair of the labels; None as they were given.
     good : frozenset of int
@@ -99,6 +102,7 @@ class Situation:
     ahead: tuple[Mapping[int, Berth], ...] = ()
     edit: Edit | None = None
     good: frozenset[int] = frozenset()
+    studies: Mapping[int, Study] = field(default_factory=dict)
 
     @property
     def departures(self) -> tuple[tuple[int, ...], ...]:

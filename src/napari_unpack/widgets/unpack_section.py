@@ -8,6 +8,7 @@ from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
+from napari_unpack.widgets.inspect_box import InspectBox
 from napari_unpack.widgets.notices import inform, spoken
 from napari_unpack.widgets.reveal_box import RevealBox
 from napari_unpack.widgets.scrub_bar import ScrubBar
@@ -64,6 +65,8 @@ class UnpackSection(Section):
         )
         self.way = button("", "Let objects leave along the direction that frees the most.")
         self.box = RevealBox(ways)
+        self.studied = InspectBox(workbench)
+        self.outside = button("Back to the bag", "Leave the opened object.", True)
         self._arrange()
         self._connect()
         self._reload()
@@ -84,6 +87,8 @@ class UnpackSection(Section):
         self.contents.addLayout(row(self.chosen, self.all_free, self.reveal))
         self.contents.addWidget(self.scrub)
         self.contents.addWidget(self.box)
+        self.contents.addWidget(self.studied)
+        self.contents.addWidget(self.outside)
         self.contents.addWidget(self.news)
         for extra in (self.way, self.force):
             extra.hide()
@@ -136,6 +141,7 @@ class UnpackSection(Section):
         self.all_free.clicked.connect(bench.unpack_free)
         self.reveal.clicked.connect(self.reveal_selected)
         self.way.clicked.connect(self._use_way)
+        self.outside.clicked.connect(bench.leave_object)
         self._ways.best.connect(self._tell_way)
         self._ways.found.connect(lambda one: self.box.show_found(one, bench.session))
         self._ways.busy.connect(self._tell_busy)
@@ -163,6 +169,7 @@ class UnpackSection(Section):
             self.deep.blockSignals(False)
             stage.events.drawn.connect(lambda: self.draw.setChecked(False))
         self.draw.setEnabled(hasattr(stage, "drawing"))
+        self.outside.setVisible(self._bench.is_inside)
         self._refresh()
 
     def tell_free(self, ids: frozenset[int] | None) -> None:

@@ -50,6 +50,7 @@ class Workbench(QObject):
         self._heard.connect(self._gather)
         self._told.connect(notices.inform)
         self._links: list[tuple[Any, Any]] = []
+        self._outer: list[tuple[Any, Sequence[Any]]] = []
 
     @property
     def session(self) -> Any:
@@ -95,6 +96,39 @@ class Workbench(QObject):
         else:
             self.stage.look_from(self._camera)
 
+    @property
+    def is_inside(self) -> bool:
+        """Whether the contents of an opened object are on the stage."""
+        return bool(self._outer)
+
+    def open_object(self, object_id: int) -> None:
+        """Put what is inside an object on the stage, as a bag of its own."""
+        from napari_unpack.session.opening import opened
+
+        if self.stage is None:
+            self._ask_for_a_session()
+            return
+        with notices.spoken():
+            inner = opened(self.session, object_id)
+            outer = self.session, self.stage.sources
+            settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
+            self.stage.leave()
+            inner.tint_mode = self.session.tint_mode
+            around = [*self._outer, outer]
+            self.open(inner, outer[1], **settings)
+            self._outer = around
+            self.staged.emit()
+
+    def leave_object(self) -> None:
+        """Go back to the bag that the opened object is from."""
+        if self._outer:
+            *around, (session, sources) = self._outer
+            settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
+            session.leave()
+            self.open(session, sources, **settings)
+            self._outer = around
+            self.staged.emit()
+
     def close(self) -> None:
         """Take the stage down; the user's layers come back as they were."""
         if self.stage is not None:
@@ -111,6 +145,7 @@ class Workbench(QObject):
         self._timer.stop()
         self._news.clear()
         self.stage = None
+        self._outer = []
         self.staged.emit()
 
     def _link(self, signal: Any, slot: Any) -> None:

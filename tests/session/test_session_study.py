@@ -1,0 +1,115 @@
+"""An object looked at alone: facts, an opacity and a cut of its own, and what is inside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from napari_unpack.appearance import TransferFunction
+from napari_unpack.geometry.transforms import packed_pose
+from napari_unpack.session import Session
+from napari_unpack.session.opening import opened, parts_by_density
+from napari_unpack.session.pictures import object_patch, packed_patch
+from napari_unpack.session.study import Study, facts_of
+
+SPACING = (2.0, 1.0, 1.0)
+
+
+def tin() -> tuple[np.ndarray, np.ndarray]:
+    """A tin (1) with two things of other densities in it, one label; a block (2) touching it."""
+    volume, labels = np.zeros((20, 30, 40), np.float32), np.zeros((20, 30, 40), np.uint16)
+    labels[4:16, 5:25, 5:25], volume[4:16, 5:25, 5:25] = 1, 1000
+    volume[7:13, 8:14, 8:14], volume[7:13, 16:22, 16:22] = 3000, 3100
+    labels[4:16, 5:25, 25:35], volume[4:16, 5:25, 25:35] = 2, 1500
+    return volume, labels
+
+
+@pytest.fixture
+def session() -> Session:
+    made = Session(*tin(), spacing=SPACING)
+    made.backend = "cpu"
+    return made
+
+
+def test_facts_are_those_of_the_voxels(session):
+    facts = facts_of(session, 1)
+    assert facts.size_mm == pytest.approx((24, 20, 20))
+    assert facts.volume_mm3 == 12 * 20 * 20 * 2
+    mine = tin()[0][tin()[1] == 1]
+    assert (facts.mean, facts.spread) == pytest.approx((mine.mean(), mine.std()), rel=1e-4)
+    assert facts.neighbours == (2,)
+    assert np.isnan(facts.confidence)
+    assert facts_of(session, 2).spread == 0
+
+
+def test_an_opacity_of_its_own_changes_the_object_alone_and_is_undone(session):
+    camera, size = session.camera, (40, 50)
+    pose = packed_pose(session.boxes.center(1, session.spacing), camera)
+
+    def alone():
+        return object_patch(session, 1, pose, camera, size).rgba
+
+    def bag():
+        return packed_patch(session, camera, size).rgba
+
+    before, master, packed = alone(), session.transfer_function, bag()
+    told = []
+    session.events.states.connect(told.append)
+    session.set_study(1, Study(TransferFunction([(0, 0), (2500, 0), (2600, 0.5)])))
+    assert told == [frozenset({1})]
+    assert session.transfer_function is master
+    assert np.abs(alone() - before).max() > 0.1
+    np.testing.assert_array_equal(bag(), packed)
+    session.undo()
+    np.testing.assert_array_equal(alone(), before)
+
+
+def test_a_cut_takes_away_what_lies_behind_its_plane(session):
+    camera, size = session.camera, (60, 60)
+    pose = packed_pose(session.boxes.center(2, session.spacing), camera)
+    whole = object_patch(session, 2, pose, camera, size)
+    middle = np.asarray(session.boxes.center(2, session.spacing))
+    session.set_study(2, Study(cut=(middle, camera.right)))
+    half = object_patch(session, 2, pose, camera, size)
+    seen = [(p.rgba[..., 3] > 0.3).sum() for p in (whole, half)]
+    assert seen[1] == pytest.approx(seen[0] / 2, rel=0.15)
+    # Oblique in millimetres, also where voxels are not cubes.
+    point, normal = Study(cut=(middle, np.array([0.6, 0.8, 0.0]))).planes(
+        np.diag([0.5, 1.0, 1.0, 1.0])
+    )[0]
+    inside = middle + 3 * np.array([0.8, -0.6, 0.0])
+    assert (np.array([0.5, 1, 1]) * inside - point) @ normal == pytest.approx(0, abs=1e-9)
+
+
+def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
+    inner = opened(session, 1)
+    assert len(inner.ids) == 3
+    sizes = sorted(int(n) for n in inner.boxes.counts)
+    assert sizes == pytest.approx([216, 216, 12 * 400 - 432], rel=0.3)
+    assert inner.spacing.tolist() == list(SPACING)
+    assert str(inner.objects["name"].iloc[0]) == "Object 1, part 1"
+    inner.backend = "cpu"
+    assert inner.unearthing(inner.ids[-1]).ids
+    assert session.labels[10, 10, 10] == 1
+    with pytest.raises(ValueError, match="same density"):
+        opened(session, 2)
+
+
+def test_a_container_of_known_contents_is_opened_into_them():
+    volume, labels = tin()
+    labels[7:13, 8:14, 8:14] = 3
+    table = pd.DataFrame(
+        {"name": ["Tin", "Block", "Key"], "parent": [0, 0, 1]}, index=pd.Index([1, 2, 3], name="id")
+    )
+    inner = opened(Session(volume, labels, SPACING, table), 1)
+    assert inner.objects["name"].to_dict() == {1: "Tin", 3: "Key"}
+
+
+def test_noise_alone_makes_no_parts():
+    volume = np.random.default_rng(0).normal(1000, 20, (12, 12, 12))
+    inside = np.zeros(volume.shape, bool)
+    inside[2:10, 2:10, 2:10] = True
+    parts = parts_by_density(volume, inside)
+    assert set(np.unique(parts[~inside])) == {0}
+    assert parts[inside].all()
