@@ -99,11 +99,11 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
     smooth = ndimage.median_filter(np.where(inside, volume, np.median(known)).astype(np.float32), 3)
     values = smooth[inside]
     values = values[np.isfinite(values)]
-    if values.size < 64 or len(np.unique(values)) < 3:
+    spread = np.clip(values, *np.percentile(values, [0.5, 99.5]))
+    kinds = min(3, len(np.unique(spread)))
+    if kinds < 2:
         return whole
-    low, high = np.percentile(values, [1, 99])
-    spread = np.clip(values, low, high)
-    cuts = threshold_multiotsu(spread, classes=3) if len(np.unique(spread)) > 3 else []
+    cuts = threshold_multiotsu(spread, classes=kinds)
     classes = np.digitize(smooth, cuts)
     least = max(16, round(LEAST_SHARE * inside.sum()))
     seeds = np.zeros(inside.shape, np.int32)
