@@ -105,6 +105,10 @@ def simulate(
     spacing: Annotated[
         tuple[float, float, float], typer.Option(metavar="Z Y X", help="Voxel size in mm.")
     ] = (1.0, 1.0, 1.0),
+    fidelity: Annotated[
+        str,
+        typer.Option(help="image: quick; projection: photons counted along rays, with streaks."),
+    ] = "image",
 ) -> None:
     """Simulate a packed bag with its true labels, and a table of its objects beside it."""
     from napari_unpack import simulate_bag
@@ -112,7 +116,14 @@ def simulate(
     from napari_unpack.io.volumes import WRITABLE
 
     _check_output(output, WRITABLE)
-    bag = simulate_bag(seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker())
+    bag = simulate_bag(
+        seed=seed,
+        shape=shape,
+        count=count,
+        spacing=spacing,
+        progress=Ticker(),
+        fidelity=fidelity,
+    )
     z, y, x = (float(v) for v in bag.spacing)
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
     for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels, "bag", names), output):

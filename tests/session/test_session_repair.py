@@ -57,6 +57,7 @@ def assert_consistent(s: Session) -> None:
 
 def test_a_split_gives_each_side_its_own_object_and_its_own_confidence() -> None:
     s = session()
+    s.judge = lambda region: region.voxels / 2000
     told = []
     s.events.labels.connect(told.append)
     s.display_labels  # noqa: B018
@@ -68,8 +69,10 @@ def test_a_split_gives_each_side_its_own_object_and_its_own_confidence() -> None
     assert (s.labels[4:14, 4:14, 19:29] == s.labels[RIGHT]).all()
     assert told == [frozenset({1, 4})]
     assert_consistent(s)
-    # A dumbbell of one density was 0.2 in the table given; both halves are judged anew.
-    assert (s.objects.confidence[[1, 4]] > 0.9).all()
+    # The dumbbell was 0.2 in the table given; both parts are judged anew.
+    voxels = s.objects.voxels[[1, 4]]
+    assert voxels.sum() == 2024
+    assert s.objects.confidence[[1, 4]].tolist() == (voxels / 2000).tolist()
     assert s.objects.confidence[2] == 0.9
     assert s.objects["name"][4] == "Dumbbell 1, part"
     assert s.objects["kind"].tolist() == ["dumbbell", "cube", "plate", "dumbbell"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.simulation.packing import Packing, Progress, Record
 from napari_unpack.simulation.planning import plan, trifle
+from napari_unpack.simulation.projection import ProjectionScanner
 from napari_unpack.simulation.scanner import Scanner
 from napari_unpack.simulation.shell import Shell
 
@@ -49,8 +50,9 @@ def simulate_bag(
     count: int = 30,
     spacing: Sequence[float] = (1.0, 1.0, 1.0),
     progress: Progress | None = None,
-    scanner: Scanner | None = None,
+    scanner: Scanner | ProjectionScanner | None = None,
     table: bool = False,
+    fidelity: str = "image",
 ) -> Bag:
     """Pack a bag and scan it.
 
@@ -69,9 +71,12 @@ def simulate_bag(
     progress : callable, optional
         Called with a fraction in [0, 1] and a text; raising inside it cancels.
     scanner : Scanner, optional
-        Blur, noise and streaks; by default `Scanner()`.
+        How it is scanned; by default `Scanner()` or `ProjectionScanner()`, as `fidelity` says.
     table : bool
         Whether the bag lies on a table, which is background.
+    fidelity : {"image", "projection"}
+        Whether blur, noise and streaks are added to the picture, in seconds, or come of
+        photons counted along rays, which takes several times as long. A scanner given decides.
 
     Returns
     -------
@@ -84,11 +89,13 @@ def simulate_bag(
 
     Notes
     -----
-    Fidelity A of notes/simulation.md 4.3. Objects are modelled from signed distances and fall
-    one after another on a height field, so that no two overlap and each rests on another or on
-    the bag's floor. Time is about linear in the voxels.
+    Fidelities A and B of notes/simulation.md 4.3. Objects are modelled from signed distances and
+    fall one after another on a height field, so that no two overlap and each rests on another
+    or on the bag's floor. Time is about linear in the voxels.
     """
     size, mm = _checked(seed, shape, count, spacing)
+    if fidelity not in ("image", "projection"):
+        raise ValueError(f"fidelity must be 'image' or 'projection', got {fidelity!r}")
     rng = np.random.default_rng(seed)
     report = progress or (lambda fraction, text: None)
     report(0.0, "Choosing what to pack")
@@ -103,9 +110,10 @@ def simulate_bag(
         in_vain += not packing.add(trifle(rng, size, mm), rng)
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
-    volume = (scanner or Scanner()).scan(packing.density, rng)
-    report(1.0, "The bag is packed")
     z, y, x = (float(s) for s in mm)
+    chosen = scanner or (ProjectionScanner() if fidelity == "projection" else Scanner())
+    volume = chosen.scan(packing.density, rng, (z, y, x))
+    report(1.0, "The bag is packed")
     labels = packing.opened()
     return Bag(volume, labels, (z, y, x), _table(packing.records, labels))
 

@@ -47,7 +47,12 @@ class Scanner:
         if self.blur > 6:
             raise ValueError(f"blur of the scanner must be 6 voxels or less, got {self.blur!r}")
 
-    def scan(self, density: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint16]:
+    def scan(
+        self,
+        density: NDArray[np.float32],
+        rng: np.random.Generator,
+        spacing: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    ) -> NDArray[np.uint16]:
         """Scan a volume.
 
         Parameters
@@ -56,6 +61,8 @@ class Scanner:
             CT number + 1000, sharp and without noise. Changed.
         rng : numpy.random.Generator
             Of the noise.
+        spacing : (float, float, float)
+            mm, z y x; changes nothing: this scanner thinks in voxels.
 
         Returns
         -------
@@ -69,7 +76,7 @@ class Scanner:
         """
         np.clip(density, 0, HIGHEST, out=density)
         add_streaks(density, self.streaks, self.starvation, rng)
-        kernel = _gaussian(self.blur / 2.3548)
+        kernel = gaussian(self.blur / 2.3548)
         gain = self.noise / float((kernel**2).sum()) ** 1.5
         for z in range(density.shape[0]):
             density[z] += gain * rng.standard_normal(density.shape[1:], dtype=np.float32)
@@ -80,7 +87,8 @@ class Scanner:
         return density.astype(np.uint16)
 
 
-def _gaussian(sigma: float) -> NDArray[np.float64]:
+def gaussian(sigma: float) -> NDArray[np.float64]:
+    """Return a normalised Gaussian of some voxels' standard deviation, cut at three."""
     reach = int(np.ceil(3 * sigma))
     offsets = np.arange(-reach, reach + 1)
     weights: NDArray[np.float64] = np.exp(-0.5 * (offsets / max(sigma, 1e-6)) ** 2)
