@@ -18,6 +18,7 @@ ORDER = (
     "gl_occlusion",
     "interfering",
     "recolouring",
+    "steady_colors",
     "unpacking_steps",
     "accuracy",
     "scaling",

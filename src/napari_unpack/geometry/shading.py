@@ -12,7 +12,8 @@ class Shading:
     Parameters
     ----------
     ambient, diffuse, specular : float
-        Weights in [0, 1]; specular is added in white, the others multiply the tinted colour.
+        Weights; specular is added in white, the others multiply the tinted colour. Together
+        they may exceed 1: what faces the viewer then glows.
     shininess : float
         Exponent of the highlight.
     gradient_floor : float
@@ -30,8 +31,8 @@ class Shading:
     colour is min(tinted colour * light + highlight, 1).
     """
 
-    ambient: float = 0.3
-    diffuse: float = 0.7
-    specular: float = 0.25
-    shininess: float = 24.0
+    ambient: float = 0.45
+    diffuse: float = 0.72
+    specular: float = 0.28
+    shininess: float = 28.0
     gradient_floor: float = 0.01

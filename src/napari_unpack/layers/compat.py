@@ -295,7 +295,7 @@ class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
 
 def _controls(sentence: str) -> type[Any]:
     """Make the controls class of one layer class: opacity, and a sentence."""
-    from qtpy.QtWidgets import QLabel
+    from qtpy.QtWidgets import QLabel, QSizePolicy
 
     class PictureControls(QtLayerControls):  # type: ignore[misc,valid-type]
         """Controls with what applies to a picture: its opacity."""
@@ -312,6 +312,9 @@ def _controls(sentence: str) -> type[Any]:
             self.transform_button.hide()
             words = QLabel(sentence)
             words.setWordWrap(True)
+            # A label's hint grows with its text and would widen napari's left column.
+            words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
+            words.setMinimumWidth(0)
             self.layout().addRow(words)
 
     return PictureControls

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from napari.layers import Labels
-from napari.utils.colormaps import DirectLabelColormap
 
 from napari_unpack.appearance import tints_of
+from napari_unpack.layers.label_colors import label_colormap
 
 STRIDE = 7
 """Every so many voxels are compared to tell whether a layer holds the session's labels."""
@@ -38,10 +38,9 @@ class SliceHues:
             return
         session = self._session
         tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
-        colors: dict[int | None, Any] = {None: np.zeros(4, np.float32)}
-        colors |= {session.label_of(i): tints[i] for i in session.ids}
+        colors = {session.label_of(i): tints[i] for i in session.ids}
         for layer, _ in self._theirs:
-            layer.colormap = DirectLabelColormap(color_dict=colors)
+            layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
 
     def close(self) -> None:
         """Give every layer its own colormap back."""

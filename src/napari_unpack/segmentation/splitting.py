@@ -65,7 +65,7 @@ def split(
     while stack:
         region = stack.pop()
         if progress is not None:
-            progress(settled / total, f"Splitting: {len(done)} objects")
+            progress(settled / total, f"Splitting: {len(done)} pieces")
         cut = best_cut(region, rule)
         if cut is None:
             done.append(region)

@@ -7,6 +7,7 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
 
 from napari_unpack.widgets.notices import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
+from napari_unpack.widgets.picture_options import PictureOptions
 from napari_unpack.widgets.presets import AUTOMATIC, CUSTOM, PRESETS, transfer_function
 from napari_unpack.widgets.section import Disclosure, Section, button, form
 from napari_unpack.widgets.theme import GAP
@@ -62,7 +63,9 @@ class ColorSection(Section):
         line.addWidget(self.at_rest)
         self.contents.addLayout(line)
         self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
+        self.picture = PictureOptions(workbench)
         self.contents.addWidget(more)
+        self.contents.addWidget(self.picture)
 
         self._edited: list[Point] | None = None
         self._live = QTimer(self)

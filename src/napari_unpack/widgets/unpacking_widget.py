@@ -100,6 +100,7 @@ class UnpackingWidget(QWidget):
         self.segment.end()
         self.files.end()
         self.unpack.scrub.end()
+        self.color.picture.end()
         self._watch.end()
         self.ways.end()
         self.workbench.close()

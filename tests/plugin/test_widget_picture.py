@@ -1,0 +1,62 @@
+"""The panel's options for background, box and scale."""
+
+from __future__ import annotations
+
+import pytest
+
+from napari_unpack.appearance import Surroundings
+from napari_unpack.widgets.picture_options import DARK, OWN, PictureOptions
+from napari_unpack.widgets.workbench import Workbench
+
+
+@pytest.fixture
+def options(make_napari_viewer_proxy, session, qtbot):
+    viewer = make_napari_viewer_proxy()
+    bench = Workbench(viewer)
+    made = PictureOptions(bench)
+    qtbot.addWidget(made)
+    bench.open(session)
+    yield made
+    made.end()
+    bench.close()
+
+
+def test_choices_become_the_sessions_surroundings(options, session) -> None:
+    options.choose("Light")
+    options.box.setChecked(True)
+    options.scale.setChecked(True)
+    around = session.surroundings
+    assert (around.background.name, around.box, around.scale) == ("light", True, True)
+    options.choose(OWN)
+    assert session.surroundings.background.name == "napari"
+    viewer = options._bench.viewer
+    assert viewer.canvas.background_color_override is None
+    dark = session.surroundings.background.colors
+    viewer.theme = "light"
+    assert session.surroundings.background.is_light
+    assert session.surroundings.background.colors != dark
+
+
+def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypatch) -> None:
+    from qtpy.QtGui import QColor
+
+    from napari_unpack.widgets import picture_options
+
+    monkeypatch.setattr(picture_options.QColorDialog, "getColor", lambda *_: QColor())
+    options.background.setCurrentText(picture_options.COLOR)
+    options.choose(picture_options.COLOR)
+    assert options.background.currentText() == DARK
+    assert session.surroundings.background.name == "dark"
+    monkeypatch.setattr(picture_options.QColorDialog, "getColor", lambda *_: QColor("#336699"))
+    options.choose(picture_options.COLOR)
+    assert session.surroundings.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
+
+
+def test_a_sessions_own_surroundings_are_shown(options, session) -> None:
+    bench = options._bench
+    bench.close()
+    session.surroundings = Surroundings.of("daylight", ["box"])
+    bench.open(session)
+    assert options.background.currentText() == "Daylight, a gradient"
+    assert options.box.isChecked()
+    assert not options.scale.isChecked()

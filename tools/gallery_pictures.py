@@ -1,0 +1,180 @@
+"""Pictures for docs/gallery that need no window: what hues, layers and opacities do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from napari_unpack.appearance import PRESETS, Surroundings, TransferFunction, tints_of
+from napari_unpack.geometry.view import View
+from napari_unpack.imaging import cast_ids
+from napari_unpack.session import Session
+from napari_unpack.session.picture_cache import PictureCache
+from napari_unpack.session.picture_casting import Look, cast_crop
+from napari_unpack.session.picture_patch import compose
+from napari_unpack.session.pictures import LIGHT, scene
+
+Picture = NDArray[np.float32]
+SIDE = 392
+FINE = 0.5
+CAPTION = 34
+GROUND = Surroundings.of("dusk")
+CAPTIONS = (0.86, 0.88, 0.92)
+
+
+def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iterator[Path]:
+    """Write a bag's pictures, one file after the other.
+
+    Parameters
+    ----------
+    session : Session
+        With its view; shown from closer than its camera.
+    name : str
+        Begins the files' names.
+    gallery : Path
+        Folder.
+    bag_is_ct : bool
+        Whether its densities are CT numbers + 1000, which the presets are made for.
+    """
+    session.recolor(keep=False)
+    panels: dict[str, list[tuple[str, Callable[[], Picture]]]] = {
+        "hues": [
+            ("untinted", lambda: _tinted(session, _white(session))),
+            ("random hues", lambda: _tinted(session, _random(session))),
+            ("hues of this view", lambda: _tinted(session, session.packed_tints())),
+        ],
+        "layers": [(f"object-ID layer {k + 1}", lambda k=k: _layer(session, k)) for k in range(3)],
+        "modes": [
+            ("even hues", lambda: _in_mode(session, "perceptual")),
+            ("colour-blind safe", lambda: _in_mode(session, "safe")),
+            ("vivid, as in the paper", lambda: _in_mode(session, "hsv")),
+        ],
+        "isolate": [
+            ("everything", lambda: _tinted(session, session.packed_tints())),
+            ("five isolated", lambda: _isolated(session, 5)),
+            ("one isolated", lambda: _isolated(session, 1)),
+        ],
+        "backgrounds": [
+            ("two colours" if "," in words else words, lambda words=words: _before(session, words))
+            for words in ("dark", "daylight", "#5b2a4a,#e2a36b")
+        ],
+    }
+    if bag_is_ct:
+        panels["opacity"] = [(preset, lambda p=preset: _through(session, p)) for preset in PRESETS]
+    for part, pictures in panels.items():
+        path = gallery / f"{name}-{part}.png"
+        _save(np.hstack([_captioned(make(), words) for words, make in pictures]), path)
+        yield path
+
+
+def opened(
+    volume: Any, labels: Any, spacing: Any, direction: tuple[float, float, float]
+) -> Session:
+    """Return a session whose camera just holds the bag."""
+    session = Session(volume, labels, spacing)
+    session.backend = "cpu"
+    session.view = View(direction)
+    session.canvas_size = (SIDE, SIDE)
+    boxes, mm = session.boxes, np.asarray(session.spacing)
+    corners = np.concatenate([boxes.corners(i, mm) for i in session.ids])
+    camera = session.camera
+    flat = corners @ camera.rotation[1:].T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    middle = (low + high) / 2 @ camera.rotation[1:]
+    middle += (corners @ camera.rotation[0]).mean() * camera.rotation[0]
+    session.look(replace(camera, center=middle, height=1.06 * float((high - low).max())))
+    return session
+
+
+def _look(session: Any, tints: Any, function: Any = None) -> Look:
+    mm = np.asarray(session.spacing, dtype=np.float64)
+    return Look(function or session.transfer_function, tints, LIGHT, mm, FINE, "cpu")
+
+
+def _tinted(session: Any, tints: Any, ground: Any = GROUND, function: Any = None) -> Picture:
+    whole = _cache(session).whole()
+    patch = cast_crop(whole, None, session.camera, (SIDE, SIDE), _look(session, tints, function))
+    return compose((SIDE, SIDE), [patch], ground.background)
+
+
+def _cache(session: Any) -> PictureCache:
+    found: PictureCache = session.__dict__.setdefault("_gallery", PictureCache(session))
+    return found
+
+
+def _white(session: Any) -> Any:
+    tints = session.packed_tints().copy()
+    tints[1:, :3] = np.where(tints[1:, 3:] > 0, 0.92, 0)
+    return tints
+
+
+def _random(session: Any) -> Any:
+    rng = np.random.default_rng(4)
+    hues = {i: float(rng.uniform()) for i in session.ids}
+    return tints_of(hues, session.ids[-1], mode=session.tint_mode)
+
+
+def _in_mode(session: Any, mode: Any) -> Picture:
+    return _tinted(session, tints_of(session.hues, session.ids[-1], mode=mode))
+
+
+def _layer(session: Any, k: int) -> Picture:
+    visible = np.arange(session.ids[-1] + 1) > 0
+    fine = 2 * SIDE
+    ids = cast_ids(
+        session.labels, session.spacing, session.camera, visible, (fine, fine), k + 1, backend="cpu"
+    )[k]
+    flat = tints_of(session.hues, session.ids[-1])[ids].copy()
+    edge = np.zeros(ids.shape, bool)
+    edge[1:] |= ids[1:] != ids[:-1]
+    edge[:, 1:] |= ids[:, 1:] != ids[:, :-1]
+    flat[edge & (ids > 0), :3] *= 0.45
+    image = flat + (1 - flat[..., 3:]) * GROUND.background.paint((fine, fine))
+    small: Picture = image.reshape(SIDE, 2, SIDE, 2, 4).mean(axis=(1, 3)).astype(np.float32)
+    return small
+
+
+def _isolated(session: Any, count: int) -> Picture:
+    sizes = dict(zip(session.boxes.ids.tolist(), session.boxes.counts.tolist(), strict=True))
+    largest = sorted(session.ids, key=lambda i: -sizes[i])
+    session.isolate(largest[1 : 1 + count])
+    picture = _tinted(session, session.packed_tints())
+    session.undo()
+    return picture
+
+
+def _before(session: Any, words: str) -> Picture:
+    around = Surroundings.of(words, ["box", "scale"])
+    camera = replace(session.camera, height=1.22 * session.camera.height)
+    return scene(session, camera, (SIDE, SIDE), backend="cpu", surroundings=around)
+
+
+def _through(session: Any, preset: str) -> Picture:
+    function = TransferFunction.preset(preset)
+    return _tinted(session, session.packed_tints(), function=function)
+
+
+def _captioned(picture: Picture, words: str) -> NDArray[np.uint8]:
+    whole = np.zeros((SIDE + CAPTION, SIDE, 3), np.uint8)
+    whole[:] = (14, 16, 20)
+    whole[:SIDE] = np.rint(np.clip(picture[..., :3], 0, 1) * 255)
+    image = Image.fromarray(whole)
+    color = tuple(round(255 * c) for c in CAPTIONS)
+    ImageDraw.Draw(image).text(
+        (SIDE / 2, SIDE + CAPTION / 2),
+        words,
+        fill=color,
+        font=ImageFont.load_default(17),
+        anchor="mm",
+    )
+    return np.asarray(image)
+
+
+def _save(picture: NDArray[np.uint8], path: Path) -> None:
+    Image.fromarray(picture).save(path, optimize=True)
