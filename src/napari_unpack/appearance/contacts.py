@@ -50,7 +50,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     be nearer still. So only border pixels look around, and only at border pixels, of which a
     disk of radius DT holds about DT. O(pixels + border pixels x L x DT).
     """
-    stack, names = _compacted(_checked(ids, distance, layers))
+    stack, names = _compacted(checked_layers(ids, distance, layers))
     if stack.size == 0:
         return nx.Graph()
     top = int(stack.max()) + 1
@@ -59,7 +59,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     graph.add_nodes_from(_named(np.flatnonzero(present), names))
     if len(graph) < 2:
         return graph
-    halves = _half_widths(distance)
+    halves = half_widths(distance)
 
     def work(band: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return _meet(stack, starts, columns, labels, halves, top, *band)  # type: ignore[no-any-return]
@@ -77,7 +77,8 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     return graph
 
 
-def _checked(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.integer]:
+def checked_layers(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.integer]:
+    """Return the (L, H, W) layers that count; raise as `interference` says."""
     stack = np.asarray(ids)
     if stack.ndim == 2:
         stack = stack[None]
@@ -110,7 +111,7 @@ def _named(rows: NDArray[np.integer], names: NDArray[np.integer] | None) -> list
     return [int(i) for i in (rows if names is None else names[rows])]
 
 
-def _half_widths(distance: float) -> NDArray[np.int64]:
+def half_widths(distance: float) -> NDArray[np.int64]:
     """Return the (2 R + 1,) half widths of the rows of a disk, in whole pixels."""
     rows = np.arange(-int(distance), int(distance) + 1)
     # The small surplus keeps a square root of 3.9999999 from losing its pixel.

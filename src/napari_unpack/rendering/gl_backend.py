@@ -20,6 +20,7 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering import occlusion_atomics, offscreen
 from napari_unpack.rendering.framebuffer import NO_DEPTH, Target, Targets
+from napari_unpack.rendering.interference_pass import InterferencePass
 from napari_unpack.rendering.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
 from napari_unpack.rendering.occlusion_atomics import OcclusionAtomics, RayTooCrowdedError
 from napari_unpack.rendering.occlusion_pass import MOST_IN_TABLE, OcclusionPass, counts_of_runs
@@ -128,6 +129,33 @@ def occlusion_counts(
     return counts_of_runs(ids, samples, visible)
 
 
+def interfering_pairs(
+    stack: NDArray[np.integer], half_widths: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
+    """Find who interferes in object-ID layers; see `InterferencePass.pairs`.
+
+    Returns
+    -------
+    (ids, pairs, lengths) or None
+        None where the driver is older than OpenGL 4.3, there are more than 4096 objects, or a
+        pixel comes near more than 64: the CPU's `appearance.interference` has no such limits.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    with offscreen.context().use():
+        if not occlusion_atomics.supported(blocks=4):
+            return None
+        bench = _bench()
+        target = bench.counting_targets.get((int(stack.shape[1]), int(stack.shape[2])))
+        try:
+            return bench.interference.pairs(target, stack, half_widths)
+        except (RayTooCrowdedError, ShaderError, ValueError):
+            return None
+
+
 def first_hits(
     labels: NDArray[np.uint16],
     rays: Rays,
@@ -234,6 +262,7 @@ class Bench:
         self.occlusion = OcclusionPass()
         self.atomics = OcclusionAtomics()
         self.queries = OcclusionQueries()
+        self.interference = InterferencePass()
         self.counting_targets = Targets((1,), keep=1)
         self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
         self.tinted_targets = Targets(TintedPass.channels)

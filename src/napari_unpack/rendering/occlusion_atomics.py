@@ -93,9 +93,9 @@ class OcclusionAtomics:
         )
         context = current_context()
         buffers = [
-            _buffer(0, slots),
-            _buffer(1, np.zeros(5 * n + 1, np.uint32)),
-            _buffer(2, np.zeros(n * n // 32 + 1, np.uint32)),
+            new_buffer(0, slots),
+            new_buffer(1, np.zeros(5 * n + 1, np.uint32)),
+            new_buffer(2, np.zeros(n * n // 32 + 1, np.uint32)),
         ]
         try:
             with target.drawing():
@@ -103,8 +103,8 @@ class OcclusionAtomics:
                 context.flush_commands()
                 GL.glMemoryBarrier(GL.GL_BUFFER_UPDATE_BARRIER_BIT)
             self.passes += 1
-            counters = _read(buffers[1], 5 * n + 1)
-            words = _read(buffers[2], n * n // 32 + 1)
+            counters = read_buffer(buffers[1], 5 * n + 1)
+            words = read_buffer(buffers[2], n * n // 32 + 1)
         finally:
             GL.glDeleteBuffers(len(buffers), buffers)
         if counters[-1]:
@@ -112,8 +112,8 @@ class OcclusionAtomics:
         return _counts(counters[:-1].reshape(5, n), words, candidates, len(visible))
 
 
-def supported() -> bool:
-    """Whether the current context has what this needs."""
+def supported(blocks: int = 3) -> bool:
+    """Whether the current context has what this needs: so many shader storage blocks."""
     from OpenGL import GL
 
     current_context().flush_commands()
@@ -122,8 +122,8 @@ def supported() -> bool:
     version = tuple(int(word) for word in words[:2] if word.isdigit())
     if len(version) < 2 or version < NEEDED:
         return False
-    blocks = int(np.asarray(GL.glGetIntegerv(GL.GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS)).max())
-    return blocks >= 3
+    most = int(np.asarray(GL.glGetIntegerv(GL.GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS)).max())
+    return most >= blocks
 
 
 def _counts(
@@ -141,7 +141,8 @@ def _counts(
     return OcclusionCounts(candidates[met], rows[0], rows[1], rows[2], rows[3], rows[4], blocks)
 
 
-def _buffer(binding: int, values: NDArray[Any]) -> int:
+def new_buffer(binding: int, values: NDArray[Any]) -> int:
+    """Make a shader storage buffer of an array and bind it; return its name."""
     from OpenGL import GL
 
     name = int(GL.glGenBuffers(1))
@@ -151,7 +152,8 @@ def _buffer(binding: int, values: NDArray[Any]) -> int:
     return name
 
 
-def _read(name: int, length: int) -> NDArray[np.uint32]:
+def read_buffer(name: int, length: int) -> NDArray[np.uint32]:
+    """Return so many words of a shader storage buffer."""
     from OpenGL import GL
 
     # PyOpenGL's own wrapper writes past a numpy array given to it.

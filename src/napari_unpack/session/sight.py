@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues, interference
+from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
+from napari_unpack.imaging import interference_in
 from napari_unpack.session.checks import checked_ids, checked_planes
 from napari_unpack.session.core import SessionCore
 from napari_unpack.session.state import ObjectState
@@ -212,11 +213,11 @@ class SessionSight(SessionCore):
         visible = self._table(i for i, s in self.states.items() if s is ObjectState.PACKED)
         camera, cast = self._camera, self.casters.ids
         previous = self._situation.hues if keep and self._colored else None
-        margin, locked = self.hue_margin, self.locked_hues
+        margin, locked, backend = self.hue_margin, self.locked_hues, self.backend
 
         def answer() -> dict[int, float]:
             ids = cast(camera, visible, shape, LAYERS)
-            graph = interference(ids, DISTANCE * scale, LAYERS)
+            graph = interference_in(ids, DISTANCE * scale, LAYERS, backend)
             return assign_hues(graph, previous, margin, locked=locked)
 
         return HueQuestion(answer)
