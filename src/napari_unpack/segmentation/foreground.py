@@ -87,7 +87,9 @@ def _spread(sample: NDArray[np.float64], air: float, high: float) -> float:
     noise = high - air
     for _ in range(6):
         inside = sample[sample <= min(air + 3 * noise, high)]
-        noise = float(np.quantile(inside, 0.84)) - air
+        if not len(inside):
+            break
+        noise = max(float(np.quantile(inside, 0.84)) - air, 0.0)
     return noise
 
 

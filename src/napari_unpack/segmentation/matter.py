@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.foreground import Levels, find_levels, foreground, peel
+from napari_unpack.segmentation.mumford_shah import mumford_shah
 
-WAYS = ("hysteresis", "otsu")
+WAYS = ("hysteresis", "otsu", "mumford-shah")
 """Names of the ways; a number is a fixed density."""
 
 
@@ -55,10 +56,10 @@ def levels_of(sample: NDArray[np.generic], way: str | float) -> Levels:
     Returns
     -------
     Levels
-        With one level, not two, for all but hysteresis.
+        With one level, not two, for otsu and a density.
     """
     levels = find_levels(sample)
-    if way == "hysteresis":
+    if way in ("hysteresis", "mumford-shah"):
         return levels
     level = levels.high if isinstance(way, str) else way
     return replace(levels, low=level, high=level)
@@ -91,6 +92,14 @@ def find_matter(
         If no voxel is matter.
     """
     levels = levels_of(density, way)
+    if way == "mumford-shah":
+        matter = mumford_shah(density, levels, spacing)
+        if not matter.any():
+            raise ValueError(
+                "nothing found in the foreground: all of it is smooth; "
+                "pass foreground= with a density to choose it yourself"
+            )
+        return peel(matter, density, levels.air), levels
     return peel(foreground(density, levels), density, levels.air), levels
 
 

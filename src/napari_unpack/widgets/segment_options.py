@@ -19,6 +19,10 @@ WAYS = {
         "hysteresis",
         "Light things count where they are connected to denser ones; suits most scans.",
     ),
+    "Smooth regions": (
+        "mumford-shah",
+        "Follows air and matter that grow lighter across the scan, as no level can; slower.",
+    ),
     "One level": ("otsu", "Everything above the level between air and matter."),
     FIXED: (None, "Everything above the density given below."),
 }
