@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 NOT_MEASURED = "not measured"
@@ -56,6 +57,23 @@ def best_ms(work: Callable[[], Any], repeats: int = 3, warm: bool = True) -> flo
         work()
         times.append(time.perf_counter() - start)
     return min(times) * 1e3
+
+
+def paired_ms(
+    ours: Callable[[], Any], peer: Callable[[], Any], pairs: int = 3
+) -> tuple[float, float, float]:
+    """Measure two works in turn, so that a busy machine is busy for both.
+
+    Returns
+    -------
+    ours, peer : float
+        The shortest of each, ms.
+    ratio : float
+        The median over the pairs.
+    """
+    times = [(best_ms(ours, 1, warm=not i), best_ms(peer, 1, warm=not i)) for i in range(pairs)]
+    ratio = median(a / b for a, b in times)
+    return min(a for a, _ in times), min(b for _, b in times), ratio
 
 
 def ms(value: float) -> str:

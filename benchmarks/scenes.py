@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -88,12 +89,11 @@ class Scenes:
         return colors.astype(np.float32)
 
     @cached_property
-    def vtk_ms(self) -> float:
-        """What VTK's ray caster for the CPU takes for a frame of `packing`."""
-        from benchmarks.row import best_ms
+    def vtk(self) -> Callable[[], Any]:
+        """Casts a frame of `packing` with VTK's ray caster for the CPU."""
         from benchmarks.vtk_peer import vtk_frame
 
-        return best_ms(vtk_frame(self), self.repeats)
+        return vtk_frame(self)
 
     @cached_property
     def session(self) -> Any:

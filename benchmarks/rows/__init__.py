@@ -12,6 +12,7 @@ ORDER = (
     "tinted_cpu",
     "tinted_gl",
     "dragging",
+    "turning",
     "animation",
     "unpackability",
     "surveying",
@@ -22,6 +23,7 @@ ORDER = (
     "unpacking_steps",
     "accuracy",
     "scaling",
+    "costs",
     "plugin_start",
     "gpu",
 )

@@ -13,5 +13,5 @@
 uniform sampler3D u_density;
 
 float density_at(vec3 p) {
-    return texture3D(u_density, (p + 0.5) / (u_grid * u_factor)).r;
+    return texture3D(u_density, (p + 0.5) * (u_per_factor * u_per_grid)).r;
 }

@@ -3,14 +3,19 @@
 //   g_i = (d(p + e_i) - d(p - e_i)) / 2     per voxel, in the density texture's unit
 //
 // in:  p              voxels, x y z
-// cpu twin: raycasting/chunks.py (differentiate)
+// cpu twin: raycasting/chunks.py (light)
 // test:     tests/rendering/test_probes.py
 
 #include "lib/density.glsl"
 
 vec3 gradient_at(vec3 p) {
+    vec3 voxel = u_per_factor * u_per_grid;
+    vec3 uv = (p + 0.5) * voxel;
+    vec3 x = vec3(voxel.x, 0.0, 0.0);
+    vec3 y = vec3(0.0, voxel.y, 0.0);
+    vec3 z = vec3(0.0, 0.0, voxel.z);
     return 0.5 * vec3(
-        density_at(p + vec3(1.0, 0.0, 0.0)) - density_at(p - vec3(1.0, 0.0, 0.0)),
-        density_at(p + vec3(0.0, 1.0, 0.0)) - density_at(p - vec3(0.0, 1.0, 0.0)),
-        density_at(p + vec3(0.0, 0.0, 1.0)) - density_at(p - vec3(0.0, 0.0, 1.0)));
+        texture3D(u_density, uv + x).r - texture3D(u_density, uv - x).r,
+        texture3D(u_density, uv + y).r - texture3D(u_density, uv - y).r,
+        texture3D(u_density, uv + z).r - texture3D(u_density, uv - z).r);
 }

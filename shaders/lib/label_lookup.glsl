@@ -4,7 +4,8 @@
 //   normalised texture holds c / max_id (gloo has no integer textures)
 //
 // in:  u_labels       normalised labels, nearest;  u_label_scale: 255 or 65535
-//      u_grid         texels, x y z;  u_factor: voxels a texel (1 unless the volume was too large)
+//      u_per_grid     1 / texels, x y z;  u_per_factor: texels a voxel (1 unless the volume was too
+//                     large).  Reciprocals, for no compiler divides by them once
 //      voxel          nearest voxel, x y z, full resolution
 //      id tables      256 wide, row id / 256
 // cpu twin: raycasting/object_ids.py
@@ -12,13 +13,13 @@
 
 uniform sampler3D u_labels;
 uniform float u_label_scale;
-uniform vec3 u_grid;
-uniform vec3 u_factor;
+uniform vec3 u_per_grid;
+uniform vec3 u_per_factor;
 
 float label_at(vec3 voxel) {
     // Texel centres: no driver rounds those to a neighbour.
-    vec3 texel = floor(voxel / u_factor) + 0.5;
-    return floor(texture3D(u_labels, texel / u_grid).r * u_label_scale + 0.5);
+    vec3 texel = floor((voxel + 0.5) * u_per_factor) + 0.5;
+    return floor(texture3D(u_labels, texel * u_per_grid).r * u_label_scale + 0.5);
 }
 
 vec4 table_row(sampler2D table, float rows, float id) {

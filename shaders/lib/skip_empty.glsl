@@ -1,11 +1,13 @@
-// Leaps over bricks in which nothing can be seen, landing on the ray's own lattice.
+// Leaps over bricks in which nothing can be seen, landing on the ray's own lattice, and over the
+// asking where all bricks around hold something.
 //
-//   d = chessboard distance, in bricks, to the nearest occupied brick; 0: look here
-//   the cube of bricks within d - 1 is empty: the next k is the first that may lie outside it
+//   d = chessboard distance, in bricks, to the nearest brick of the other kind, positive in empty
+//   bricks (leap), negative in occupied ones (look)
+//   the cube of bricks within |d| - 1 is alike: the next k is the first that may lie outside it
 //
-// in:  u_leaps        d / 255, one texel a brick of BRICK voxels;  u_bricks its size, x y z
+// in:  u_leaps        (128 + d) / 255, one texel a brick of BRICK voxels;  u_bricks its size, x y z
 //      voxel          nearest voxel of the sample, x y z
-// out: k of the next sample that may matter; errs on the side of too few skipped
+// out: k from which to ask again; errs on the side of too early
 // cpu twin: raycasting/lattice.py (leap), raycasting/bricks.py (strides)
 // test:     tests/rendering/test_parity.py
 
@@ -19,19 +21,13 @@ uniform float u_skip;
 
 float brick_distance(vec3 voxel) {
     vec3 brick = floor(voxel / BRICK);
-    return floor(texture3D(u_leaps, (brick + 0.5) / u_bricks).r * 255.0 + 0.5);
+    return floor(texture3D(u_leaps, (brick + 0.5) / u_bricks).r * 255.0 + 0.5) - 128.0;
 }
 
 float leap(float away, vec3 voxel, float k, vec3 origin, vec3 direction, float phase) {
-    vec3 corner = floor(voxel / BRICK) * BRICK - 0.5;
-    float reach = max(away, 1.0) * BRICK;
-    vec3 forward = corner + reach;
-    vec3 backward = corner + BRICK - reach;
-    vec3 wall = mix(backward, forward, vec3(greaterThan(direction, vec3(0.0))));
-    // Along a zero component there is no wall to reach.
-    float t = 1.0e20;
-    if (abs(direction.x) > 1.0e-20) t = min(t, (wall.x - origin.x) / direction.x);
-    if (abs(direction.y) > 1.0e-20) t = min(t, (wall.y - origin.y) / direction.y);
-    if (abs(direction.z) > 1.0e-20) t = min(t, (wall.z - origin.z) / direction.z);
-    return max(k + 1.0, ceil(t / u_step - phase - 1.0e-3));
+    // From the brick's middle to its walls, in samples; along a zero component they are far away.
+    vec3 pace = 1.0 / (max(abs(direction), 1.0e-20) * u_step);
+    vec3 middle = (floor(voxel / BRICK) + 0.5) * BRICK - 0.5;
+    vec3 edge = ((middle - origin) * sign(direction) + (abs(away) - 0.5) * BRICK) * pace;
+    return max(k + 1.0, ceil(min(min(edge.x, edge.y), edge.z) - phase - 1.0e-3));
 }

@@ -16,7 +16,8 @@ vec4 transfer(float density) {
     float u = clamp(density * u_entry.x + u_entry.y, 0.0, u_table_size - 1.0);
     // Linear filtering in hardware has 8 bits of weight; a texel centre and mix have all of them.
     float entry = min(floor(u), u_table_size - 2.0);
-    vec4 below = texture2D(u_table, vec2((entry + 0.5) / u_table_size, 0.5));
-    vec4 above = texture2D(u_table, vec2((entry + 1.5) / u_table_size, 0.5));
+    float row = 1.0 / u_table_size;
+    vec4 below = texture2D(u_table, vec2((entry + 0.5) * row, 0.5));
+    vec4 above = texture2D(u_table, vec2((entry + 1.5) * row, 0.5));
     return mix(below, above, u - entry);
 }

@@ -38,6 +38,7 @@ void main() {
     float speed = length(direction * u_spacing);
     vec3 along = direction * u_spacing / speed;
     float exponent = speed * u_step / u_reference;
+    float plain = abs(exponent - 1.0) < 1.0e-5 ? 1.0 : 0.0;
     vec4 sum = vec4(0.0);
     float depth = NO_DEPTH;
     float k = range.x;
@@ -64,7 +65,9 @@ void main() {
             }
         }
         if (entry.a > 0.0) {
-            float a = 1.0 - pow(1.0 - min(entry.a, 1.0), exponent);
+            float a = min(entry.a, 1.0);
+            if (plain < 0.5)
+                a = 1.0 - pow(1.0 - a, exponent);
 #ifdef SHADED
             vec2 light = light_of(gradient_at(p) * u_reference / u_spacing, along);
 #else

@@ -28,8 +28,8 @@ def ray_uniforms(rays: Rays, textures: VolumeTextures) -> Uniforms:
         "u_step": rays.step,
         "u_near": max(rays.near, -1e30),
         "u_shape": flip(textures.shape),
-        "u_grid": flip(textures.grid),
-        "u_factor": flip(textures.factor),
+        "u_per_grid": 1.0 / np.asarray(flip(textures.grid), np.float64),
+        "u_per_factor": 1.0 / np.asarray(flip(textures.factor), np.float64),
         "u_labels": textures.labels,
         "u_label_scale": textures.label_scale,
     }
@@ -63,7 +63,7 @@ def plane_uniforms(clipping: ArrayLike | None) -> Uniforms:
 
 
 class Leaps:
-    """The distance from every brick to the nearest occupied one, as a texture.
+    """The distance from every brick to the nearest of the other kind, as a texture.
 
     Attributes
     ----------
@@ -101,13 +101,19 @@ class Leaps:
 
 
 def brick_distances(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the chessboard distance to the nearest occupied brick, at most 255."""
+    """Return 128 + the chessboard distance to the next occupied brick, or 128 - to the next empty.
+
+    At most 127 either way, which is also said where there is none.
+    """
     from scipy.ndimage import distance_transform_cdt
 
-    if not occupied.any():
-        return np.full(occupied.shape, 255, np.uint8)
-    distance = distance_transform_cdt(~occupied, metric="chessboard")
-    return np.minimum(distance, 255).astype(np.uint8)
+    signed = np.empty(occupied.shape, np.int16)
+    for kind, sign in ((~occupied, 1), (occupied, -1)):
+        # The transform of an array without zeros is not defined.
+        far = kind.all()
+        distance = 127 if far else distance_transform_cdt(kind, metric="chessboard")[kind]
+        signed[kind] = sign * np.minimum(distance, 127)
+    return (128 + signed).astype(np.uint8)
 
 
 def assign(program: gloo.Program, uniforms: Uniforms) -> None:
