@@ -14,6 +14,7 @@ ORDER = (
     "dragging",
     "turning",
     "animation",
+    "answering",
     "unpackability",
     "surveying",
     "gl_occlusion",

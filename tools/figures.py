@@ -1,0 +1,193 @@
+"""The paper's figures with our own eyes: film strip, layers apart, inspection, reveal.
+
+Headless, from any session; `screenshots.py` calls `draw` for its bags. Panels are separated by
+a thin dark line and bear no text.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.io import save_png
+from napari_unpack.session.pictures import compose, object_patch, packed_patch, scene, sprite_patch
+
+PANEL = (560, 720)
+LINE = 4
+BACK = (0.055, 0.063, 0.078)
+
+Image = NDArray[np.float32]
+
+
+def draw(session: Any, gallery: Path, name: str) -> None:
+    """Draw all figures of a session, which is packed before and after.
+
+    Parameters
+    ----------
+    session : Session
+    gallery : Path
+        Folder.
+    name : str
+        First word of the files.
+    """
+    session.canvas_size = PANEL
+    session.view = View((0.45, 0.75, 0.35), fov=18.0)
+    session.look(session.overview())
+    session.recolor()
+    for number, figure in (
+        ("figure-1", strip),
+        ("figure-4", layers),
+        ("figure-5", studied),
+        ("reveal", revealed),
+    ):
+        save_png(figure(session), gallery / f"{name}-{number}.png")
+        while session.undo():
+            pass
+        session.animated = False
+
+
+def strip(session: Any) -> Image:
+    """Return the film strip of Figure 1: packed, one in the air, and ever emptier."""
+    pictures = [_scene(session)]
+    pictures.append(_flight(session))
+    for count in (3, 4, 5, 6):
+        session.unpack(count)
+        pictures.append(_scene(session))
+    return _grid(pictures, 3)
+
+
+def layers(session: Any) -> Image:
+    """Return Figure 4: the three layers apart, and together."""
+    session.unpack(6)
+    camera, size = session.camera, PANEL
+    flying, now = _in_the_air(session)
+    packed = [packed_patch(session, camera, size)]
+    air = [
+        object_patch(session, i, flight.pose(now, camera), camera, size)
+        for i, flight in session.flights.items()
+        if i in flying
+    ]
+    beside = []
+    for i, pose in session.poses.items():
+        nearness = 1.0 - pose.center[0] / camera.distance
+        patch = sprite_patch(session, i, pose, size[0] / camera.height / nearness)
+        row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
+        beside.append(patch.at(patch.row + int(row), patch.col + int(col), patch.plane))
+    apart = [compose(size, part, BACK) for part in (packed, air, beside)]
+    together = scene(session, camera, size, now)
+    _land(session)
+    return _grid([*apart, together], 2)
+
+
+def studied(session: Any) -> Image:
+    """Return Figure 5: a sprite, its object studied and turned, and the sprite it becomes."""
+    session.unpack(8)
+    facts = session.objects["voxels"]
+    largest = max(session.poses, key=lambda i: facts[i])
+    before = _scene(session)
+    session.inspect(largest)
+    pose = session.poses[largest]
+    turn = rotation_about((0.0, 1.0, 0.0), 0.9) @ rotation_about((0.0, 0.0, 1.0), -0.6)
+    turned = replace(pose, rotation=turn @ pose.rotation)
+    session.place(largest, turned)
+    alone = _scene(session)
+    session.leave()
+    return _grid([before, alone, _scene(session)], 3)
+
+
+def revealed(session: Any) -> Image:
+    """Return a buried object shown through what must leave for it, and the bag after that."""
+    from napari_unpack.layers.marks import LEAVING
+    from napari_unpack.layers.marks import draw as draw_marks
+    from napari_unpack.layers.view_camera import Frame
+
+    target, found = _buried(session)
+    camera, packed = session.camera, frozenset(session.ids)
+    frame = Frame(camera, PANEL, np.eye(4))
+    inks = dict.fromkeys(found.first, LEAVING)
+    picture = _scene(session)
+    shot = draw_marks(session, packed, inks, target, frame)
+    if shot is not None:
+        patch = shot.patch
+        rows = slice(patch.row, patch.row + patch.size[0])
+        cols = slice(patch.col, patch.col + patch.size[1])
+        under = picture[rows, cols]
+        under[:] = patch.rgba + (1.0 - patch.rgba[..., 3:]) * under
+    session.reveal(target, tuple(found.direction))
+    return _grid([picture, _scene(session)], 2)
+
+
+def _buried(session: Any) -> tuple[int, Any]:
+    """Return an object for which a handful must leave, the largest of them."""
+    voxels = session.objects["voxels"]
+    answer = session.answer_along(session.unpack_direction)
+    best = None
+    for object_id in sorted(session.ids, key=lambda i: -voxels[i]):
+        if answer.blocking.blockers([object_id]):
+            found = session.unearthing(object_id)
+            if best is None or len(found.first) > len(best[1].first):
+                best = object_id, found
+            if 3 <= len(found.first) <= 6:
+                break
+    assert best is not None
+    return best
+
+
+def _flight(session: Any) -> Image:
+    _, now = _in_the_air(session)
+    picture = scene(session, session.camera, PANEL, now)
+    _land(session)
+    return picture
+
+
+def _in_the_air(session: Any) -> tuple[frozenset[int], float]:
+    """Send the next object out; return who flies, and the moment when it has come half way."""
+    session.animated = True
+    session.unpack(1)
+    flights = session.flights
+    start = max(flight.start for flight in flights.values())
+    return frozenset(flights), start + 0.55 * session.seconds
+
+
+def _land(session: Any) -> None:
+    for object_id in list(session.flights):
+        session.land(object_id)
+    session.animated = False
+
+
+def _scene(session: Any) -> Image:
+    camera: Camera = session.camera
+    return np.array(scene(session, camera, PANEL))
+
+
+def _grid(pictures: list[Image], columns: int) -> Image:
+    """Lay pictures side by side with a line between them, (H, W, 4)."""
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    whole = np.zeros((rows * (height + LINE) - LINE, columns * (width + LINE) - LINE, 4))
+    whole[..., :3], whole[..., 3] = 0.16, 1.0
+    for k, picture in enumerate(pictures):
+        top, left = (k // columns) * (height + LINE), (k % columns) * (width + LINE)
+        whole[top : top + height, left : left + width] = picture
+    return whole.astype(np.float32)
+
+
+def main(gallery: Path) -> None:
+    """Draw the figures of a simulated bag."""
+    import napari_unpack as nu
+
+    bag = nu.simulate_bag(seed=3, shape=(170, 150, 210), count=24)
+    session = nu.Session(bag.volume, bag.labels, bag.spacing, bag.objects)
+    gallery.mkdir(parents=True, exist_ok=True)
+    draw(session, gallery, "bag")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
