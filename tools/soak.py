@@ -1,0 +1,285 @@
+"""Random commands at speed on the real plugin: it may neither leak nor err.
+
+    VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh python tools/soak.py --seconds 3600
+
+Every error counts, wherever it comes from: exceptions, also in threads and Qt's slots, what Qt
+and vispy log, and the stage's own words on GL. Memory is what the process holds, looked at when
+everything has been put away; the first third of the time is for warming up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import logging
+import sys
+import tempfile
+import threading
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import psutil
+from qtpy.QtCore import QCoreApplication, QtMsgType, qInstallMessageHandler
+
+WARM_UP = 1 / 3
+FLAT = 0.05
+HARMLESS = ("propagateSizeHints", "XDG_RUNTIME_DIR", "QStandardPaths", "Unable to set geometry")
+"""What Qt says on virtual screens."""
+
+
+@dataclass
+class Report:
+    """What a soak has found.
+
+    Parameters
+    ----------
+    commands : Counter
+        How often each was given.
+    errors : list of str
+    memory : list of (float, float)
+        Seconds since the start, and megabytes held then.
+    """
+
+    commands: Counter[str] = field(default_factory=Counter)
+    errors: list[str] = field(default_factory=list)
+    memory: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def growth(self) -> float:
+        """How much more memory is held at the end than after warming up, as a share of it."""
+        end = self.memory[-1][0]
+        warm = [mb for at, mb in self.memory if at >= WARM_UP * end]
+        third = max(1, len(warm) // 3)
+        return float(np.median(warm[-third:]) / np.median(warm[:third]) - 1.0)
+
+    def __str__(self) -> str:
+        told = ", ".join(f"{name} {count}" for name, count in self.commands.most_common())
+        held = " ".join(f"{mb:.0f}" for _, mb in self.memory)
+        return "\n".join(
+            [
+                f"{self.commands.total()} commands: {told}",
+                f"memory, MB: {held}; growth after warming up {self.growth:+.1%}",
+                f"{len(self.errors)} errors",
+                *self.errors[:10],
+            ]
+        )
+
+
+@contextmanager
+def caught(errors: list[str]) -> Iterator[None]:
+    """Write down every error of the process."""
+
+    def on_exception(kind: Any, value: Any, trace: Any) -> None:
+        errors.append("".join(traceback.format_exception(kind, value, trace)))
+
+    def on_qt(kind: Any, _context: Any, text: str) -> None:
+        bad = kind in (QtMsgType.QtWarningMsg, QtMsgType.QtCriticalMsg, QtMsgType.QtFatalMsg)
+        if bad and not any(part in text for part in HARMLESS):
+            errors.append(f"Qt: {text}")
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            errors.append(f"{record.name}: {record.getMessage()}")
+
+    listener = Listener(logging.ERROR)
+    loggers = [logging.getLogger(name) for name in ("vispy", "napari")]
+    hooks = sys.excepthook, threading.excepthook
+    sys.excepthook = on_exception
+    threading.excepthook = lambda a: on_exception(a.exc_type, a.exc_value, a.exc_traceback)
+    before = qInstallMessageHandler(on_qt)
+    for logger in loggers:
+        logger.addHandler(listener)
+    try:
+        yield
+    finally:
+        for logger in loggers:
+            logger.removeHandler(listener)
+        qInstallMessageHandler(before)
+        sys.excepthook, threading.excepthook = hooks
+
+
+class Hand:
+    """Gives random commands to a panel.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    panel : UnpackingWidget
+        With its stage open.
+    rng : numpy.random.Generator
+    folder : Path
+        For session files.
+    """
+
+    def __init__(self, viewer: Any, panel: Any, rng: np.random.Generator, folder: Path) -> None:
+        self.viewer, self.panel, self.rng = viewer, panel, rng
+        self.file = folder / "soak.unpack"
+        bench = panel.workbench
+        self.commands: dict[str, tuple[float, Callable[[], None]]] = {
+            "unpack": (8, lambda: bench.unpack(int(rng.integers(1, 4)))),
+            "restore": (5, lambda: bench.restore(int(rng.integers(1, 3)))),
+            "restore all": (1, bench.restore_all),
+            "unpack these": (2, lambda: bench.unpack(self.some())),
+            "scrub": (4, lambda: bench.go_to(int(rng.integers(0, 8)))),
+            "play": (2, panel.unpack.scrub.play.click),
+            "inspect": (2, lambda: bench.inspect(self.some()[0])),
+            "leave": (2, bench.leave),
+            "hide": (2, lambda: bench.hide(self.some())),
+            "show": (2, lambda: bench.show(bench.session.ids)),
+            "isolate": (1, lambda: bench.isolate(self.some())),
+            "recolor": (2, bench.recolor),
+            "undo": (6, bench.undo),
+            "redo": (4, bench.redo),
+            "select": (3, lambda: bench.select(self.some())),
+            "turn": (8, self.turn),
+            "zoom": (3, self.zoom),
+            "direction": (1, self.direct),
+            "finish": (3, lambda: bench.stage.finish()),
+            "flat": (0.4, self.flatten),
+            "density": (1, self.density),
+            "save": (0.3, lambda: panel.files.save_to(self.file)),
+            "open": (0.15, self.open),
+        }
+
+    def give(self) -> str:
+        """Give one command; return which."""
+        names = list(self.commands)
+        weights = np.array([weight for weight, _ in self.commands.values()])
+        name = str(self.rng.choice(names, p=weights / weights.sum()))
+        if self.panel.workbench.stage is not None:
+            self.commands[name][1]()
+        return name
+
+    def some(self) -> list[int]:
+        """Return one to three objects."""
+        ids = np.array(self.panel.workbench.session.ids)
+        return [int(i) for i in self.rng.permutation(ids)[: self.rng.integers(1, 4)]]
+
+    def turn(self) -> None:
+        """Turn the camera."""
+        camera = self.viewer.scene.camera
+        camera.angles = tuple(np.array(camera.angles) + self.rng.normal(0, 15, 3))
+
+    def zoom(self) -> None:
+        """Zoom, within limits."""
+        camera = self.viewer.scene.camera
+        camera.zoom = float(np.clip(camera.zoom * self.rng.uniform(0.8, 1.25), 0.5, 20))
+
+    def direct(self) -> None:
+        """Choose another direction."""
+        ways = [None, "up", "+z", "-y", (0.2, -1.0, 0.4)]
+        self.panel.workbench.session.direction = ways[self.rng.integers(len(ways))]
+
+    def density(self) -> None:
+        """Move a point of the transfer function."""
+        from napari_unpack import TransferFunction
+
+        session = self.panel.workbench.session
+        opacity = float(self.rng.uniform(0.1, 0.6))
+        session.transfer_function = TransferFunction([(0, 0), (400, 0.0), (3000, opacity)])
+
+    def flatten(self) -> None:
+        """Look at slices for a moment."""
+        self.viewer.dims.ndisplay = 2 if self.viewer.dims.ndisplay == 3 else 3
+
+    def open(self) -> None:
+        """Open what was saved, in place of what is there."""
+        if self.file.exists() and not self.panel.files.job.running:
+            self.panel.files.open_from(self.file)
+
+    def put_away(self) -> None:
+        """Bring everything to rest in the bag, so that memory can be compared."""
+        bench = self.panel.workbench
+        deadline = monotonic() + 60
+        while self.panel.files.job.running and monotonic() < deadline:
+            QCoreApplication.processEvents()
+        self.panel.unpack.scrub.play.setChecked(False)
+        self.viewer.dims.ndisplay = 3
+        if bench.stage is not None:
+            bench.show(bench.session.ids)
+            bench.go_to(0)
+            bench.stage.frame_bag()
+            bench.stage.settle(8)
+        stale = [a for a in self.viewer.layers if not a.visible and "soak" in a.name]
+        for layer in stale:
+            if bench.stage is None or layer not in bench.stage.sources:
+                self.viewer.layers.remove(layer.name)
+        gc.collect()
+
+
+def soak(
+    viewer: Any, panel: Any, seconds: float, seed: int = 0, samples: int = 24, pause: float = 0.01
+) -> Report:
+    """Give random commands for so long.
+
+    Parameters
+    ----------
+    viewer, panel
+        With a stage open.
+    seconds : float
+    seed : int
+    samples : int
+        How often memory is looked at.
+    pause : float
+        Between commands, s; events are handled meanwhile.
+
+    Returns
+    -------
+    Report
+    """
+    report, process = Report(), psutil.Process()
+    with caught(report.errors), tempfile.TemporaryDirectory() as folder:
+        hand = Hand(viewer, panel, np.random.default_rng(seed), Path(folder))
+        start = monotonic()
+        for k in range(1, samples + 1):
+            while monotonic() - start < seconds * k / samples:
+                try:
+                    report.commands[hand.give()] += 1
+                except Exception:
+                    report.errors.append(traceback.format_exc())
+                until = monotonic() + pause
+                QCoreApplication.processEvents()
+                while monotonic() < until:
+                    QCoreApplication.processEvents()
+            hand.put_away()
+            report.memory.append((monotonic() - start, process.memory_info().rss / 2**20))
+        # Errors that wait in Qt's queue count too.
+        QCoreApplication.processEvents()
+    return report
+
+
+def main() -> int:
+    """Soak a simulated bag in a viewer of its own."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=3600.0)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    import napari
+
+    from napari_unpack import Session, simulate_bag
+    from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+    bag = simulate_bag(seed=2, shape=(64, 72, 96), count=12)
+    viewer = napari.Viewer(show=True)
+    viewer.window.resize(900, 640)
+    panel = UnpackingWidget(viewer)
+    viewer.window.add_dock_widget(panel, name="Virtual Unpacking", area="right")
+    panel.workbench.open(Session(bag.volume, bag.labels, bag.spacing, bag.objects))
+    panel.workbench.stage.seconds = 0.2
+    panel.workbench.stage.settle(60)
+    report = soak(viewer, panel, chosen.seconds, chosen.seed)
+    print(report)
+    panel.end()
+    viewer.close()
+    return int(bool(report.errors) or report.growth > FLAT)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
