@@ -10,7 +10,7 @@ OUTPUT ?= demo-output
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
 
-.PHONY: setup demo test test-plain test-plugin lint bench screenshots clean
+.PHONY: setup demo test test-plain test-plugin lint bench soak screenshots clean
 
 setup: $(READY)
 
@@ -51,6 +51,10 @@ lint: $(READY)
 bench: $(READY)
 	@$(BIN)/python -m pip install --quiet -c constraints.txt --group bench
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
+
+# An hour of random commands on the plugin; make soak SECONDS=600 for less.
+soak: $(READY)
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/soak.py --seconds $(or $(SECONDS),3600)
 
 screenshots: $(READY)
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/screenshots.py docs/gallery

@@ -215,7 +215,7 @@ class Hand:
 
 
 def soak(
-    viewer: Any, panel: Any, seconds: float, seed: int = 0, samples: int = 24, pause: float = 0.01
+    viewer: Any, panel: Any, seconds: float, seed: int = 0, samples: int = 20, pause: float = 0.01
 ) -> Report:
     """Give random commands for so long.
 
@@ -224,6 +224,7 @@ def soak(
     viewer, panel
         With a stage open.
     seconds : float
+        Of commands; putting everything away before memory is looked at comes on top.
     seed : int
     samples : int
         How often memory is looked at.
@@ -238,8 +239,9 @@ def soak(
     with caught(report.errors), tempfile.TemporaryDirectory() as folder:
         hand = Hand(viewer, panel, np.random.default_rng(seed), Path(folder))
         start = monotonic()
-        for k in range(1, samples + 1):
-            while monotonic() - start < seconds * k / samples:
+        for _ in range(samples):
+            enough = monotonic() + seconds / samples
+            while monotonic() < enough:
                 try:
                     report.commands[hand.give()] += 1
                 except Exception:

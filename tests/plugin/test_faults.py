@@ -1,0 +1,104 @@
+"""What goes wrong in a viewer while objects fly: nothing crashes, nothing is left behind."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import canvas
+from vispy.gloo import gl
+
+from napari_unpack.layers.stage import Stage
+from napari_unpack.session import ObjectState, Session
+
+SCALE = (1.5, 1.5, 1.5)
+
+
+@pytest.fixture
+def calm(caplog: Any) -> Iterator[None]:
+    """Fail where vispy or napari log an error, or GL holds one, in the test."""
+    yield
+    assert [r.getMessage() for r in caplog.records if r.levelno >= logging.ERROR] == []
+
+
+@pytest.fixture
+def flying(make_napari_viewer_proxy, bag, qtbot, calm) -> Iterator[Any]:
+    """Return (viewer, stage, image, labels) with two objects in the air."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(640, 480)
+    image = viewer.add_image(bag[0].copy(), scale=SCALE, name="scan")
+    labels = viewer.add_labels(bag[1].astype(np.int32), scale=SCALE, name="mine")
+    stage = Stage(viewer, Session(*bag, spacing=SCALE), [image, labels])
+    stage.events.message.connect(pytest.fail)
+    stage.seconds = 0.6
+    stage.open()
+    assert stage.settle(90)
+    stage.unpack(2)
+    qtbot.wait(60)
+    assert stage.flying
+    yield viewer, stage, image, labels
+    stage.close()
+    assert not stage.session.flights
+
+
+def land(stage: Any) -> None:
+    stage.finish()
+    assert stage.settle(60)
+
+
+def out(session: Any) -> int:
+    return sum(state is ObjectState.UNPACKED for state in session.states.values())
+
+
+def test_labels_edited_renamed_and_the_image_swapped_while_objects_fly(flying, qtbot) -> None:
+    viewer, stage, image, labels = flying
+    before = stage.session.labels.copy()
+    volume = stage.session.volume.copy()
+    labels.data[:, :, :20] = 0
+    labels.refresh()
+    labels.data_setitem((np.array([30]), np.array([30]), np.array([30])), 7)
+    labels.name, image.name, stage.packed.name = "other", "another", "mine now"
+    image.data = image.data[::-1] // 2
+    qtbot.wait(80)
+    land(stage)
+    # The session works on what it was opened with.
+    np.testing.assert_array_equal(stage.session.labels, before)
+    np.testing.assert_array_equal(stage.session.volume, volume)
+    assert out(stage.session) == 2
+    assert canvas(viewer).std(axis=(0, 1)).max() > 5.0
+    assert not gl.glGetError()
+
+
+def test_sources_removed_slices_looked_at_and_a_layer_of_ours_removed(flying, qtbot) -> None:
+    viewer, stage, _, _ = flying
+    viewer.layers.remove("mine")
+    viewer.dims.ndisplay = 2
+    qtbot.wait(60)
+    viewer.dims.ndisplay = 3
+    viewer.layers.remove("scan")
+    qtbot.wait(60)
+    land(stage)
+    assert out(stage.session) == 2
+    assert not gl.glGetError()
+    stage.restore(1)
+    qtbot.wait(40)
+    assert stage.flying
+    viewer.layers.remove("Transition")
+    qtbot.wait(60)
+    assert not stage.is_open
+    assert not stage.session.flights
+    assert len(viewer.layers) == 0
+
+
+def test_the_window_is_closed_in_mid_flight_of_everything(flying, qtbot) -> None:
+    viewer, stage, _, _ = flying
+    stage.unpack(5)
+    qtbot.wait(40)
+    viewer.close()
+    qtbot.wait(150)
+    stage.close()
+    assert out(stage.session) == 7
+    assert not stage.session.flights

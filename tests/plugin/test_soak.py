@@ -1,0 +1,43 @@
+"""A short soak: `make soak` goes on for an hour."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+from pytestqt.qtbot import QtBot
+from widget_phantoms import SMALL, open_panel, pile_of_balls
+
+from napari_unpack.session import Session
+
+SECONDS = 25.0
+
+
+def soak_tool() -> Any:
+    path = Path(__file__).parents[2] / "tools" / "soak.py"
+    spec = importlib.util.spec_from_file_location("soak_tool", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["soak_tool"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_random_commands_at_speed_neither_err_nor_leak(
+    make_napari_viewer_proxy: Any, qtbot: QtBot
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(*SMALL)
+    panel = open_panel(viewer, qtbot)
+    panel.workbench.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
+    panel.workbench.stage.seconds = 0.1
+    assert panel.workbench.stage.settle(90)
+    report = soak_tool().soak(viewer, panel, SECONDS, samples=6)
+    panel.end()
+    assert report.errors == [], report
+    assert report.commands.total() > 20
+    # An hour must be flat within 5 %; half a minute has caches to fill.
+    assert report.growth < 0.15, report
