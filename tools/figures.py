@@ -19,8 +19,9 @@ from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io import save_png
 from napari_unpack.session.pictures import compose, object_patch, packed_patch, scene, sprite_patch
 
-PANEL = (560, 720)
+PANEL = (640, 820)
 LINE = 4
+LOOKING = (0.45, 0.75, 0.35)
 BACK = (0.055, 0.063, 0.078)
 
 Image = NDArray[np.float32]
@@ -38,7 +39,7 @@ def draw(session: Any, gallery: Path, name: str) -> None:
         First word of the files.
     """
     session.canvas_size = PANEL
-    session.view = View((0.45, 0.75, 0.35), fov=18.0)
+    session.view = View(LOOKING, fov=18.0)
     session.look(session.overview())
     session.recolor()
     for number, figure in (
@@ -88,9 +89,8 @@ def layers(session: Any) -> Image:
 
 def studied(session: Any) -> Image:
     """Return Figure 5: a sprite, its object studied and turned, and the sprite it becomes."""
-    session.unpack(8)
-    facts = session.objects["voxels"]
-    largest = max(session.poses, key=lambda i: facts[i])
+    session.unpack(12)
+    largest = max(session.poses, key=lambda i: _interest(session, i))
     before = _scene(session)
     session.inspect(largest)
     pose = session.poses[largest]
@@ -140,6 +140,13 @@ def _buried(session: Any) -> tuple[int, Any]:
     return best
 
 
+def _interest(session: Any, object_id: int) -> float:
+    """Return how much there is to see of an object: large, and no plain box."""
+    box = np.prod(np.ptp(session.boxes.corners(object_id, session.spacing), axis=0))
+    facts = session.objects.loc[object_id]
+    return float(facts["volume_mm3"] ** 0.5 * (1.0 - facts["volume_mm3"] / box))
+
+
 def _flight(session: Any) -> Image:
     _, now = _in_the_air(session)
     picture = scene(session, session.camera, PANEL, now)
@@ -179,9 +186,16 @@ def _grid(pictures: list[Image], columns: int) -> Image:
     return whole.astype(np.float32)
 
 
-def main(gallery: Path) -> None:
-    """Draw the figures of a simulated bag."""
+def main(gallery: Path, source: Path | None = None) -> None:
+    """Draw the figures of a simulated bag, or of a scan that is segmented first."""
     import napari_unpack as nu
+    from napari_unpack.io import load_volume
+    from napari_unpack.io.headless import opened
+
+    if source is not None:
+        session = opened(load_volume(source), LOOKING, backend="cpu")
+        draw(session, gallery, source.stem)
+        return
 
     bag = nu.simulate_bag(seed=3, shape=(170, 150, 210), count=24)
     session = nu.Session(bag.volume, bag.labels, bag.spacing, bag.objects)
@@ -190,4 +204,4 @@ def main(gallery: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), *map(Path, sys.argv[2:]))

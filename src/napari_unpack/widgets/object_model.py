@@ -104,6 +104,7 @@ class ObjectModel(QAbstractTableModel):
         self._rows: dict[int, int] = {}
         self._live: list[_Live] = []
         self._tiny = False
+        self._keys: dict[int, tuple[list[_Live], list[Any]]] = {}
         self._free: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
@@ -182,6 +183,20 @@ class ObjectModel(QAbstractTableModel):
     def knows_confidence(self) -> bool:
         """Whether the confidence of any object is known."""
         return any(not np.isnan(facts.confidence) for facts in self._facts)
+
+    def sort_keys(self, column: int) -> list[Any]:
+        """Return what every row sorts by in a column; kept until something changes.
+
+        Qt compares some ten thousand pairs to sort a thousand rows: each must be a glance.
+        """
+        kept = self._keys.get(column)
+        if kept is None or kept[0] is not self._live:
+            rows = zip(self._facts, self._live, strict=True)
+            kept = self._keys[column] = (
+                self._live,
+                [_sort_key(facts, live, Column(column)) for facts, live in rows],
+            )
+        return kept[1]
 
     def row_of(self, object_id: int) -> int | None:
         """Return the row of an object, or None."""
@@ -297,17 +312,22 @@ def _amount(volume: float) -> str:
 
 
 def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
-    keys: dict[Column, Any] = {
-        Column.EYE: live.state == "HIDDEN",
-        Column.SWATCH: -1.0 if live.hue is None else live.hue,
-        Column.NAME: _natural(live.name),
-        Column.STATE: live.words,
-        Column.VOLUME: facts.volume,
-        Column.SIZE: facts.edges[0],
-        Column.DENSITY: facts.density,
-        Column.CONFIDENCE: -1.0 if np.isnan(facts.confidence) else facts.confidence,
-    }
-    return keys[column]
+    match column:
+        case Column.EYE:
+            return live.state == "HIDDEN"
+        case Column.SWATCH:
+            return -1.0 if live.hue is None else live.hue
+        case Column.NAME:
+            return _natural(live.name)
+        case Column.STATE:
+            return live.words
+        case Column.VOLUME:
+            return facts.volume
+        case Column.SIZE:
+            return facts.edges[0]
+        case Column.DENSITY:
+            return facts.density
+    return -1.0 if np.isnan(facts.confidence) else facts.confidence
 
 
 def _tip(facts: _Facts, live: _Live, column: Column) -> str:

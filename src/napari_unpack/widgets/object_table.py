@@ -68,6 +68,11 @@ class ObjectFilter(QSortFilterProxyModel):
         else:
             self.invalidateFilter()
 
+    def lessThan(self, left: Index, right: Index) -> bool:
+        """Compare two rows by the keys the model keeps."""
+        keys = self.sourceModel().sort_keys(left.column())
+        return bool(keys[left.row()] < keys[right.row()])
+
     def filterAcceptsRow(self, row: int, parent: Index) -> bool:
         """Tell whether a row stays."""
         model = self.sourceModel()
