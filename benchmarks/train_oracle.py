@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation import Oracle, score, segment, train
+from napari_unpack.segmentation import Oracle, segment, train
 from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.evaluation import contingency, iou_table
 from napari_unpack.segmentation.features import features
@@ -65,26 +65,27 @@ def judge(oracle: Oracle, seeds: range) -> dict[str, float]:
     """Return AUROC and calibration on true and false objects, and Spearman of score and IoU."""
     from scipy.stats import spearmanr
 
-    good: list[float] = []
-    bad: list[float] = []
+    good: list[NDArray[np.float64]] = []
+    bad: list[NDArray[np.float64]] = []
     scores: list[float] = []
     overlaps: list[float] = []
     for seed in seeds:
         bag = simulate_bag(seed=seed)
         for side, rows in zip((good, bad), oracle_examples(bag, seed), strict=True):
-            side.extend(oracle.scores(np.array(rows)).tolist())
+            side.extend(rows)
         found = segment(bag.volume, bag.spacing).labels
         iou = iou_table(contingency(bag.labels, found)).max(axis=0, initial=0.0)
         regions = list(true_objects(bag.volume, found, bag.spacing, 1))
         scores.extend(oracle.scores(np.array([features(r) for r in regions])).tolist())
         overlaps.extend(iou.tolist())
-        print(seed, score(bag.labels, found)["f1"], flush=True)
-    one, two = np.array(good), np.array(bad)
+    one, two = oracle.scores(np.array(good)), oracle.scores(np.array(bad))
+    alone = [oracle.good.log_density(oracle.project(np.array(rows))) for rows in (good, bad)]
     everything = np.concatenate([one, two])
     # As many right as wrong, which is what the score was calibrated for.
     weight = np.repeat([True, False], [len(one), len(two)])
     return {
         "auroc": auroc(one, two),
+        "auroc_one_class": auroc(*alone),
         "calibration_error": calibration(everything, weight),
         "spearman": float(spearmanr(scores, overlaps).statistic),
     }

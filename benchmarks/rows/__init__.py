@@ -23,6 +23,7 @@ ORDER = (
     "steady_colors",
     "unpacking_steps",
     "accuracy",
+    "confidence",
     "scaling",
     "costs",
     "plugin_start",

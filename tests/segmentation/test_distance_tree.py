@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from phantoms import ball, box, two_balls
@@ -41,6 +43,48 @@ def test_the_tree_follows_the_deepest_way_round():
 def test_voxels_the_ground_cannot_reach_are_left_out():
     mask = np.array([[[True, True, False, True]]])
     assert len(tree_sweep(mask, np.ones(mask.shape), UNIT).order) == 2
+
+
+@pytest.mark.parametrize("conductance", ["unit", "distance"])
+def test_the_sweep_agrees_with_a_brute_force_twin(conductance):
+    # Prim by looking at every edge, subtrees by walking up, cuts by counting faces.
+    rng = np.random.default_rng(5)
+    mask = np.ones((3, 4, 4), bool)
+    mask[1, 1, 1] = mask[0, 3, 3] = False
+    distance = rng.choice(20_000, mask.shape, replace=False).astype(np.float64)
+    voxels = [tuple(v) for v in np.argwhere(mask)]
+    root = max(voxels, key=lambda v: distance[v])
+    beside = [(a, b) for a in voxels for b in voxels if np.abs(np.subtract(a, b)).sum() == 1]
+    # All weights differ, so that there is one maximum spanning tree.
+    assert len({distance[a] + distance[b] for a, b in beside}) == len(beside) / 2
+    parent, inside = {root: None}, {root}
+    while len(inside) < len(voxels):
+        a, b = max(
+            ((a, b) for a, b in beside if a in inside and b not in inside),
+            key=lambda edge: distance[edge[0]] + distance[edge[1]],
+        )
+        parent[b] = a
+        inside.add(b)
+
+    def up(v):
+        return [] if parent[v] is None else [v, *up(parent[v])]
+
+    size = {v: sum(v in up(w) for w in voxels) for v in voxels}
+
+    def potential(v):
+        steps = (
+            size[w] / (4 * (distance[w] + distance[parent[w]]) if conductance == "distance" else 1)
+            for w in up(v)
+        )
+        return sum(steps)
+
+    sweep = tree_sweep(mask, distance, UNIT, conductance)
+    found = [tuple(int(i) for i in np.unravel_index(k, mask.shape)) for k in sweep.order]
+    values = [potential(v) for v in found]
+    assert all(b >= a - 1e-9 for a, b in itertools.pairwise(values))
+    for k in range(len(found)):
+        first = set(found[: k + 1])
+        assert sweep.cut[k] == sum(a in first and b not in first for a, b in beside)
 
 
 def test_only_minima_that_stand_out_are_significant():

@@ -37,7 +37,7 @@ def lattice_candidates(piece: Workpiece, keep: int = 2) -> Proposals:
         places = np.stack(np.unravel_index(lattice.where, small.mask.shape), axis=1)
         apart = (places - places.mean(axis=0)) * np.array(small.spacing)
         ground = np.array([int(np.argmax(np.square(apart).sum(axis=1)))])
-        potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-2, 200)
+        potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-3, 500)
         order, cut = lattice.sweep(potential, weighted=density is not None)
         ratio = isoperimetric_ratio(cut, lattice.voxel)
         last = len(order) - piece.fewest
