@@ -28,15 +28,19 @@ TITLES = {
 def main(arguments: list[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.segmentation", description=__doc__)
-    parser.add_argument("families", nargs="*", default=list(FAMILIES), choices=[*FAMILIES, []])
+    parser.add_argument("families", nargs="*", help=f"of {', '.join(FAMILIES)}; by default all")
     parser.add_argument("--count", type=int, help="bags of each family")
     parser.add_argument("--first", type=int, default=HELD_OUT, help="seed of the first bag")
     parser.add_argument("--only", help="methods whose name contains this")
     parser.add_argument("--write", action="store_true", help=f"also write {DOCUMENT.name}")
     options = parser.parse_args(arguments)
+    families = options.families or list(FAMILIES)
+    for family in families:
+        if family not in FAMILIES:
+            parser.error(f"no family is called {family!r}; there are {', '.join(FAMILIES)}")
     methods = [m for m in (*PEERS, *OURS) if options.only is None or options.only in m[0]]
     parts = []
-    for family in options.families:
+    for family in families:
         report = Report()
         try:
             for case in cases(family, options.count or FAMILIES[family], options.first):

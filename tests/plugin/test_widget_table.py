@@ -40,6 +40,8 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         tint_mode="hsv",
         selected=frozenset(),
         good=frozenset(),
+        label_of=lambda object_id: object_id,
+        queue=SimpleNamespace(groups=()),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)

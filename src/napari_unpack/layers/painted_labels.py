@@ -123,4 +123,8 @@ def _differing(one: NDArray[Any], two: NDArray[Any]) -> tuple[slice, ...] | None
     planes = [z for z in range(len(one)) if not np.array_equal(one[z], two[z])]
     if not planes:
         return None
-    return (slice(planes[0], planes[-1] + 1),)
+    first, last = planes[0], planes[-1] + 1
+    away = one[first:last] != two[first:last]
+    rows, columns = np.flatnonzero(away.any(axis=(0, 2))), np.flatnonzero(away.any(axis=(0, 1)))
+    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    return (slice(first, last), *box)
