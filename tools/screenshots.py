@@ -10,6 +10,10 @@ import sys
 import tempfile
 from pathlib import Path
 
+from gallery_pictures import draw, opened
+
+from napari_unpack import segment, simulate_bag
+from napari_unpack.io import load_volume
 from napari_unpack.widgets.demo import run
 
 ROOT = Path(__file__).parents[1]
@@ -28,6 +32,15 @@ def main(gallery: Path) -> None:
             run(source, None, Path(folder))
             for picture in PICTURES:
                 shutil.copy(Path(folder) / f"{picture}.png", gallery / f"{name}-{picture}.png")
+        if source is None:
+            bag = simulate_bag(seed=0)
+            session = opened(bag.volume, bag.labels, bag.spacing, (0.55, 0.35, 0.9))
+        else:
+            scan = load_volume(source)
+            labels = segment(scan.volume, scan.spacing).labels
+            session = opened(scan.volume, labels, scan.spacing, (0.3, 0.25, 1.0))
+        for path in draw(session, name, gallery, bag_is_ct=source is None):
+            print(path.name)
 
 
 if __name__ == "__main__":

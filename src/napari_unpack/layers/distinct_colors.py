@@ -33,7 +33,8 @@ GREY = (0.55, 0.55, 0.55, 1.0)
 _BEFORE: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
 
-@dataclass(frozen=True, eq=False)
+# Workers of napari write down what they are given: a representation of a volume takes minutes.
+@dataclass(frozen=True, eq=False, repr=False)
 class SolidView:
     """A three-dimensional view of labels.
 
@@ -74,7 +75,7 @@ class SolidView:
         return colormap_for(seen, DISTANCE * scale, _present(self.labels))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FlatView:
     """A slice of labels.
 

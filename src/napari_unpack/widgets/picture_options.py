@@ -120,5 +120,5 @@ class PictureOptions(Disclosure):
         return Background(((red, green, blue, 1.0),), name="napari")
 
     def _follow_theme(self, _event: Any = None) -> None:
-        if self.background.currentText() == OWN:
+        if self._before == OWN:
             self.choose(OWN)
