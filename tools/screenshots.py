@@ -10,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from figures import draw as draw_figures
 from gallery_pictures import draw, opened
 
 from napari_unpack import segment, simulate_bag
@@ -41,6 +42,7 @@ def main(gallery: Path) -> None:
             session = opened(scan.volume, labels, scan.spacing, (0.3, 0.25, 1.0))
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
+        draw_figures(session, gallery, name)
 
 
 if __name__ == "__main__":
