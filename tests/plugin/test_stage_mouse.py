@@ -80,3 +80,39 @@ def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:
     zoom = viewer.scene.camera.zoom
     QTest.mouseDClick(native(viewer), Qt.MouseButton.LeftButton, pos=QPoint(6, 6))
     qtbot.waitUntil(lambda: viewer.scene.camera.zoom > 1.5 * zoom, timeout=3000)
+
+
+def test_slices_name_and_select_what_is_under_the_mouse(
+    make_napari_viewer_proxy, bag, session, qtbot
+) -> None:
+    from napari_unpack.layers.stage import Stage
+
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    labels = viewer.add_labels(bag[1], scale=session.spacing)
+    labels.selected_label = 2
+    stage = Stage(viewer, session, [labels])
+    stage.recolor_at_rest = False
+    stage.open()
+    viewer.dims.ndisplay = 2
+    labels.visible = True
+    viewer.dims.set_point(0, 10 * 1.5)
+    viewer.reset_view()
+    qtbot.wait(100)
+    widget = native(viewer)
+    camera, middle = viewer.scene.camera, QPoint(widget.width() // 2, widget.height() // 2)
+    # Object 5 is a ball about voxel (10, 36, 36); the camera looks at the slice's middle.
+    way = (np.array([36, 36]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+    there = middle + QPoint(round(way[1]), round(way[0]))
+    QTest.mouseMove(widget, there + QPoint(2, 2))
+    QTest.mouseMove(widget, there)
+    name = str(session.objects["name"][5])
+    qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=5000)
+    assert viewer.status is not None
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
+    qtbot.waitUntil(lambda: session.selected == frozenset({5}), timeout=5000)
+    assert labels.selected_label == 5
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(4, 4))
+    qtbot.waitUntil(lambda: session.selected == frozenset(), timeout=5000)
+    stage.close()
+    assert labels.selected_label == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,17 @@ class Hands:
     def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
         """Return the packed objects at a pixel of the canvas, the most visible first."""
         return self._projector.packed_at(*self.device_pixel(pixel))
+
+    def in_slice(self, position: Sequence[float]) -> int:
+        """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
+        packed, labels = self.layers[0], self.session.labels
+        there = np.asarray(position, dtype=np.float64)[-3:]
+        if len(there) < 3 or not np.isfinite(there).all():
+            return 0
+        voxel = np.rint(packed.world_to_data(there)).astype(int)
+        if (voxel < 0).any() or (voxel >= labels.shape).any():
+            return 0
+        return int(labels[tuple(voxel)])
 
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""

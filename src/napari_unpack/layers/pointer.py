@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -34,6 +34,9 @@ class Scene(Protocol):
 
     def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
         """Return the packed objects there, the most visible first."""
+
+    def in_slice(self, position: Sequence[float]) -> int:
+        """Return the object at a point of the viewer's world, 0 for none."""
 
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
@@ -104,6 +107,8 @@ class Pointer:
     def _move(self, _viewer: Any, event: Any) -> None:
         if self._in_3d():
             self._scene.point_at(self._under(_pixel(event)))
+        else:
+            self._scene.point_at(self._scene.in_slice(event.position))
 
     def _under(self, pixel: NDArray[np.float64]) -> int:
         if self._scene.inspected:
@@ -126,7 +131,10 @@ class Pointer:
             callback(viewer, event)
 
     def _drag(self, _viewer: Any, event: Any) -> Generator[None, None, None]:
-        if not self._in_3d() or event.button != 1:
+        if event.button != 1:
+            return
+        if not self._in_3d():
+            yield from self._click_in_slice(event)
             return
         modifiers = _modifiers(event)
         start = _pixel(event)
@@ -153,6 +161,15 @@ class Pointer:
             grip.release()
         elif not moved and not self._scene.inspected:
             self._click(start, "Alt" in modifiers)
+
+    def _click_in_slice(self, event: Any) -> Generator[None, None, None]:
+        start, there, moved = _pixel(event), event.position, False
+        yield
+        while event.type == "mouse_move":
+            moved = moved or float(np.abs(_pixel(event) - start).max()) > CLICK_PIXELS
+            yield
+        if not moved:
+            self._scene.select(self._scene.in_slice(there))
 
     @contextmanager
     def _held_off(self, held: bool) -> Generator[None, None, None]:

@@ -31,6 +31,9 @@ class SliceHues:
         self._theirs = [
             (layer, layer.colormap) for layer in sources if shows_labels(layer, session)
         ]
+        self._brushes = [layer.selected_label for layer, _ in self._theirs]
+        if self._theirs:
+            session.events.selected.connect(self._choose)
 
     def paint(self) -> None:
         """Colour the layers in the hues of now."""
@@ -44,9 +47,15 @@ class SliceHues:
 
     def close(self) -> None:
         """Give every layer its own colormap back."""
-        for layer, colormap in self._theirs:
-            layer.colormap = colormap
+        self._session.events.selected.disconnect(self._choose, missing_ok=True)
+        for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
+            layer.colormap, layer.selected_label = colormap, brush
         self._theirs = []
+
+    def _choose(self, ids: frozenset[int]) -> None:
+        if len(ids) == 1:
+            for layer, _ in self._theirs:
+                layer.selected_label = self._session.label_of(next(iter(ids)))
 
 
 def shows_labels(layer: Any, session: Any) -> bool:
