@@ -10,8 +10,17 @@ from typing import Annotated, Any
 
 import typer
 
+from napari_unpack.cli_input import (
+    Backend,
+    Direction,
+    Input,
+    LabelsOption,
+    Look,
+    Ticker,
+    check_output,
+    open_input,
+)
 from napari_unpack.cli_surroundings import Box, Ground, Scale, wanted_surroundings
-from napari_unpack.geometry.view import FROM_ABOVE, View
 
 app = typer.Typer(
     name="napari-unpack",
@@ -22,35 +31,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-Input = Annotated[
-    Path,
-    typer.Argument(
-        metavar="INPUT",
-        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr; "
-        "for order, render and movie also a saved session.",
-    ),
-]
-LabelsOption = Annotated[
-    Path | None,
-    typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
-]
-Direction = Annotated[
-    str | None,
-    typer.Option(
-        help="Where objects leave: up, +x, -x, +y, -y, +z, -z or 'z,y,x' numbers; "
-        "by default towards the viewer."
-    ),
-]
-Look = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(
-        "--view",
-        metavar="Z Y X",
-        help="Direction of looking; by default from above, or a session's.",
-    ),
-]
-Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
 
 
 def main() -> None:
@@ -69,23 +49,6 @@ def _told(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(1) from error
 
     return run
-
-
-class Ticker:
-    """Progress as plain lines on stderr: one a step, and one every 5 % of it.
-
-    What a text says after a colon is a count within a step and makes no new line.
-    """
-
-    def __init__(self) -> None:
-        self._last = ("", -1)
-
-    def __call__(self, fraction: float, text: str) -> None:
-        """Tell how far we are."""
-        now = (text.split(":")[0], int(fraction * 20))
-        if now != self._last:
-            self._last = now
-            typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
 @app.command()
@@ -115,7 +78,7 @@ def simulate(
     from napari_unpack.io import Scan, save_objects_csv, save_scan
     from napari_unpack.io.volumes import WRITABLE
 
-    _check_output(output, WRITABLE)
+    check_output(output, WRITABLE)
     bag = simulate_bag(
         seed=seed,
         shape=shape,
@@ -146,9 +109,9 @@ def segment(
     from napari_unpack.io import load_volume, save_objects_csv, save_scan
     from napari_unpack.io.volumes import WRITABLE
 
-    _check_output(output, WRITABLE)
+    check_output(output, WRITABLE)
     if csv is not None:
-        _check_output(csv, ("",))
+        check_output(csv, ("",))
     scan = load_volume(source)
     found = find_objects(scan.volume, scan.spacing, progress=Ticker())
     for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
@@ -172,7 +135,7 @@ def train(
     from napari_unpack import train as learn
     from napari_unpack.io import load_volume
 
-    _check_output(output, (".npz",))
+    check_output(output, (".npz",))
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
@@ -219,7 +182,7 @@ def order(
     """Print in which order the objects can be unpacked."""
     from napari_unpack.io.headless import unpack_in_order
 
-    session = _open(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend)
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
     gone = session.steps[: session.step]
     left = max(count - sum(map(len, gone)), 0)
@@ -256,9 +219,9 @@ def render(
     from napari_unpack.io.session_stores import holds_session
     from napari_unpack.session.pictures import scene
 
-    _check_output(output, (".png",))
+    check_output(output, (".png",))
     around = wanted_surroundings(background, box, scale)
-    session = _open(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend)
     if around is not None:
         session.surroundings = around
     camera = session.camera if holds_session(source) else framed(session, size)
@@ -299,9 +262,9 @@ def movie(
     from napari_unpack.io import movie as film
     from napari_unpack.io.film_files import checked_film
 
-    _check_output(checked_film(output), ("",))
+    check_output(checked_film(output), ("",))
     around = wanted_surroundings(background, box, scale)
-    session = _open(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend)
     if around is not None:
         session.surroundings = around
     path = film(
@@ -333,8 +296,8 @@ def table(
     """Write the table of objects, as one web page with a picture of each, or as CSV."""
     from napari_unpack.io import save_objects_csv, save_objects_page
 
-    _check_output(output, (".html", ".csv"))
-    session = _open(source, labels, None, view, backend)
+    check_output(output, (".html", ".csv"))
+    session = open_input(source, labels, None, view, backend)
     if output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output)}")
     else:
@@ -371,54 +334,6 @@ def bench(context: typer.Context) -> None:
     from benchmarks.__main__ import main as measure
 
     raise typer.Exit(measure(context.args))
-
-
-def _open(
-    source: Path,
-    labels: Path | None,
-    direction: str | None,
-    view: tuple[float, float, float] | None,
-    backend: str,
-) -> Any:
-    from napari_unpack.io import load_labels, load_volume, open_session
-    from napari_unpack.io.headless import opened
-    from napari_unpack.io.session_stores import holds_session
-
-    if holds_session(source):
-        if labels is not None:
-            raise ValueError("a session has labels of its own: leave --labels out")
-        session = open_session(source, progress=Ticker())
-        session.leave()
-        session.backend = backend
-        if view is not None:
-            session.view = View(view)
-        if direction is not None:
-            session.direction = _direction(direction)
-        return session
-    scan = load_volume(source)
-    if labels is not None:
-        scan = scan.with_labels(load_labels(labels)[0])
-    return opened(scan, view or FROM_ABOVE, _direction(direction), Ticker(), backend)
-
-
-def _check_output(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Refuse what cannot be written before the long work, not after it."""
-    if not path.name.lower().endswith(suffixes):
-        raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
-    if not path.absolute().parent.is_dir():
-        raise FileNotFoundError(f"no such folder: {path.parent}")
-
-
-def _direction(text: str | None) -> str | tuple[float, float, float] | None:
-    if text is None or "," not in text:
-        return text
-    try:
-        z, y, x = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise ValueError(
-            f"direction must be a name or three numbers 'z,y,x', got {text!r}"
-        ) from error
-    return z, y, x
 
 
 def _smallest_dtype(labels: Any) -> Any:

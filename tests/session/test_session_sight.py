@@ -7,7 +7,7 @@ from bags import session_of, stack_of_plates
 
 from napari_unpack.appearance import TransferFunction, hue_distance
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.session import Session, core
+from napari_unpack.session import Session, tinting
 
 
 def side_by_side() -> np.ndarray:
@@ -47,15 +47,15 @@ def test_the_same_table_is_handed_out_until_something_changes():
 def test_a_table_overtaken_by_a_change_is_not_kept(monkeypatch):
     # A worker's table is under way when object 1 is hidden on the main thread.
     session = session_of(stack_of_plates(2))
-    make = core.tints_of
+    make = tinting.tints_of
 
     def overtaken(*arguments, **settings):
-        monkeypatch.setattr(core, "tints_of", make)
+        monkeypatch.setattr(tinting, "tints_of", make)
         table = make(*arguments, **settings)
         session.hide(1)
         return table
 
-    monkeypatch.setattr(core, "tints_of", overtaken)
+    monkeypatch.setattr(tinting, "tints_of", overtaken)
     assert session.packed_tints()[:, 3].tolist() == [0, 1, 1]
     assert session.packed_tints()[:, 3].tolist() == [0, 0, 1]
 

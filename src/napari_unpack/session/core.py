@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import TransferFunction, golden_hue, tints_of
-from napari_unpack.appearance.tints import MODES, Mode
+from napari_unpack.appearance import TransferFunction, golden_hue
+from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -32,14 +32,6 @@ from napari_unpack.unpacking import Flight, Slots, arrange
 
 if TYPE_CHECKING:
     import pandas as pd
-
-VEIL = (0.8, 0.8, 0.8, 0.3)
-"""Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
-
-LEGIBLE = 0.2
-"""Opacity per voxel that an object alone has at its mean density at least."""
-
-MOST_GAIN = 8.0
 
 
 class SessionCore:
@@ -191,35 +183,6 @@ class SessionCore:
         return dict(self._situation.hues)
 
     @property
-    def tint_mode(self) -> Mode:
-        """How hues become tints; setting it is told as a change of hues, and is not undoable."""
-        return self._tint_mode
-
-    @tint_mode.setter
-    def tint_mode(self, mode: Mode) -> None:
-        if mode not in MODES:
-            raise ValueError(f"tint_mode must be one of {', '.join(MODES)}, got {mode!r}")
-        if mode != self._tint_mode:
-            self._tint_mode = mode
-            self._changes += 1
-            self.events.hues.emit(self.hues)
-
-    @property
-    def show_unlabelled(self) -> bool:
-        """Whether matter that belongs to no object shows, as a veil; not undoable.
-
-        Setting it is told as a change of the transfer function: all must be cast anew.
-        """
-        return self._show_unlabelled
-
-    @show_unlabelled.setter
-    def show_unlabelled(self, shown: bool) -> None:
-        if bool(shown) != self._show_unlabelled:
-            self._show_unlabelled = bool(shown)
-            self._changes += 1
-            self.events.transfer_function.emit(self._situation.transfer_function)
-
-    @property
     def view(self) -> View:
         """The view as it was asked for."""
         return self._view
@@ -281,40 +244,6 @@ class SessionCore:
             radius = self.bag.radius
             self._slots = key, arrange(self._most, radius, self._canvas_size, self._camera.fov)
         return self._slots[1]
-
-    def packed_tints(self) -> NDArray[np.float32]:
-        """Return the (M, 4) float32 tints of what is packed; zero for all else. Read-only.
-
-        Row 0, matter without a label, is zero unless `show_unlabelled`.
-        """
-        now, kept = self._changes, self._tints
-        if kept[0] != now:
-            hues = self._situation.hues
-            shown = {i: hues[i] for i, state in self.states.items() if state.value == "packed"}
-            table = tints_of(shown, self._top, mode=self.tint_mode)
-            if self._show_unlabelled:
-                table[0] = VEIL
-            table.flags.writeable = False
-            kept = self._tints = now, table
-        return kept[1]
-
-    def solo_tints(self, object_id: int) -> NDArray[np.float32]:
-        """Return the (M, 4) float32 tints that show one object alone.
-
-        Its alpha is above 1 where the object's typical density is so faint under the master
-        transfer function that it could not be made out on its own.
-        """
-        situation = self._situation
-        hue = situation.hues[object_id]
-        table = tints_of({object_id: hue}, self._top, mode=self.tint_mode)
-        density = float(self._facts.at[object_id, "mean_density"])
-        study = situation.studies.get(object_id)
-        own = None if study is None else study.transfer_function
-        if own is not None:
-            return table
-        opacity = float(situation.transfer_function.opacity_at(density))
-        table[object_id, 3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
-        return table
 
     @property
     def history(self) -> History:

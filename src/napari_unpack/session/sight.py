@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
 from napari_unpack.imaging import interference_in
 from napari_unpack.session.checks import checked_ids, checked_planes
-from napari_unpack.session.core import SessionCore
 from napari_unpack.session.state import ObjectState
 from napari_unpack.session.study import Study
+from napari_unpack.session.tinting import SessionTints
 
 DISTANCE = 5.0
 """DT of eq. 1, pixels of the canvas."""
@@ -40,7 +40,7 @@ class HueQuestion:
     answer: Callable[[], dict[int, float]]
 
 
-class SessionSight(SessionCore):
+class SessionSight(SessionTints):
     """The verbs that change how things look and not where they are.
 
     Attributes
