@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,6 +13,7 @@ from napari_unpack.geometry.transforms import packed_pose
 from napari_unpack.session import Session
 from napari_unpack.session.opening import opened, parts_by_density
 from napari_unpack.session.pictures import object_patch, packed_patch
+from napari_unpack.session.record import record_of, session_from
 from napari_unpack.session.study import Study, facts_of
 
 SPACING = (2.0, 1.0, 1.0)
@@ -104,6 +107,18 @@ def test_a_container_of_known_contents_is_opened_into_them():
     )
     inner = opened(Session(volume, labels, SPACING, table), 1)
     assert inner.objects["name"].to_dict() == {1: "Tin", 3: "Key"}
+
+
+def test_what_an_object_has_of_its_own_is_kept_in_sessions(session):
+    session.set_study(1, Study(TransferFunction([(0, 0), (500, 0.4)]), (np.ones(3), np.eye(3)[1])))
+    record = json.loads(json.dumps(record_of(session)))
+    again = session_from(record, *tin())
+    study = again.study(1)
+    assert study.transfer_function.points == session.study(1).transfer_function.points
+    np.testing.assert_array_equal(study.cut, [np.ones(3), np.eye(3)[1]])
+    assert again.study(2).transfer_function is None
+    del record["situation"]["studies"]
+    assert session_from(record, *tin()).study(1).cut is None
 
 
 def test_noise_alone_makes_no_parts():

@@ -59,7 +59,8 @@ class Arrow:
     def _ends(self, frame: Frame) -> NDArray[np.float64] | None:
         if self.drawn is not None:
             return pivot_points(self.drawn, frame.camera, frame.size)
-        if self._session.direction is None:
+        studying = any(s.name == "INSPECTED" for s in self._session.states.values())
+        if self._session.direction is None or studying:
             return None
         bag = self._session.bag
         tip = bag.center + 1.05 * bag.radius * self._session.unpack_direction

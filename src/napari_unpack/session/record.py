@@ -10,7 +10,6 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import TransferFunction
 from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.compaction import compact_labels
 from napari_unpack.geometry.transforms import Pose
@@ -19,6 +18,12 @@ from napari_unpack.session.fields import Fields
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.session import Session
 from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.study_record import (
+    densities_from,
+    densities_record,
+    studies_from,
+    studies_record,
+)
 from napari_unpack.session.surroundings_record import surroundings_from, surroundings_record
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
@@ -165,12 +170,9 @@ def _read_view(fields: Fields) -> View:
 def _situation(session: Session) -> dict[str, Any]:
     now = session._situation
     queue = now.queue
-    colors = now.transfer_function.colors
     return {
-        "transfer_function": {
-            "points": [list(point) for point in now.transfer_function.points],
-            "colors": None if colors is None else [[d, list(rgb)] for d, rgb in colors],
-        },
+        "transfer_function": densities_record(now.transfer_function),
+        "studies": studies_record(now.studies),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
         "out": [_berth(i, berth) for i, berth in now.out.items()],
@@ -207,7 +209,8 @@ def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> 
         raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
     return replace(
         session._situation,
-        transfer_function=_read_densities(fields.part("transfer_function")),
+        transfer_function=densities_from(fields.part("transfer_function")),
+        studies=studies_from(fields, known),
         hues=hues,
         names=names,
         out=out,
@@ -283,13 +286,6 @@ def _read_queue(fields: Fields, session: Session, known: frozenset[int]) -> Queu
         frozenset(fields.ids("packed", known)),
         session._terms if fields.flag("by_these_rules") else (),
     )
-
-
-def _read_densities(fields: Fields) -> TransferFunction:
-    try:
-        return TransferFunction(fields["points"], fields["colors"])
-    except (TypeError, IndexError) as error:
-        raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
 
 
 def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:

@@ -38,7 +38,7 @@ class ScrubBar(QWidget):
         self.bar.setToolTip("Drag to run the unpacking forwards or backwards to any step.")
         self.bar.setPageStep(1)
         self.bar.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        self.words = label("", "hint")
+        self.words = label("", "hint", wrap=True)
         self._timer = QTimer(self)
         self._timer.setInterval(PLAY_MS)
         self._timer.timeout.connect(self._play_on)
