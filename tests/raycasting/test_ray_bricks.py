@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_cdt
+from ray_scenes import along
 
 from napari_unpack.raycasting import Bricks
-from napari_unpack.raycasting.bricks import strides
+from napari_unpack.raycasting.bricks import Strides
 from napari_unpack.raycasting.threads import over_bands
 
 
@@ -85,20 +85,41 @@ def test_owners_tell_full_empty_and_mixed_bricks() -> None:
     shown = np.array([False, True, False, True])
     # All 3; nothing; only 2, which is hidden; 3 among air; hidden 2 among air.
     assert bricks.owners(shown).ravel().tolist() == [3, 0, 0, -1, 0]
-    # To the next that differs: 3|0 touch, and the mixed brick is two from the second.
-    assert strides(bricks.owners(shown)).ravel().tolist() == [1, 1, 1, 0, 1]
+    # Along +x the second and third are alike; along -x the third and second.
+    for way, expected in ((1, [1, 2, 1, 0, 255]), (-1, [255, 1, 2, 0, 1])):
+        strides = Strides.of(bricks.owners(shown), along((0, 0, way), labels.shape))
+        assert strides.grids[strides.slots[0]].ravel().tolist() == expected
 
 
-def test_strides_are_the_chessboard_distance_to_another_owner() -> None:
+@pytest.mark.parametrize("signs", list(np.ndindex(2, 2, 2)))
+def test_strides_are_the_largest_cubes_of_one_owner_ahead(signs) -> None:
     rng = np.random.default_rng(2)
-    owners = np.zeros((9, 11, 12), np.int32)
-    owners[2:8, 3:10, 4:11] = 5
+    owners = np.zeros((7, 9, 10), np.int32)
+    owners[2:7, 3:8, 4:9] = 5
     owners[4:6, :4, :3] = 7
-    owners[rng.random(owners.shape) < 0.005] = -1
-    found = strides(owners)
-    for owner in (0, 5, 7):
-        own = owners == owner
-        expected = distance_transform_cdt(own, "chessboard")
-        np.testing.assert_array_equal(found[own], expected[own])
-    assert not found[owners == -1].any()
-    assert (strides(np.zeros((3, 3, 3), np.int32)) == 255).all()
+    owners[rng.random(owners.shape) < 0.01] = -1
+    direction = np.where(signs, 1, -1) * (0.5, 0.6, 0.7)
+    strides = Strides.of(owners, along(direction, (56, 72, 80)))
+    assert len(strides.grids) == 1
+    found = strides.grids[0]
+    for z, y, x in np.ndindex(*owners.shape):
+        edge, ahead = 0, 0
+        while edge < 11 and ahead == edge:
+            edge += 1
+            cube = owners[
+                tuple(
+                    slice(i, i + edge) if s else slice(max(i - edge + 1, 0), i + 1)
+                    for i, s in zip((z, y, x), signs, strict=True)
+                )
+            ]
+            ahead += bool(owners[z, y, x] >= 0 and (cube == owners[z, y, x]).all())
+        # A cube larger than the grid is one without an end.
+        assert found[z, y, x] == ahead or (ahead == 11 and found[z, y, x] > 10)
+
+
+def test_a_perspective_picture_along_an_axis_looks_into_four_octants() -> None:
+    strides = Strides.of(np.zeros((3, 3, 3), np.int32), along((1, 0, 0), (24, 24, 24), fov=40))
+    assert len(strides.grids) == 4
+    assert len(set(strides.slots[4:].tolist())) == 4
+    np.testing.assert_array_equal(strides.slots[:4], strides.slots[4:])
+    assert (strides.grids == 255).all()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.rays import Rays
 from napari_unpack.raycasting.lattice import BRICK
 from napari_unpack.raycasting.threads import over_bands
 
@@ -125,26 +127,85 @@ class Bricks:
         return out
 
 
-def strides(owners: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Measure the distance from every brick to the nearest one that differs.
+@dataclass(frozen=True, eq=False)
+class Strides:
+    """How many bricks ahead look alike, for every octant of directions that a picture has.
+
+    Parameters
+    ----------
+    grids : (n, Bz, By, Bx) ndarray of uint8
+        Edge in bricks of the largest cube of one owner with the brick at the corner that a ray
+        enters by: 0 where mixed, at most 255. The outside of the volume differs from nobody.
+    slots : (8,) ndarray of int64
+        Which grid serves rays with signs (z, y, x), positive 1: slots[4 z + 2 y + x].
+    """
+
+    grids: NDArray[np.uint8]
+    slots: NDArray[np.int64]
+
+    @classmethod
+    def none(cls) -> Strides:
+        """Return what makes a kernel look at every sample."""
+        return cls(np.zeros((0, 0, 0, 0), np.uint8), np.zeros(8, np.int64))
+
+    @classmethod
+    def of(cls, owners: NDArray[np.int32], rays: Rays) -> Strides:
+        """Measure the bricks ahead.
+
+        Parameters
+        ----------
+        owners : (Bz, By, Bx) ndarray of int32
+            From `Bricks.owners`; -1 is mixed.
+        rays : Rays
+            Only the signs of their directions matter.
+
+        Notes
+        -----
+        Parallel rays look into one octant, those of a perspective picture into up to eight.
+        """
+        last_row, last_col = rays.size[0] - 1, rays.size[1] - 1
+        corners = np.array([(1, r, c) for r in (0, last_row) for c in (0, last_col)], np.float64)
+        forward = ~np.signbit(corners @ rays.table[3:])
+        grids: list[NDArray[np.uint8]] = []
+        made: dict[tuple[bool, ...], int] = {}
+        slots = np.zeros(8, np.int64)
+        for octant in range(8):
+            wanted = bool(octant & 4), bool(octant & 2), bool(octant & 1)
+            # Directions are affine in the pixel: an axis with one sign at the corners has no other.
+            signs = tuple(
+                w if own.any() and not own.all() else bool(own.all())
+                for w, own in zip(wanted, forward.T, strict=True)
+            )
+            if signs not in made:
+                made[signs] = len(grids)
+                grids.append(strides(owners, signs))
+            slots[octant] = made[signs]
+        return cls(np.ascontiguousarray(np.stack(grids)), slots)
+
+
+def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.uint8]:
+    """Measure the bricks ahead in one octant of directions.
 
     Parameters
     ----------
     owners : (Bz, By, Bx) ndarray of int32
         From `Bricks.owners`; -1 is mixed.
+    forward : (3,) sequence of bool
+        Whether z, y, x grow on the way.
 
     Returns
     -------
     (Bz, By, Bx) ndarray of uint8
-        Chebyshev distance in bricks to another owner: 0 where mixed, at most 255. The outside
-        of the volume differs from nobody.
+        See `Strides.grids`.
+
+    Notes
+    -----
+    A cube of edge d is alike if those of edge d - 1 at its seven neighbours ahead are.
     """
-    outside = -2
-    around = np.pad(owners, 1, constant_values=outside)
-    out = np.full(around.shape, 255, np.uint8)
-    out[around == -1] = 0
-    _stride(around, outside, out)
-    return np.ascontiguousarray(out[1:-1, 1:-1, 1:-1])
+    flip = tuple(slice(None, None, 1 if f else -1) for f in forward)
+    out = np.zeros(owners.shape, np.uint8)
+    _stride(np.ascontiguousarray(owners[flip]), out)
+    return np.ascontiguousarray(out[flip])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -248,32 +309,19 @@ def _owners(starts, ids, visible, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _near(owners, outside, out, own, best, z, y, x):  # type: ignore[no-untyped-def]
-    other = owners[z, y, x]
-    if other == outside:
-        return best
-    return min(best, int(out[z, y, x]) + 1 if other == own else 1)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _stride(owners, outside, out):  # type: ignore[no-untyped-def]
-    # Rosenfeld & Pfaltz's two sweeps, exact for the chessboard distance, for all owners at once:
-    # another's brick is at distance 0.
-    depth, height, width = out.shape
-    for sign in (1, -1):
-        for m in range(1, depth - 1):
-            z = m if sign > 0 else depth - 1 - m
-            for n in range(1, height - 1):
-                y = n if sign > 0 else height - 1 - n
-                for o in range(1, width - 1):
-                    x = o if sign > 0 else width - 1 - o
-                    own = owners[z, y, x]
-                    best = int(out[z, y, x])
-                    if best == 0:
-                        continue
-                    best = _near(owners, outside, out, own, best, z, y, x - sign)
-                    for j in range(-1, 2):
-                        best = _near(owners, outside, out, own, best, z, y - sign, x + j)
-                        for i in range(-1, 2):
-                            best = _near(owners, outside, out, own, best, z - sign, y + i, x + j)
-                    out[z, y, x] = min(best, 255)
+def _stride(owners, out):  # type: ignore[no-untyped-def]
+    depth, height, width = owners.shape
+    for z in range(depth - 1, -1, -1):
+        for y in range(height - 1, -1, -1):
+            for x in range(width - 1, -1, -1):
+                own = owners[z, y, x]
+                if own < 0:
+                    continue
+                best = 255
+                for a in range(z, min(z + 2, depth)):
+                    for b in range(y, min(y + 2, height)):
+                        for c in range(x, min(x + 2, width)):
+                            if a > z or b > y or c > x:
+                                alike = owners[a, b, c] == own
+                                best = min(best, int(out[a, b, c]) + 1 if alike else 1)
+                out[z, y, x] = best

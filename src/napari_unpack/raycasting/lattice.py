@@ -18,6 +18,9 @@ FAR = 1.0e9
 BRICK = 8
 """Voxels along the edge of a brick (bricks.py)."""
 
+AHEAD = 16
+"""Labels that the ID passes read together."""
+
 TILE = 32
 """Pixels along the edge of a tile: the voxels behind one stay in the processor's cache."""
 
@@ -68,6 +71,21 @@ def position(k, phase, step, pz, py, px, dz, dy, dx):  # type: ignore[no-untyped
     """Return t and the position of sample k; every kernel and `sample_range` agree to the bit."""
     t = (k + phase) * step
     return t, pz + t * dz, py + t * dy, px + t * dx
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead):  # type: ignore[no-untyped-def]
+    """Read the labels of samples k to `free` - 1 into `ahead` (AHEAD,) int64, as many as fit.
+
+    All at once: most of them miss the cache, and so they miss it together.
+    """
+    first, last = float(k), float(free - 1)
+    for i in range(AHEAD):
+        t = (min(first + i, last) + 0.5) * step
+        plane, line = np.int64(pz + t * dz + 0.5), np.int64(py + t * dy + 0.5)
+        ahead[i] = (plane * high + line) * wide + np.int64(px + t * dx + 0.5)
+    for i in range(AHEAD):
+        ahead[i] = np.int64(flat[np.uint64(ahead[i])])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
@@ -141,10 +159,16 @@ def per_voxel(direction, step):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def octant_of(az, ay, ax):  # type: ignore[no-untyped-def]
+    """Return the octant a ray looks into, as `Strides` counts them; az, ay, ax are `per_voxel`."""
+    return (4 if az > 0 else 0) + (2 if ay > 0 else 0) + (1 if ax > 0 else 0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def leap(distance, z, y, x, k, phase, pz, py, px, az, ay, ax):  # type: ignore[no-untyped-def]
     """Return the first k that may lie outside a cube of bricks around voxel (z, y, x).
 
-    The cube reaches `distance` - 1 bricks beyond the voxel's own; az, ay, ax are `per_voxel`.
+    The cube reaches `distance` - 1 bricks ahead of the voxel's own; az, ay, ax are `per_voxel`.
     Errs on the side of too few.
     """
     # A brick's middle, and from there to the cube's face that the ray leaves by.

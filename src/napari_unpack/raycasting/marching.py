@@ -40,6 +40,7 @@ from napari_unpack.raycasting.chunks import (
 from napari_unpack.raycasting.lattice import (
     TILE,
     leap,
+    octant_of,
     per_voxel,
     position,
     ray_of,
@@ -65,7 +66,7 @@ def phase_of(row, col, jitter):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def march(  # type: ignore[no-untyped-def]
-    volume, labels, numbers, step, near, jitter, planes, reach, full,
+    volume, labels, numbers, step, near, jitter, planes, reach, slots, full,
     table, opacity, tints, look, exponents, corrected, shine, first_row, last_row, image, depth,
 ):  # fmt: skip
     """Cast the rows of one band; see `tinted`, which prepares all the numbers."""
@@ -115,6 +116,7 @@ def march(  # type: ignore[no-untyped-def]
             solid = False
             stop = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
+            grid = slots[octant_of(az, ay, ax)]
             while k < end:
                 # Gather the samples of a chunk, leaping over what cannot be seen.
                 count = 0
@@ -125,7 +127,7 @@ def march(  # type: ignore[no-untyped-def]
                             _, vz, vy, vx = position(k, phase, step, pz, py, px, dz, dy, dx)
                             z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
                             b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
-                            d = reach[b, r, c]
+                            d = reach[grid, b, r, c]
                             stop = min(end, leap(d, z, y, x, k, phase, pz, py, px, az, ay, ax))
                             if not full[b, r, c]:
                                 k = stop

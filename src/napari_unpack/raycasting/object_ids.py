@@ -10,17 +10,19 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, strides
+from napari_unpack.raycasting.bricks import Bricks, Strides
 from napari_unpack.raycasting.lattice import (
-    BRICK,
+    AHEAD,
     TILE,
     band_of,
     clipping_planes,
     leap,
+    octant_of,
     per_voxel,
     position,
     ray_numbers,
     ray_of,
+    read_labels,
     sample_range,
 )
 from napari_unpack.raycasting.threads import over_bands
@@ -66,24 +68,31 @@ def id_layers(
     """
     table, step, near = ray_numbers(rays)
     out = np.zeros((layers, *rays.size), np.int32)
-    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
+    owners, strides = np.zeros((0, 0, 0), np.int32), Strides.none()
     if bricks is not None:
         owners = bricks.owners(visible)
-        distance = strides(owners)
+        strides = Strides.of(owners, rays)
     planes = clipping_planes(clipping)
 
     def work(_: None, first: int, last: int) -> None:
-        _cast(labels, table, step, near, planes, visible, owners, distance, first, last, out)
+        _cast(
+            labels, table, step, near, planes, visible, owners, strides.grids, strides.slots,
+            first, last, out,
+        )  # fmt: skip
 
     over_bands(rays.size[0], work, lambda: None, threads, band_of(rays.size[0]))
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cast(labels, table, step, near, planes, visible, owners, distance, first, last, out):  # type: ignore[no-untyped-def]
+def _cast(  # type: ignore[no-untyped-def]
+    labels, table, step, near, planes, visible, owners, distance, slots, first, last, out
+):
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     skip = distance.size > 0
+    flat, (_, high, wide) = labels.reshape(-1), labels.shape
+    ahead = np.zeros(AHEAD, np.int64)
     height, width = last - first, out.shape[2]
     for tile in range(0, width, TILE):
         columns = min(TILE, width - tile)
@@ -93,21 +102,28 @@ def _cast(labels, table, step, near, planes, visible, owners, distance, first, l
             k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
             found = 0
             previous = 0
-            free = k
+            free = first_read = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
+            grid = slots[octant_of(az, ay, ax)]
             while k < end:
-                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
-                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
-                # Where all bricks around belong to one, its samples need no visit.
+                # Where all bricks ahead belong to one, its samples need no visit.
                 count, label = 1, -1
-                if skip and k >= free:
-                    b, r, c = z // BRICK, y // BRICK, x // BRICK
-                    d = distance[b, r, c]
-                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
+                if k >= free:
+                    d = 0
+                    free = end
+                    if skip:
+                        _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                        z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                        b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
+                        d = distance[grid, b, r, c]
+                        free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
                     if d > 0:
                         count, label = free - k, int(owners[b, r, c])
+                    else:
+                        first_read, free = k, min(free, k + AHEAD)
+                        read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
                 if label < 0:
-                    label = int(labels[z, y, x])
+                    label = ahead[np.uint64(k - first_read)]
                 k += count
                 if label == previous:
                     continue

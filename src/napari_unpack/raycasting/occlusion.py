@@ -8,17 +8,19 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, strides
+from napari_unpack.raycasting.bricks import Bricks, Strides
 from napari_unpack.raycasting.lattice import (
-    BRICK,
+    AHEAD,
     TILE,
     band_of,
     clipping_planes,
     leap,
+    octant_of,
     per_voxel,
     position,
     ray_numbers,
     ray_of,
+    read_labels,
     sample_range,
 )
 from napari_unpack.raycasting.threads import over_bands
@@ -68,17 +70,17 @@ def occlusion_counts(
         blocks = np.zeros((len(candidates),) * 2, np.bool_)
     else:
         blocks = np.zeros((0, 0), np.bool_)
-    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
+    owners, strides = np.zeros((0, 0, 0), np.int32), Strides.none()
     if bricks is not None:
         owners = bricks.owners(visible)
-        distance = strides(owners)
+        strides = Strides.of(owners, rays)
     planes = clipping_planes(None)
     width = rays.size[1]
 
     def work(counts: NDArray[np.int64], first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
         _count(
-            labels, table, step, near, planes, visible, owners, distance,
+            labels, table, step, near, planes, visible, owners, strides.grids, strides.slots,
             first, last, width, slots, counts, blocks,
         )  # fmt: skip
 
@@ -96,12 +98,14 @@ def occlusion_counts(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(  # type: ignore[no-untyped-def]
-    labels, table, step, near, planes, visible, owners, distance,
+    labels, table, step, near, planes, visible, owners, distance, slots_of,
     first_row, last_row, width, slots, counts, blocks,
 ):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     skip = distance.size > 0
+    flat, (_, high, wide) = labels.reshape(-1), labels.shape
+    ahead = np.zeros(AHEAD, np.int64)
     tabulate = blocks.size > 0
     stamps = np.full(visible.shape[0], -1, np.int64)
     seen = np.empty(visible.shape[0], np.int64)
@@ -117,21 +121,28 @@ def _count(  # type: ignore[no-untyped-def]
             current = 0
             blocked = False
             run = 0
-            free = k
+            free = first_read = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
+            grid = slots_of[octant_of(az, ay, ax)]
             while k < end:
-                _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
-                z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
-                # Where all bricks around belong to one, its samples need no visit.
+                # Where all bricks ahead belong to one, its samples need no visit.
                 count, label = 1, -1
-                if skip and k >= free:
-                    b, r, c = z // BRICK, y // BRICK, x // BRICK
-                    d = distance[b, r, c]
-                    free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
+                if k >= free:
+                    d = 0
+                    free = end
+                    if skip:
+                        _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
+                        z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
+                        b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
+                        d = distance[grid, b, r, c]
+                        free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
                     if d > 0:
                         count, label = free - k, int(owners[b, r, c])
+                    else:
+                        first_read, free = k, min(free, k + AHEAD)
+                        read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
                 if label < 0:
-                    label = int(labels[z, y, x])
+                    label = ahead[np.uint64(k - first_read)]
                 k += count
                 if label == current:
                     run += count

@@ -72,7 +72,7 @@ def met_when_pulled(
     owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
     if bricks is not None:
         owners = bricks.owners(visible)
-        distance = strides(owners)
+        distance = strides(owners, (shifts[-1] >= 0).tolist())
     signs = np.sign(shifts[-1])
 
     def work(_: None, first: int, last: int) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.raycasting.bricks import Bricks, Density, strides
+from napari_unpack.raycasting.bricks import Bricks, Density, Strides
 from napari_unpack.raycasting.lattice import band_of, clipping_planes, ray_numbers
 from napari_unpack.raycasting.marching import march
 from napari_unpack.raycasting.opacity import correction
@@ -84,10 +84,10 @@ def tinted(
     numbers, step, near = ray_numbers(rays)
     image = np.zeros((*rays.size, 4), np.float32)
     depth = np.full(rays.size, np.inf, np.float32)
-    reach, full = np.zeros((0, 0, 0), np.uint8), np.zeros((0, 0, 0), np.bool_)
+    strides, full = Strides.none(), np.zeros((0, 0, 0), np.bool_)
     if bricks is not None:
         full = bricks.occupied(table, domain, tints)
-        reach = strides(full.astype(np.int32))
+        strides = Strides.of(full.astype(np.int32), rays)
     look = _look(spacing, domain, len(table), shading)
     planes = clipping_planes(clipping)
     exponents, corrected = correction(rays, spacing)
@@ -99,7 +99,7 @@ def tinted(
 
     def work(_: None, first: int, last: int) -> None:
         march(
-            volume, labels, numbers, step, near, jitter, planes, reach, full,
+            volume, labels, numbers, step, near, jitter, planes, strides.grids, strides.slots, full,
             table, opacity, tints, look, exponents, corrected, shine, first, last, image, depth,
         )  # fmt: skip
 
