@@ -77,6 +77,7 @@ class PictureOptions(Disclosure):
             self.background.setCurrentText(self._before)
             return
         self._wanted, self._before = wanted, name
+        self.background.setCurrentText(name)
         self._apply()
 
     def end(self) -> None:
