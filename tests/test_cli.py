@@ -33,9 +33,35 @@ def bag(tmp_path: Path) -> Path:
 def test_help_lists_every_command() -> None:
     result = run("--help")
     assert result.exit_code == 0
-    for command in ("simulate", "segment", "score", "order", "render", "movie", "demo", "bench"):
+    for command in (
+        "simulate",
+        "segment",
+        "train",
+        "score",
+        "order",
+        "render",
+        "movie",
+        "demo",
+        "bench",
+    ):
         assert command in result.output
         assert run(command, "--help").exit_code == 0
+
+
+def test_train_writes_an_oracle_and_refuses_what_has_no_labels(bag: Path) -> None:
+    out = bag.with_name("mine.npz")
+    result = run("train", out, bag, bag, bag)
+    assert result.exit_code == 0, result.output
+    assert "9 objects" in result.output
+    assert nu.Oracle.load(out).bad is not None
+    np.save(bag.with_name("bare.npy"), np.ones((4, 4, 4)))
+    bare = run("train", out, bag.with_name("bare.npy"))
+    assert bare.exit_code == 1
+    assert "needs labels" in bare.output
+    few = run("train", out, bag)
+    assert few.exit_code == 1
+    assert "at least 8" in few.output
+    assert "must end in .npz" in run("train", bag.with_name("mine.txt"), bag).output
 
 
 def test_order_prints_who_leaves_when(bag: Path) -> None:

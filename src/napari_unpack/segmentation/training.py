@@ -125,7 +125,10 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
         for rows, more in zip((good, bad), oracle_examples(bag, seed + k), strict=True):
             rows.extend(more)
         if progress is not None:
-            progress((k + 1) / total if total else 0.0, f"Learning: {len(good)} objects")
+            progress(
+                (k + 1) / total if total else 0.0,
+                f"Learned from volume {k + 1}: {len(good)} objects",
+            )
     if len(bad) < 8:
         return fit_features(np.array(good), None, seed)
     return fit_features(np.array(good), np.array(bad), seed)
