@@ -147,7 +147,7 @@ class ObjectModel(QAbstractTableModel):
                 only_color = (old.state, old.name, old.mark) == (new.state, new.name, new.mark)
                 left, right = columns["color" if only_color else "rest"]
                 if old.good != new.good:
-                    right = Column.CONFIDENCE
+                    left, right = Column.EYE, Column.STATE
                 self.dataChanged.emit(self.index(row, left), self.index(row, right))
 
     def _look(self) -> list[_Live]:
@@ -247,7 +247,9 @@ class ObjectModel(QAbstractTableModel):
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             if column == Column.VOLUME:
                 return _amount(facts.volume * (1000 if self._tiny else 1))
-            return _text(facts, live, column)
+            shown = _text(facts, live, column)
+            marked = live.good and column == Column.NAME and role == Qt.ItemDataRole.DisplayRole
+            return f"{shown} ✓" if marked else shown
         if role == Qt.ItemDataRole.FontRole and column == Column.STATE and live.words in MARKS:
             return _bold()
         if role == SORT:
@@ -302,8 +304,7 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.DENSITY:
         return f"{facts.density:.0f}" if abs(facts.density) >= 10 else f"{facts.density:.2g}"
     if column == Column.CONFIDENCE:
-        sure = "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
-        return f"✓ {sure}" if live.good else sure
+        return "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
     return ""
 
 
