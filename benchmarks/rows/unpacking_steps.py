@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from benchmarks.row import Row, best_ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.appearance import interference
+from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.view import View
 from napari_unpack.imaging import cast_ids, cast_occlusion
+from napari_unpack.imaging.casting import off_faces, rays_for
 from napari_unpack.raycasting import Bricks
 from napari_unpack.unpacking import free_ids, ratios
 
+NOT_MEASURED = "not measured"
 PAPER_OCCLUSION_MS, PAPER_INTERFERENCE_MS = 50.0, 110.0
 
 
@@ -36,7 +39,10 @@ class Step:
     mean_ratio : float
         Of the occlusion ratios of all that is packed.
     occlusion_ms, interference_ms : float
-        One pass over all packed objects, measured at every step, reused or not.
+        One pass over all packed objects on the CPU, measured at every step, reused or not.
+    queries_ms, atomics_ms : float or str
+        The paper's two ways on GL: occlusion queries, and one pass with atomic counters;
+        `NOT_MEASURED` without GL.
     """
 
     step: int
@@ -45,6 +51,8 @@ class Step:
     mean_ratio: float
     occlusion_ms: float
     interference_ms: float
+    queries_ms: float | str = NOT_MEASURED
+    atomics_ms: float | str = NOT_MEASURED
 
 
 def measure(scenes: Scenes) -> list[Row]:
@@ -90,11 +98,13 @@ def unpacking(scenes: Scenes) -> list[Step]:
     def color() -> Any:
         return interference(_ids(crowd.labels, camera, visible, size, bricks), 5)
 
-    count(), color()
+    ways = _gl_ways(crowd.labels, camera, visible, size, bricks)
+    for work in (count, color, *ways):
+        work()
     steps: list[Step] = []
     queue: list[int] = []
     while visible.any():
-        took = best_ms(count, 1, warm=False), best_ms(color, 1, warm=False)
+        took = [best_ms(work, 1, warm=False) for work in (count, color, *ways)]
         counts = count()
         asked = not queue
         share = ratios(counts)
@@ -109,13 +119,35 @@ def unpacking(scenes: Scenes) -> list[Step]:
     return steps
 
 
+def _gl_ways(
+    labels: NDArray[np.uint16], camera: Any, visible: NDArray[np.bool_], size: Any, bricks: Any
+) -> tuple[Any, ...]:
+    """Return the passes of the paper's two ways on GL, none without it."""
+    from napari_unpack.rendering import offscreen
+
+    if not offscreen.available():
+        return ()
+    from napari_unpack.rendering import gl_backend
+
+    rays, boxes = off_faces(rays_for(camera.orthographic(), size, MM)), label_boxes(labels)
+    return (
+        lambda: gl_backend.first_hits(labels, rays, visible, boxes, bricks),
+        lambda: gl_backend.occlusion_counts(labels, rays, visible, bricks, "atomics"),
+    )
+
+
 def as_csv(steps: list[Step]) -> str:
     """Return all steps as a table."""
     lines = [",".join(Step.__dataclass_fields__)]
     for step in steps:
-        values = (f"{v:.3f}" if isinstance(v, float) else str(int(v)) for v in astuple(step))
-        lines.append(",".join(values))
+        lines.append(",".join(_cell(value) for value in astuple(step)))
     return "\n".join(lines) + "\n"
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:.3f}" if isinstance(value, float) else str(int(value))
 
 
 def _ids(
