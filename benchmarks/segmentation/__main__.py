@@ -31,14 +31,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("families", nargs="*", help=f"of {', '.join(FAMILIES)}; by default all")
     parser.add_argument("--count", type=int, help="bags of each family")
     parser.add_argument("--first", type=int, default=HELD_OUT, help="seed of the first bag")
-    parser.add_argument("--only", help="methods whose name contains this")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of methods' names")
     parser.add_argument("--write", action="store_true", help=f"also write {DOCUMENT.name}")
     options = parser.parse_args(arguments)
     families = options.families or list(FAMILIES)
     for family in families:
         if family not in FAMILIES:
             parser.error(f"no family is called {family!r}; there are {', '.join(FAMILIES)}")
-    methods = [m for m in (*PEERS, *OURS) if options.only is None or options.only in m[0]]
+    methods = [m for m in (*PEERS, *OURS) if any(part in m[0] for part in options.only)]
     parts = []
     for family in families:
         report = Report()

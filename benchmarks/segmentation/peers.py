@@ -21,7 +21,7 @@ from napari_unpack.segmentation.splitting import parts_of
 Labels = NDArray[np.integer[Any]]
 Found = Iterator[tuple[str, Labels]]
 SMALLEST = 500
-MOST_WALKED = 400_000
+MOST_WALKED = 100_000
 """Voxels of matter at half resolution beyond which a random walker does not fit."""
 
 
