@@ -35,7 +35,7 @@ class RefineRule:
     """
 
     doubtful: float = 0.5
-    cut: CutRule = field(default_factory=lambda: CutRule(0.3, 1.1))
+    cut: CutRule = field(default_factory=lambda: CutRule(0.6, 1.1))
     margin: float = 0.2
     touching: float = 0.05
     smallest: float = 500.0
