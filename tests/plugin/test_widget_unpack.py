@@ -95,8 +95,9 @@ def test_where_nobody_is_free_the_setting_decides(
     panel.unpack.least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(
-        lambda: "Every object is blocked from here: turn" in panel.unpack.news.text(), timeout=10000
+        lambda: "Every object is blocked this way;" in panel.unpack.news.text(), timeout=10000
     )
+    assert "is blocked least. Turn the bag" in panel.unpack.news.text()
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)
