@@ -22,7 +22,7 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     Returns
     -------
     (Z, Y, X) ndarray
-        Not copied where it is an array already; bool becomes uint8.
+        Not copied but from types that numba does not know; see `block_dtype`.
 
     Raises
     ------
@@ -33,8 +33,7 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     """
     array = np.asarray(volume)
     checked_form(array.shape, array.dtype)
-    if array.dtype.kind == "b":
-        array = array.view(np.uint8)
+    array = array.astype(block_dtype(array.dtype), copy=False)
     low, high = finite_range(array)
     if not low < high:
         raise ValueError(
@@ -60,6 +59,15 @@ def checked_form(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, int
     if dtype.kind not in "buif":
         raise TypeError(f"volume must hold real numbers, got dtype {dtype}")
     return shape[0], shape[1], shape[2]
+
+
+def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type that numba works on for an array's type: no bool, float16 or long double."""
+    if dtype.kind == "b":
+        return np.dtype(np.uint8)
+    if dtype.kind == "f" and dtype.itemsize not in (4, 8):
+        return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
+    return dtype.newbyteorder("=")
 
 
 def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:

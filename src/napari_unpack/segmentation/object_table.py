@@ -135,7 +135,7 @@ def confidences(
     Returns
     -------
     dict of int to float
-        By label.
+        By label; 0 where no judgement could be made, as of densities too large to be squared.
     """
     boxes = label_boxes(labels)
     judge = oracle or default_oracle()
@@ -144,7 +144,8 @@ def confidences(
         box = boxes.slices(name)
         first = (box[0].start, box[1].start, box[2].start)
         region = Region(labels[box] == name, density[box], first, spacing, density)
-        found[name] = float(judge(region))
+        value = float(judge(region))
+        found[name] = value if np.isfinite(value) else 0.0
     return found
 
 

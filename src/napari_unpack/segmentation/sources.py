@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.segmentation.checks import checked_form
+from napari_unpack.segmentation.checks import block_dtype, checked_form
 
 Box = tuple[slice, slice, slice]
 
@@ -51,15 +51,6 @@ class Source:
         with self.lock:
             block = np.asarray(self.array[box])
         return block.astype(self.dtype, copy=False)
-
-
-def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type that numba works on for an array's type: no bool, float16 or long double."""
-    if dtype.kind == "b":
-        return np.dtype(np.uint8)
-    if dtype.kind == "f" and dtype.itemsize not in (4, 8):
-        return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
-    return dtype.newbyteorder("=")
 
 
 def source_of(volume: ArrayLike | Any) -> Source:

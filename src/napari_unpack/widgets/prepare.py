@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from napari_unpack.widgets.job import Progress
-from napari_unpack.widgets.sources import Volume
+from napari_unpack.widgets.sources import Volume, in_memory
 
 TOLERANCE = 0.003
 """Share of an object that may be blocked and it still counts as free: labels of real scans are
@@ -71,7 +71,7 @@ def prepare(
     progress(0.0, "Reading the volume")
     # Loaded here, the modules of the stage do not hold up the window later.
     importlib.import_module("napari_unpack.layers.stage")
-    density = np.asarray(volume.data)
+    density = in_memory(volume)
     objects = named_objects(names)
     found = None
     if labels is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,50 @@ def volume_of(layer: Any) -> Volume:
     if isinstance(layer, Labels):
         data = np.where(np.asarray(data) != 0, np.uint16(WATER), np.uint16(0))
     return Volume(data, spacing_of(layer), str(layer.name))
+
+
+def in_memory(volume: Volume, memory: float | None = None) -> Any:
+    """Read a volume that may still be on disk.
+
+    Parameters
+    ----------
+    volume : Volume
+        Its data may be a zarr or dask array.
+    memory : float, optional
+        Bytes there are; by default this computer's, where it can be asked.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray
+
+    Raises
+    ------
+    ValueError
+        If volume and labels would fill most of the memory: the stage shows them whole.
+    """
+    data = volume.data
+    if isinstance(data, np.ndarray):
+        return data
+    voxels = float(np.prod([float(n) for n in data.shape]))
+    room = _memory() if memory is None else memory
+    # The volume, its labels twice (the layer's and the session's) and as much again to work with.
+    needed = voxels * (np.dtype(data.dtype).itemsize + 12)
+    if room is not None and needed > 0.7 * room:
+        extent = " x ".join(map(str, data.shape))
+        raise ValueError(
+            f"'{volume.name}' ({extent}) needs about {needed / 1e9:.0f} GB to be unpacked, and "
+            f"this computer has {room / 1e9:.0f} GB: crop it or take every second voxel first; "
+            "napari_unpack.segment(data, spacing, out=...) finds the objects of the whole"
+        )
+    return np.asarray(data)
+
+
+def _memory() -> float | None:
+    """Return this computer's memory in bytes, None where it cannot be asked."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return None
 
 
 def labels_of(layer: Any, volume: Volume) -> Any:
