@@ -77,8 +77,9 @@ def segment_large(
     -----
     The volume is read three times and the labels are written once, thin things and the last
     numbering apart. Memory: the labels, unless `out` is a store, the working grid and what its
-    objects are found with, and about 20 bytes for every voxel of the blocks in work. Single bright voxels so many that
-    every cell has a neighbour with one are a haze on the grid, and may come out as an object.
+    objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
+    bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
+    may come out as an object.
     """
     tell(0.0, "Reducing the volume")
     grid = reduced(source, spacing, reduction(source.shape, spacing, working), block)
