@@ -67,6 +67,17 @@ def test_dragging_beside_the_points_moves_the_whole_curve(
     assert [opacity for _, opacity in editor.points] == [opacity for _, opacity in CURVE]
 
 
+def test_dragging_with_shift_widens_the_window(qtbot: QtBot, editor: OpacityEditor) -> None:
+    shift = Qt.KeyboardModifier.ShiftModifier
+    start = _spot(editor, 0, 40, -60)
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, shift, pos=start)
+    qtbot.mouseMove(editor, _spot(editor, 0, 60, -60))
+    # A hundred densities of 2000 stretch by a tenth, about the middle of 1000 to 2000.
+    moved = [density for density, _ in editor.points]
+    assert moved == pytest.approx([-150, 400, 950, 2050], abs=2)
+    assert [opacity for _, opacity in editor.points] == [opacity for _, opacity in CURVE]
+
+
 def test_delete_and_arrows_act_on_the_chosen_point(qtbot: QtBot, editor: OpacityEditor) -> None:
     qtbot.mouseClick(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 1))
     qtbot.keyClick(editor, Qt.Key.Key_Right)

@@ -49,7 +49,8 @@ class OpacityEditor(QWidget):
     Opacity runs on a cubic-root scale, since what matters for translucency lies near zero;
     density on a square-root scale, since metal reaches far above everything else.
     Drag a point; double-click adds one; Delete or a right click removes one; arrow keys move
-    the chosen one; dragging the background moves the whole curve along the density axis.
+    the chosen one; dragging the background moves the whole curve along the density axis (level),
+    with Shift it widens or narrows it (window).
 
     `edited` carries the new points, while dragging too.
     """
@@ -63,13 +64,15 @@ class OpacityEditor(QWidget):
         self._heights: NDArray[np.float64] = np.zeros(_BINS)
         self._chosen = -1
         self._dragged: float | None = None
+        self._widening = False
         self._accent = QColor("#5b7cf0")
         self.setMinimumHeight(96)
         self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
         self.setToolTip(
             "Opacity of a voxel over its density, on the histogram of the volume. "
             "Drag points; double-click adds one, a right click or Delete removes one; "
-            "drag beside the points to move the whole curve."
+            "drag beside the points to move the whole curve (level), with Shift to widen it "
+            "(window)."
         )
 
     def sizeHint(self) -> QSize:
@@ -144,6 +147,15 @@ class OpacityEditor(QWidget):
         self._points = [(density + by, opacity) for density, opacity in self._points]
         self._tell()
 
+    def _widen(self, by: float) -> None:
+        """Widen the window: the whole curve is stretched about the middle of where it rises."""
+        low, high = self._points[0][0], self._points[-1][0]
+        shows = [density for density, opacity in self._points if opacity > 0] or [low, high]
+        middle, width = (shows[0] + shows[-1]) / 2, high - low
+        stretch = max(1.0 + 2.0 * by / width, 0.05)
+        self._points = [(middle + stretch * (d - middle), opacity) for d, opacity in self._points]
+        self._tell()
+
     def _remove(self, index: int) -> None:
         if index >= 0 and len(self._points) > 2:
             del self._points[index]
@@ -161,6 +173,7 @@ class OpacityEditor(QWidget):
             self._remove(self._chosen)
         else:
             self._dragged = self._point_at(event.position())[0]
+            self._widening = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
         self.update()
 
     def mouseMoveEvent(self, event: Any) -> None:
@@ -171,7 +184,7 @@ class OpacityEditor(QWidget):
         if self._chosen >= 0:
             self._move(self._chosen, point)
         else:
-            self._shift(point[0] - self._dragged)
+            (self._widen if self._widening else self._shift)(point[0] - self._dragged)
             self._dragged = point[0]
 
     def mouseReleaseEvent(self, event: Any) -> None:
