@@ -42,7 +42,9 @@ def main(gallery: Path) -> None:
             session = opened(scan.volume, labels, scan.spacing, (0.3, 0.25, 1.0))
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
-        draw_figures(session, gallery, name)
+        # Of the backpack one sees cloth first, and fragments of it leave first.
+        if source is None:
+            draw_figures(session, gallery, name)
 
 
 if __name__ == "__main__":
