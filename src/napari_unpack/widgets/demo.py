@@ -81,7 +81,8 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
     viewer = napari.Viewer(title="napari-unpack", show=True)
     panel = open_panel(viewer, scan, tell)
     stage = panel.workbench.stage
-    stage.settle(30.0)
+    # The first picture waits for the kernels to be compiled, once a machine.
+    stage.settle(300.0)
     tell.done(f"{len(stage.session.ids)} objects; press N to unpack, B to put back")
     if os.environ.get("UNPACK_VIRTUAL_SCREEN"):
         from napari_unpack.widgets.filming import film
