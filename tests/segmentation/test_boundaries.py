@@ -27,7 +27,7 @@ def two_boxes():
 def test_two_balls_of_one_density_come_apart():
     truth = two_balls()
     found = segment(scanned(truth, {1: 1000, 2: 1000}), method="learned")
-    assert score(truth, found.labels)["mean_iou"] > 0.95
+    assert score(truth, found.labels)["mean_iou"] > 0.9
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -140,6 +140,8 @@ def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8], weights: NDArray[n
                 touching += number / weights[k]
     counts = counts.tocoo()
     low, high = counts.coords
+    if not len(low):
+        return Ties(np.zeros((0, 2), np.int64), *(np.zeros(0) for _ in range(3)))
     return Ties(
         np.stack([low, high], axis=1).astype(np.int64),
         np.asarray(sums[low, high]).reshape(-1),

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cc3d
+import edt
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.boundaries import Boundaries, Tell, default_boundaries
 from napari_unpack.segmentation.checks import Spacing
@@ -15,7 +18,11 @@ from napari_unpack.segmentation.linkage import link
 from napari_unpack.segmentation.materials import MaterialScale
 from napari_unpack.segmentation.matter import find_matter, typical_knee
 from napari_unpack.segmentation.resolving import resolve
+from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.supports import find_supports
+
+# Voxels from the middle of a thing to its surface; the skin of a bag is thinner.
+THICK = 4.0
 
 
 @dataclass(frozen=True)
@@ -40,8 +47,8 @@ class JoinRule:
     matter: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: float = 0.4
-    weights: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    together: float = 0.3
+    weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
 def learned_parts(
@@ -51,6 +58,7 @@ def learned_parts(
     *,
     foreground: str | float = "hysteresis",
     supports: bool = True,
+    shell: bool = True,
     network: Boundaries | None = None,
     rule: JoinRule | None = None,
 ) -> NDArray[np.int32]:
@@ -69,6 +77,8 @@ def learned_parts(
         nothing below it is matter.
     supports : bool
         Leave out the scanner's table.
+    shell : bool
+        Leave out the bag itself.
     network : Boundaries, optional
         By default the one that ships with the package.
     rule : JoinRule, optional
@@ -86,13 +96,17 @@ def learned_parts(
     said = (network or default_boundaries()).predict(
         density, scale, lambda f, text: tell(0.05 + 0.6 * f, text)
     )
-    matter = said.matter >= 255 * limits.matter
+    # Whatever the network says, there is nothing far from anything.
+    matter = binary_dilation(seen) & (said.matter >= 255 * limits.matter)
     matter |= seen & (said.matter >= 255 * limits.dense)
     section = measured_section(density)
     if section is not None:
         matter &= section
+        seen &= section
     if supports:
-        matter &= ~find_supports(seen, spacing)
+        held = find_supports(seen, spacing)
+        matter &= ~held
+        seen &= ~held
     tell(0.65, "Finding fragments")
     fragments = find_fragments(said.far, cells_with(matter))
     tell(0.75, "Joining fragments")
@@ -100,7 +114,28 @@ def learned_parts(
     owner = link(ties, int(fragments.max()) + 1, limits.together)
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
-    return _believed(parts, said.matter, 255 * limits.object)
+    parts = _believed(parts, said.matter, 255 * limits.object)
+    tell(0.9, "Looking for what is left")
+    return _with_the_rest(parts, seen, shell, spacing)
+
+
+def _with_the_rest(
+    parts: NDArray[np.int32], seen: NDArray[np.bool_], shell: bool, spacing: Spacing
+) -> NDArray[np.int32]:
+    """Add thick matter that the network took for none: it has not seen everything."""
+    rest = cc3d.connected_components(seen & (parts == 0), connectivity=6).astype(np.int32)
+    deepest = np.zeros(int(rest.max()) + 1)
+    np.maximum.at(deepest, rest.reshape(-1), edt.edt(rest, black_border=True).reshape(-1))
+    thick = deepest >= (THICK if shell else 1)
+    thick[0] = False
+    top = int(parts.max())
+    names = np.where(thick, np.cumsum(thick) + top, 0).astype(np.int32)
+    together = np.where(parts > 0, parts, names[rest])
+    if shell:
+        skin = find_shell(together, spacing)
+        skin[: top + 1] = False
+        together[skin[together]] = 0
+    return together
 
 
 def _believed(

@@ -64,7 +64,7 @@ def segment(
     oracle: Oracle | None = None,
     progress: Progress | None = None,
     *,
-    method: str = "affinity",
+    method: str = "learned",
     foreground: str | float = "hysteresis",
     smallest: float = 500.0,
     supports: bool = True,
@@ -180,7 +180,7 @@ def segment_grid(
     tell: Progress,
     *,
     foreground: str | float = "hysteresis",
-    method: str = "affinity",
+    method: str = "learned",
     smallest: float = 500.0,
     supports: bool = True,
     shell: bool = True,
@@ -213,7 +213,9 @@ def segment_grid(
         If nothing is found.
     """
     if method == "learned" and oracle is None:
-        parts = learned_parts(density, spacing, tell, foreground=foreground, supports=supports)
+        parts = learned_parts(
+            density, spacing, tell, foreground=foreground, supports=supports, shell=shell
+        )
     else:
         parts, scale = split_parts(
             density,
