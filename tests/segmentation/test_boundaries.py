@@ -6,7 +6,10 @@ from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import boundaries, score, segment
 from napari_unpack.segmentation.boundaries import Boundaries, default_boundaries
+from napari_unpack.segmentation.fragments import Ties
+from napari_unpack.segmentation.linkage import Bar, link
 from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.simulation import simulate_bag
 
 SCALE = MaterialScale(0.0, 200.0)
 
@@ -102,3 +105,33 @@ def test_progress_is_told_and_raising_in_it_cancels():
 def test_an_unknown_method_is_refused():
     with pytest.raises(ValueError, match="method must be one of learned, affinity, cuts"):
         segment(two_boxes() * 1000.0, method="guess")
+
+
+def test_fragments_join_by_the_mean_and_long_reaches_hold_apart():
+    # 1 and 2 belong together; 3 leaks into 2, but from 1 it is far apart.
+    ties = Ties(
+        np.array([[1, 2], [1, 3], [2, 3]]),
+        np.array([90.0, 0.0, 12.0]),
+        np.array([100.0, 100.0, 20.0]),
+        np.array([50.0, 0.0, 10.0]),
+    )
+    owner = link(ties, np.array([0, 1000, 1000, 1000]), Bar())
+    assert owner[1] == owner[2] != owner[3]
+    # Without what is known from afar, the leak decides.
+    leak = Ties(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts, ties.touching)))
+    owner = link(leak, np.array([0, 1000, 1000, 1000]), Bar())
+    assert owner[1] == owner[2] == owner[3]
+
+
+def test_the_bar_rises_with_size():
+    assert Bar().height(1000) == pytest.approx(0.25)
+    assert Bar().height(10_000) == pytest.approx(0.40)
+    assert Bar().height(1) == pytest.approx(0.05)
+    assert Bar().height(1e9) == pytest.approx(0.6)
+
+
+def test_a_small_bag_is_found_well():
+    bag = simulate_bag(seed=1010, shape=(96, 104, 128), count=10)
+    result = score(bag.labels, segment(bag.volume, bag.spacing).labels)
+    assert result["f1"] >= 0.7
+    assert result["voi"] <= 0.7

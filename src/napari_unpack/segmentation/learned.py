@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cc3d
 import edt
@@ -14,7 +14,7 @@ from napari_unpack.segmentation.boundaries import Boundaries, Tell, default_boun
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.fragments import cells_with, find_fragments, tie
-from napari_unpack.segmentation.linkage import link
+from napari_unpack.segmentation.linkage import Bar, link
 from napari_unpack.segmentation.materials import MaterialScale
 from napari_unpack.segmentation.matter import find_matter, typical_knee
 from napari_unpack.segmentation.resolving import resolve
@@ -38,8 +38,8 @@ class JoinRule:
         of a container.
     object : float
         Mean probability of its voxels from which something is an object.
-    together : float
-        Mean probability from which two fragments are joined.
+    together : Bar
+        From which mean probability two fragments are joined.
     weights : (4,) tuple of float
         Of pairs of cells in that mean, by reach.
     """
@@ -47,7 +47,7 @@ class JoinRule:
     matter: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: float = 0.3
+    together: Bar = field(default_factory=Bar)
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
@@ -111,7 +111,7 @@ def learned_parts(
     fragments = find_fragments(said.far, cells_with(matter))
     tell(0.75, "Joining fragments")
     ties = tie(fragments, said.far, np.array(limits.weights))
-    owner = link(ties, int(fragments.max()) + 1, limits.together)
+    owner = link(ties, np.bincount(fragments.reshape(-1)), limits.together)
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
     parts = _believed(parts, said.matter, 255 * limits.object)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import heapq
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +12,42 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.fragments import Ties
 
 
-def link(ties: Ties, count: int, least: float) -> NDArray[np.int64]:
-    """Join the pair that belongs together most, again and again.
+@dataclass(frozen=True)
+class Bar:
+    """How surely two must belong together to be joined: the larger they are, the more so.
+
+    Parameters
+    ----------
+    usual : float
+        Mean probability where the smaller has 1000 cells.
+    slope : float
+        More of it for every ten times as many.
+    lowest, highest : float
+        Bounds.
+    """
+
+    usual: float = 0.25
+    slope: float = 0.15
+    lowest: float = 0.05
+    highest: float = 0.6
+
+    def height(self, cells: float) -> float:
+        """Return the bar for a pair whose smaller has so many cells."""
+        wanted = self.usual + self.slope * math.log10(max(cells, 1.0) / 1000)
+        return min(max(wanted, self.lowest), self.highest)
+
+
+def link(ties: Ties, sizes: NDArray[np.integer], bar: Bar) -> NDArray[np.int64]:
+    """Join the pair that passes the bar by most, again and again.
 
     Parameters
     ----------
     ties : Ties
         Pairs of fragments.
-    count : int
-        Fragments 0 ... count - 1.
-    least : float
-        Mean probability below which nothing is joined.
+    sizes : (count,) ndarray of int
+        Cells of every fragment.
+    bar : Bar
+        What a pair must pass.
 
     Returns
     -------
@@ -33,9 +60,20 @@ def link(ties: Ties, count: int, least: float) -> NDArray[np.int64]:
     alone tie take part in the mean as soon as their objects touch, so that they hold apart what
     a leak would join. O(E log E) for E pairs while objects have few neighbours.
     """
+    count = len(sizes)
+    cells = sizes.astype(np.float64).tolist()
     owner = np.arange(count)
     near: list[dict[int, list[float]]] = [{} for _ in range(count)]
-    heap: list[tuple[float, int, int, float]] = []
+    heap: list[tuple[float, int, int, float, float]] = []
+
+    def consider(a: int, b: int) -> None:
+        total, number, faces = near[a][b]
+        if not faces:
+            return
+        excess = total / number - bar.height(min(cells[a], cells[b]))
+        if excess >= 0:
+            heapq.heappush(heap, (-excess, min(a, b), max(a, b), number, cells[a] + cells[b]))
+
     rows = zip(
         ties.pairs.tolist(),
         ties.sums.tolist(),
@@ -45,32 +83,35 @@ def link(ties: Ties, count: int, least: float) -> NDArray[np.int64]:
     )
     for (a, b), total, number, faces in rows:
         near[a][b] = near[b][a] = [total, number, faces]
-        if faces and total >= least * number:
-            heap.append((-total / number, a, b, number))
-    heapq.heapify(heap)
+        consider(a, b)
     while heap:
-        _, a, b, number = heapq.heappop(heap)
+        _, a, b, number, both = heapq.heappop(heap)
         tied = near[a].get(b)
-        if tied is None or tied[1] != number:
+        if tied is None or tied[1] != number or cells[a] + cells[b] != both:
             continue
-        if len(near[a]) < len(near[b]) or (len(near[a]) == len(near[b]) and b < a):
+        if len(near[a]) < len(near[b]):
             a, b = b, a
         owner[b] = a
-        del near[a][b], near[b][a]
-        for c, (total, number, faces) in near[b].items():
-            del near[c][b]
-            mine = near[a].get(c)
-            if mine is None:
-                mine = near[a][c] = near[c][a] = [0.0, 0.0, 0.0]
-            mine[0] += total
-            mine[1] += number
-            mine[2] += faces
-            if mine[2] and mine[0] >= least * mine[1]:
-                heapq.heappush(heap, (-mine[0] / mine[1], min(a, c), max(a, c), mine[1]))
-        near[b] = {}
+        cells[a] += cells[b]
+        _inherit(near, a, b)
+        for c in near[a]:
+            consider(a, c)
     for k in range(count):
         root = k
         while owner[root] != root:
             root = int(owner[root])
         owner[k] = root
     return owner
+
+
+def _inherit(near: list[dict[int, list[float]]], a: int, b: int) -> None:
+    """Add the ties of b to those of a."""
+    del near[a][b], near[b][a]
+    for c, theirs in near[b].items():
+        del near[c][b]
+        mine = near[a].get(c)
+        if mine is None:
+            mine = near[a][c] = near[c][a] = [0.0, 0.0, 0.0]
+        for k in range(3):
+            mine[k] += theirs[k]
+    near[b] = {}
