@@ -23,6 +23,8 @@ from napari_unpack.segmentation.supports import find_supports
 
 # Voxels from the middle of a thing to its surface; the skin of a bag is thinner.
 THICK = 4.0
+# Voxels.
+RIM = 3
 
 
 @dataclass(frozen=True)
@@ -105,8 +107,10 @@ def learned_parts(
         seen &= section
     if supports:
         held = find_supports(seen, spacing)
-        matter &= ~held
         seen &= ~held
+        # What is not matter by itself is a support's blurred rim there.
+        held = binary_dilation(held, iterations=RIM)
+        matter &= seen | ~held
     tell(0.65, "Finding fragments")
     fragments = find_fragments(said.far, cells_with(matter))
     tell(0.75, "Joining fragments")
@@ -115,6 +119,8 @@ def learned_parts(
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
     parts = _believed(parts, said.matter, 255 * limits.object)
+    if supports:
+        parts = _believed(parts, (~held).astype(np.uint8), 0.5)
     tell(0.9, "Looking for what is left")
     return _with_the_rest(parts, seen, shell, spacing)
 
@@ -141,7 +147,7 @@ def _with_the_rest(
 def _believed(
     parts: NDArray[np.int32], matter: NDArray[np.uint8], least: float
 ) -> NDArray[np.int32]:
-    """Drop parts that are rather the bag's."""
+    """Drop parts whose voxels are on average less likely an object's."""
     flat = parts.reshape(-1)
     counts = np.bincount(flat)
     sums = np.bincount(flat, matter.reshape(-1), len(counts))
