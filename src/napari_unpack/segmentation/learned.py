@@ -13,6 +13,7 @@ from scipy.ndimage import binary_dilation
 from napari_unpack.segmentation.boundaries import Boundaries, Tell, default_boundaries
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.flooding import flood
 from napari_unpack.segmentation.fragments import cells_with, find_fragments, tie
 from napari_unpack.segmentation.linkage import Bar, link
 from napari_unpack.segmentation.materials import MaterialScale
@@ -121,6 +122,9 @@ def learned_parts(
     parts = _believed(parts, said.matter, 255 * limits.object)
     if supports:
         parts = _believed(parts, (~held).astype(np.uint8), 0.5)
+    # A sharp corner is matter even where the network doubts it.
+    inside = parts > 0
+    parts = flood(parts, inside | (seen & binary_dilation(inside)))
     tell(0.9, "Looking for what is left")
     return _with_the_rest(parts, seen, shell, spacing)
 
