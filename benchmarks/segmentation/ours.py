@@ -19,6 +19,11 @@ def with_all(volume: NDArray[Any], spacing: Any) -> Found:
     yield "ours", segment(volume, spacing).labels
 
 
+def without_network(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield our parts, joined by the judge of pairs."""
+    yield "ours, no network", segment(volume, spacing, method="affinity").labels
+
+
 def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield our parts, taken apart by shape and material and judged by nobody."""
     density, size = checked_volume(volume), checked_spacing(spacing)
@@ -27,4 +32,8 @@ def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
     yield "ours, nothing learned", rank_labels(fill_cavities(parts, size))
 
 
-OURS = (("ours, nothing learned", unlearned), ("ours", with_all))
+OURS = (
+    ("ours, nothing learned", unlearned),
+    ("ours, no network", without_network),
+    ("ours", with_all),
+)
