@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
 from napari_unpack.layers import compat
+from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState
 
 
@@ -85,8 +87,6 @@ def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:
 def test_slices_name_and_select_what_is_under_the_mouse(
     make_napari_viewer_proxy, bag, session, qtbot
 ) -> None:
-    from napari_unpack.layers.stage import Stage
-
     viewer = make_napari_viewer_proxy(show=True)
     viewer.window.resize(760, 560)
     labels = viewer.add_labels(bag[1], scale=session.spacing)
@@ -116,3 +116,63 @@ def test_slices_name_and_select_what_is_under_the_mouse(
     qtbot.waitUntil(lambda: session.selected == frozenset(), timeout=5000)
     stage.close()
     assert labels.selected_label == 2
+
+
+@pytest.fixture
+def sliced(make_napari_viewer_proxy, bag, session):
+    """Return (viewer, stage) looking at slices, the user's labels shown, nothing selected."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    labels = viewer.add_labels(bag[1], scale=session.spacing)
+    stage = Stage(viewer, session, [labels])
+    stage.recolor_at_rest = False
+    stage.open()
+    viewer.dims.ndisplay = 2
+    labels.visible = True
+    viewer.dims.set_point(0, 30 * 1.5)
+    viewer.reset_view()
+    yield viewer, stage
+    stage.close()
+
+
+def test_slices_go_to_what_is_selected(sliced, session, qtbot) -> None:
+    viewer, _ = sliced
+    qtbot.wait(500)
+    session.select([5])
+    # Object 5 is a ball about voxel (10, 36, 36).
+    assert tuple(viewer.dims.current_step) == (10, 36, 36)
+    viewer.dims.set_current_step(0, 12)
+    qtbot.wait(500)
+    session.select([5])
+    assert viewer.dims.current_step[0] == 12
+    session.select([6])
+    assert tuple(viewer.dims.current_step) == (28, 14, 17)
+    session.select([])
+    session.select([2, 3])
+    assert tuple(viewer.dims.current_step) == (28, 14, 17)
+
+    # Whoever scrolls is left alone, and in 3D nothing is sliced before it is seen.
+    viewer.dims.set_current_step(0, 30)
+    session.select([5])
+    assert viewer.dims.current_step[0] == 30
+    viewer.dims.ndisplay = 3
+    session.select([2])
+    assert viewer.dims.current_step[0] == 30
+    viewer.dims.ndisplay = 2
+    assert tuple(viewer.dims.current_step) == (10, 13, 30)
+
+
+def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, qtbot) -> None:
+    viewer, stage = sliced
+    qtbot.wait(500)
+    widget, camera = native(viewer), viewer.scene.camera
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    # Object 6 is a box about (28, 14, 17); slice 30 cuts it off its middle.
+    way = (np.array([14, 17]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+    there = middle + QPoint(round(way[1]), round(way[0]))
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
+    qtbot.waitUntil(lambda: session.selected == frozenset({6}), timeout=5000)
+    assert viewer.dims.current_step[0] == 30
+    stage.close()
+    session.select([5])
+    assert viewer.dims.current_step[0] == 30

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
 from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
 
+from napari_unpack.layers import compat
+from napari_unpack.widgets.object_model import ID
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
@@ -293,3 +296,31 @@ def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: Qt
     panel.color.editor.edited.emit([(0.0, 0.0), (1000.0, 0.5)])
     qtbot.waitUntil(lambda: len(session.transfer_function.points) == 2, timeout=2000)
     assert panel.color.preset.currentText() == "My own curve"
+
+
+def test_table_and_slices_select_the_same(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    session = stage_with(panel, qtbot, expert)
+    _settle(panel, qtbot)
+    viewer.dims.ndisplay = 2
+    expert.visible = True
+    viewer.reset_view()
+    qtbot.wait(500)
+    table = panel.objects.table
+    rows = [table.model().index(row, 1) for row in range(table.model().rowCount())]
+    table.selectRow(next(row for row, at in enumerate(rows) if at.data(ID) == 3))
+    # Ball 3 is about (34, 34, 14), less what ball 5 keeps of its box: nothing at its middle.
+    assert session.selected == frozenset({3})
+    assert viewer.dims.current_step[0] == 34
+
+    qtbot.wait(500)
+    widget, camera = compat.native_canvas(viewer).native, viewer.scene.camera
+    way = (np.array([34, 34]) - np.asarray(camera.center)[-2:]) * camera.zoom
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    qtbot.mouseClick(
+        widget, Qt.MouseButton.LeftButton, pos=middle + QPoint(round(way[1]), round(way[0]))
+    )
+    qtbot.waitUntil(lambda: table.selected_ids() == [4], timeout=5000)
+    assert viewer.dims.current_step[0] == 34

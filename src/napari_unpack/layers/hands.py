@@ -12,6 +12,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.arrow import drawn_direction, surface_normal
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.projector import Projector
+from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.tables import describe
 from napari_unpack.layers.view_camera import Frame
 
@@ -26,6 +27,7 @@ class Hands:
     events: Any
     _projector: Projector
     _pointed: int
+    _steps: SliceSteps
     drawing = False
     """Whether the next drag in the picture draws the direction in which objects leave."""
 
@@ -68,6 +70,11 @@ class Hands:
     def select(self, object_id: int) -> None:
         """Select an object, 0 for none."""
         self.session.select([object_id] if object_id else [])
+
+    def select_in_slice(self, position: Sequence[float]) -> None:
+        """Select the object at a point of the viewer's world; the slice stays."""
+        with self._steps.held():
+            self.select(self.in_slice(position))
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
         """Turn an object under the hand."""

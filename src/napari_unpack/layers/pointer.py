@@ -38,6 +38,9 @@ class Scene(Protocol):
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none."""
 
+    def select_in_slice(self, position: Sequence[float]) -> None:
+        """Select the object at a point of the viewer's world; the slice stays."""
+
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
 
@@ -169,7 +172,7 @@ class Pointer:
             moved = moved or float(np.abs(_pixel(event) - start).max()) > CLICK_PIXELS
             yield
         if not moved:
-            self._scene.select(self._scene.in_slice(there))
+            self._scene.select_in_slice(there)
 
     @contextmanager
     def _held_off(self, held: bool) -> Generator[None, None, None]:

@@ -21,6 +21,7 @@ from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.slice_hues import SliceHues
+from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.steering import know_who_is_free, point_camera, run_to, wait_until
@@ -290,11 +291,13 @@ class Stage(Hands):
             signal.connect(slot)
         self.viewer.layers.events.removed.connect(self._on_removed)
         compat.when_window_closes(self.viewer, self.close)
+        self._steps = SliceSteps(self.viewer, self.session, self.packed)
         self._pointer = Pointer(self.viewer, self)
         self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
 
     def _disconnect(self) -> None:
         self._cutting.close()
+        self._steps.close()
         for signal, slot in self._wires():
             signal.disconnect(slot, missing_ok=True)
         self.viewer.layers.events.removed.disconnect(self._on_removed)

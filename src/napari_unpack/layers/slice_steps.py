@@ -1,0 +1,91 @@
+"""napari's slice follows the selection: it goes to the middle of what was selected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+SCROLL_SECONDS = 0.4
+"""So long after the user's last scroll the slices are theirs."""
+
+
+class SliceSteps:
+    """Moves the viewer's slices to the object that has become the selected one.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    session : Session
+        Whose selection.
+    layer : napari layer
+        One of ours, which knows how voxels lie in napari's world.
+    clock : callable, optional
+        Returns the time, s.
+
+    Notes
+    -----
+    In 3D nothing moves, since napari would slice every visible layer anew for nothing; the
+    slices go there when 2D is next looked at.
+    """
+
+    def __init__(
+        self, viewer: Any, session: Any, layer: Any, clock: Callable[[], float] = monotonic
+    ) -> None:
+        self._viewer, self._session, self._layer, self._clock = viewer, session, layer, clock
+        self._held = self._moving = False
+        self._pending = 0
+        self._scrolled = -np.inf
+        self._known: frozenset[int] = frozenset(session.selected)
+        session.events.selected.connect(self._follow)
+        viewer.dims.events.ndisplay.connect(self._catch_up)
+        viewer.dims.events.current_step.connect(self._hear)
+
+    def close(self) -> None:
+        """Move nothing more."""
+        self._session.events.selected.disconnect(self._follow, missing_ok=True)
+        self._viewer.dims.events.ndisplay.disconnect(self._catch_up)
+        self._viewer.dims.events.current_step.disconnect(self._hear)
+
+    @contextmanager
+    def held(self) -> Generator[None, None, None]:
+        """Keep the slice meanwhile: what is selected was clicked in it."""
+        before, self._held = self._held, True
+        try:
+            yield
+        finally:
+            self._held = before
+
+    def _follow(self, ids: frozenset[int]) -> None:
+        changed, self._known = ids != self._known, frozenset(ids)
+        if not changed:
+            return
+        self._pending = next(iter(ids)) if len(ids) == 1 and not self._held else 0
+        scrolling = self._clock() - self._scrolled < SCROLL_SECONDS
+        if self._viewer.dims.ndisplay == 2 and scrolling:
+            self._pending = 0
+        self._catch_up()
+
+    def _catch_up(self, _event: Any = None) -> None:
+        dims = self._viewer.dims
+        if not self._pending or dims.ndisplay != 2 or dims.ndim < 3:
+            return
+        object_id, self._pending = self._pending, 0
+        if object_id not in self._session.states:
+            return
+        boxes = self._session.boxes
+        row = boxes.index(object_id)
+        middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
+        world = self._layer.data_to_world(middle)
+        self._moving = True
+        try:
+            dims.set_point(range(dims.ndim - 3, dims.ndim), [float(v) for v in world])
+        finally:
+            self._moving = False
+
+    def _hear(self, _event: Any = None) -> None:
+        if not self._moving:
+            self._scrolled = self._clock()
