@@ -129,7 +129,7 @@ def test_light_follows_the_formula_of_shading(gl):
     gradient[:3] = 0
     along = rng.normal(size=(100, 3))
     along = (along / np.linalg.norm(along, axis=1, keepdims=True)).astype(np.float32)
-    light = Shading()
+    light = Shading(ambient=0.3, diffuse=0.7, specular=0.25, shininess=24.0)
     uniforms = {
         "u_light": (light.ambient, light.diffuse, light.specular, light.shininess),
         "u_steepness": 0.8,
