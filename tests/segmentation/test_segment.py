@@ -140,12 +140,22 @@ def test_an_oracle_decides_about_cuts_and_gives_the_confidence():
         asked.append(region.voxels)
         return min(region.voxels / 50_000, 1.0)
 
-    whole = segment(volume, oracle=likes_them_large)
+    whole = segment(volume, oracle=likes_them_large, method="cuts")
     assert len(whole.objects) == 1
     assert len(asked) > 2
     assert whole.objects.confidence[1] == pytest.approx(min(max(asked) / 50_000, 1.0), rel=0.01)
-    apart = segment(volume, oracle=lambda region: 1.0 if region.voxels < 25_000 else 0.0)
+    apart = segment(
+        volume, oracle=lambda region: 1.0 if region.voxels < 25_000 else 0.0, method="cuts"
+    )
     assert len(apart.objects) == 2
+
+
+def test_without_cuts_an_oracle_gives_the_confidence_and_changes_no_object():
+    volume = scanned(two_balls(), {1: 1000, 2: 1400})
+    alone = segment(volume)
+    judged = segment(volume, oracle=lambda region: 0.25)
+    np.testing.assert_array_equal(judged.labels, alone.labels)
+    assert (judged.objects.confidence == 0.25).all()
 
 
 @pytest.mark.parametrize(

@@ -86,12 +86,14 @@ def segment(
         Voxel size z y x, mm.
     oracle : callable, optional
         `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
-        oracle that ships with the package. Where one is passed it also decides about cuts.
+        oracle that ships with the package; with method "cuts" it also decides about cuts.
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
     method : {"learned", "affinity", "cuts"}
         "learned" joins what a network of boundaries sees belong together. "affinity" cuts at
-        is the method of the paper (section 3), recursive cuts judged by the oracle.
+        materials and necks and joins parts again by a small trained judge of pairs. "cuts" is
+        the method of the paper (section 3), recursive cuts judged by the oracle; it is slow and
+        takes more apart than the others.
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
         matter.
@@ -107,7 +109,7 @@ def segment(
     rule : SplitRule, optional
         When to cut.
     judge : Affinity, optional
-        Decides which parts are joined again where there is no oracle; by default the one that
+        Decides with method "affinity" which parts are joined again; by default the one that
         ships with the package.
     working : int
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
@@ -132,7 +134,7 @@ def segment(
     way = checked_way(foreground)
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    decides = default_oracle() if method == "cuts" and oracle is None else oracle
+    decides = (oracle or default_oracle()) if method == "cuts" else None
     if out is not None:
         check_out(out, source.shape)
     tell = progress or _silent
@@ -212,7 +214,7 @@ def segment_grid(
     ValueError
         If nothing is found.
     """
-    if method == "learned" and oracle is None:
+    if method == "learned":
         parts = learned_parts(
             density, spacing, tell, foreground=foreground, supports=supports, shell=shell
         )
