@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,8 +33,8 @@ class Marks:
 
     Parameters
     ----------
-    groups : tuple of tuple of int
-        Who can leave now; those that leave together have an ink of their own.
+    free : bool
+        Whether those who can leave now are; those that leave together have an ink of their own.
     chosen : frozenset of int
         Who is selected.
     leaving : frozenset of int
@@ -43,14 +43,23 @@ class Marks:
         Drawn through everything before it; 0 for none.
     """
 
-    groups: tuple[tuple[int, ...], ...] = ()
+    free: bool = False
     chosen: frozenset[int] = frozenset()
     leaving: frozenset[int] = frozenset()
     buried: int = 0
 
-    def inks(self, packed: frozenset[int]) -> dict[int, Ink]:
-        """Return how those who are in the bag are marked, except the buried one."""
-        inks = {i: FREE if len(group) == 1 else TOGETHER for group in self.groups for i in group}
+    def inks(self, packed: frozenset[int], groups: Iterable[Sequence[int]] = ()) -> dict[int, Ink]:
+        """Return how those who are in the bag are marked, except the buried one.
+
+        Parameters
+        ----------
+        packed : frozenset of int
+            Who is in the bag.
+        groups : iterable of sequence of int
+            Who can leave now.
+        """
+        free = groups if self.free else ()
+        inks = {i: FREE if len(group) == 1 else TOGETHER for group in free for i in group}
         if self.buried:
             inks = dict.fromkeys(self.leaving, LEAVING)
         inks |= dict.fromkeys(self.chosen, CHOSEN)
@@ -122,7 +131,7 @@ class MarkPainter:
         if frame is None or self._session.flights:
             return
         packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")
-        inks = marks.inks(packed)
+        inks = marks.inks(packed, self._session.free_groups() if marks.free else ())
         buried = marks.buried if marks.buried in packed else 0
         if not inks and not buried:
             return

@@ -54,14 +54,9 @@ class Overlays:
         self.painter.look(frame)
         self.ghost.look(frame)
 
-    def states_changed(self) -> None:
-        """Follow who is in the bag and who is not."""
+    def changed(self) -> None:
+        """Follow who is in the bag, and who can leave it."""
         self.painter.renew()
-        self.renew()
-
-    def free(self, groups: Sequence[Sequence[int]]) -> None:
-        """Take note of who can leave now."""
-        self._marks = replace(self._marks, groups=tuple(tuple(g) for g in groups))
         self.renew()
 
     def unearth(self, buried: int, leaving: frozenset[int]) -> None:
@@ -73,9 +68,8 @@ class Overlays:
         """Mark who is to be marked now."""
         session = self._session
         inspecting = any(s.name == "INSPECTED" for s in session.states.values())
-        marks = replace(self._marks, chosen=frozenset(session.selected))
-        if not self._mark_free:
-            marks = replace(marks, groups=())
+        chosen = frozenset(session.selected)
+        marks = replace(self._marks, free=self._mark_free, chosen=chosen)
         self.painter.mark(Marks() if inspecting else marks)
 
     def close(self) -> None:

@@ -315,7 +315,7 @@ class Stage(Hands):
             (events.transfer_function, self._on_densities),
             (events.selected, self._mark),
             (events.surroundings, self._on_surroundings),
-            (events.queue, self._on_queue),
+            (events.queue, self.overlays.changed),
             (self.packed.frame_changed, self._on_frame),
             (self.transition.frame_changed, self._on_other_frame),
             (self.sprites.frame_changed, self._on_other_frame),
@@ -337,7 +337,7 @@ class Stage(Hands):
     def _on_states(self) -> None:
         self._hold_view()
         self._projector.states_changed()
-        self.overlays.states_changed()
+        self.overlays.changed()
         self._at_rest.moved()
 
     def _hold_view(self) -> None:
@@ -360,10 +360,6 @@ class Stage(Hands):
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)
         self._projector.surroundings_changed()
-
-    def _on_queue(self) -> None:
-        queue = self.session.queue
-        self.overlays.free(() if queue.least_occluded else queue.groups)
 
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:

@@ -49,6 +49,18 @@ class Session(SessionSteps):
             self._enter(replace(self._situation, queue=queue))
         return queue.ids
 
+    def free_groups(self) -> tuple[Group, ...]:
+        """Return who can leave now as far as that is known, groups whole; casts no rays.
+
+        The queue is used up before it is asked anew, so it may hold fewer.
+        """
+        packed, answer = self._packed(self._situation), self._answer
+        fits = answer is not None and answer.criterion == self.criterion
+        if answer is not None and fits and answer.serves(self.unpack_direction, packed):
+            return tuple(answer.groups(packed, self.most_in_group))
+        queue = self._situation.queue
+        return () if queue.least_occluded else queue.groups
+
     def occlusion_question(self) -> OcclusionQuestion | None:
         """Return the question `unpackable` would have to ask; None where the answer is known.
 

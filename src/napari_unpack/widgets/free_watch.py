@@ -31,7 +31,6 @@ class FreeWatch(QObject):
         self._bench = workbench
         self._job = Job(self)
         self._asked: Any = None
-        self._answer: Any = None
         self._rest = QTimer(self)
         self._rest.setSingleShot(True)
         self._rest.setInterval(REST_MS)
@@ -43,7 +42,7 @@ class FreeWatch(QObject):
     def end(self) -> None:
         """Stop watching."""
         self._rest.stop()
-        self._asked = self._answer = None
+        self._asked = None
 
     def _hear(self, news: frozenset[str]) -> None:
         if news & {"states", "view", "queue"}:
@@ -52,7 +51,6 @@ class FreeWatch(QObject):
     def _wait(self) -> None:
         if self._bench.stage is None:
             self._rest.stop()
-            self._answer = None
             self.known.emit(None)
         else:
             self._rest.start()
@@ -81,7 +79,6 @@ class FreeWatch(QObject):
             return
         if outcome.error is not None:
             raise outcome.error
-        self._answer = outcome.result
         if session.accept_answer(outcome.result):
             self._tell()
         else:
@@ -89,14 +86,7 @@ class FreeWatch(QObject):
 
     def _tell(self) -> None:
         """Tell who is free of what is still in the bag, also while the queue is being used up."""
-        session, answer = self._bench.session, self._answer
-        leaving = session.unpackable()
-        packed = frozenset(i for i, state in session.states.items() if state.name == "PACKED")
-        fits = answer is not None and answer.criterion == session.criterion
-        if fits and answer.serves(session.unpack_direction, packed):
-            groups = answer.groups(packed, session.most_in_group)
-            self.known.emit(frozenset(int(i) for group in groups for i in group))
-        else:
-            self.known.emit(
-                frozenset() if session.queue.least_occluded else frozenset(map(int, leaving))
-            )
+        session = self._bench.session
+        # The queue comes up to date, which may name the least blocked for want of a free one.
+        session.unpackable()
+        self.known.emit(frozenset(int(i) for group in session.free_groups() for i in group))

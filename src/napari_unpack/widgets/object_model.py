@@ -157,7 +157,7 @@ class ObjectModel(QAbstractTableModel):
         names = self._session.objects["name"].to_dict()
         colors = _colors(hues, self._session.tint_mode)
         good = self._session.good
-        groups = self._session.queue.groups
+        groups = self._session.free_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
         def mark(object_id: int) -> str:

@@ -1,0 +1,81 @@
+"""Who can leave is outlined in the picture: white alone, yellow together, and never too late."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import canvas
+
+from napari_unpack.layers.marks import TOGETHER
+from napari_unpack.layers.stage import Stage
+from napari_unpack.session import ObjectState, Session
+
+
+def knot() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of two hooks that hold each other along x, and a block beside."""
+    labels = np.zeros((8, 14, 8), np.uint8)
+    labels[1:4, 1:7, 1:3], labels[4:7, 1:7, 5:7] = 1, 1
+    labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
+    labels[1:7, 9:13, 1:7] = 3
+    labels = np.kron(labels, np.ones((4, 4, 4), np.uint8))
+    return 1000.0 * (labels > 0), labels
+
+
+@pytest.fixture
+def shown(make_napari_viewer_proxy: Any) -> Any:
+    """Return (viewer, session) of the knot, seen along x, not yet on a stage."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    session = Session(*knot())
+    session.direction = "-x"
+    return viewer, session
+
+
+def staged(viewer: Any, session: Session) -> Stage:
+    stage = Stage(viewer, session)
+    stage.seconds, stage.recolor_at_rest = 0.1, False
+    stage.open()
+    assert stage.settle(60)
+    return stage
+
+
+def drawn(viewer: Any, stage: Stage, ink: tuple[float, ...]) -> int:
+    """Count the pixels that the marks draw in the direction of an ink's colour."""
+    with_marks = canvas(viewer)
+    stage.overlays.mark_free = False
+    assert stage.settle(30)
+    added = with_marks - canvas(viewer)
+    stage.overlays.mark_free = True
+    assert stage.settle(30)
+    drawn = np.abs(added).max(axis=-1) > 12
+    seen = with_marks[drawn]
+    if not len(seen):
+        return 0
+    yellow = seen[:, 2] < 0.75 * seen[:, 0]
+    return int(yellow.sum() if ink[2] < 0.9 else (~yellow).sum())
+
+
+def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: Any) -> None:
+    viewer, session = shown
+    stage = staged(viewer, session)
+    assert set(session.free_groups()) == {(1, 2), (3,)}
+    assert drawn(viewer, stage, TOGETHER.line) > 100
+    stage.close()
+
+    # The answer is known now, and nobody asks again.
+    assert session.occlusion_question() is None
+    stage = staged(viewer, session)
+    assert drawn(viewer, stage, TOGETHER.line) > 100
+
+    # With the block gone the queue is what it was, and the knot is marked still.
+    stage.unpack([3])
+    stage.finish()
+    assert stage.settle(30)
+    assert session.free_groups() == ((1, 2),)
+    assert drawn(viewer, stage, TOGETHER.line) > 100
+    stage.unpack(1)
+    stage.finish()
+    assert stage.settle(30)
+    assert set(session.states.values()) == {ObjectState.UNPACKED}
+    assert session.free_groups() == ()
+    stage.close()
