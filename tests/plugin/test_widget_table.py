@@ -41,7 +41,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         selected=frozenset(),
         good=frozenset(),
         label_of=lambda object_id: object_id,
-        queue=SimpleNamespace(groups=()),
+        free_groups=lambda: (),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)

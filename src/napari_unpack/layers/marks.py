@@ -21,7 +21,7 @@ from napari_unpack.session.pictures import Patch
 REST_MS = 160
 
 FREE = Ink((1.0, 1.0, 1.0, 0.5))
-TOGETHER = Ink((1.0, 0.82, 0.4, 0.8))
+TOGETHER = Ink((1.0, 0.82, 0.4, 0.9), width=2)
 CHOSEN = Ink((1.0, 1.0, 1.0, 0.95), width=2)
 LEAVING = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
 BURIED = Ink((1.0, 0.75, 0.2, 1.0), width=2, fill=0.3)
