@@ -21,6 +21,7 @@ from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.packed_painter import PackedPainter
 from napari_unpack.layers.picking import pick_packed
 from napari_unpack.layers.shots import Shot
+from napari_unpack.layers.sprite_glide import Glides
 from napari_unpack.layers.sprite_painter import SpritePainter
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.studio import Studio
@@ -71,6 +72,7 @@ class Projector:
         self.bag = PackedPainter(session, jobs, packed, self.studio)
         self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
+        self._glides = Glides(self._show_sprites, lambda: self.bag.fade.allowed)
         self._director = Director(session, self._small.has, lambda _: self.bag.settled)
         # Asked anew each time: a film exchanges the session's clock for one it steps itself.
         self._clock = Clock(self._tick, lambda: session.clock())
@@ -78,7 +80,7 @@ class Projector:
     @property
     def settled(self) -> bool:
         """Whether every picture at rest is full and right."""
-        return self.bag.settled and self._small.settled
+        return self.bag.settled and self._small.settled and self._glides.settled
 
     @property
     def flying(self) -> bool:
@@ -259,6 +261,7 @@ class Projector:
     def close(self) -> None:
         """Show nothing new."""
         self._clock.stop()
+        self._glides.close()
         self.bag.close()
         self.studio.close()
         self.frame = None
@@ -336,6 +339,7 @@ class Projector:
         hidden = {i for i, s in session.states.items() if s.name == "HIDDEN"}
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
         poses |= {i: pose for i, pose in self._director.carried.items() if i in poses}
+        poses = self._glides.follow(poses, session.slots)
         waiting = frozenset(poses)
         for object_id, flight in session.flights.items():
             poses.setdefault(object_id, flight.target)
