@@ -28,6 +28,7 @@ class Hands:
     _projector: Projector
     _pointed: int
     _steps: SliceSteps
+    around: Any
     drawing = False
     """Whether the next drag in the picture draws the direction in which objects leave."""
 
@@ -46,6 +47,8 @@ class Hands:
 
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
+        if self.around is not None:
+            return 0
         packed, labels = self.layers[0], self.session.labels
         there = np.asarray(position, dtype=np.float64)[-3:]
         if len(there) < 3 or not np.isfinite(there).all():

@@ -53,6 +53,8 @@ class Stage(Hands):
     fade : HueFade
         The transition to new colours; `allowed` is False for who asks for reduced motion.
     events : StageEvents
+    around : Session or None
+        Of an opened object: the session it is from, whose labels and hues slices show.
     """
 
     def __init__(self, viewer: Any, session: Any, sources: Sequence[Any] = ()) -> None:
@@ -60,6 +62,7 @@ class Stage(Hands):
         self.session = session
         self.sources = tuple(compat.unwrap(layer) for layer in sources)
         self.recolor_at_rest = True
+        self.around: Any = None
         self.events = StageEvents()
         self._borrowed: Borrowed | None = None
         self._before = False, "auto"
@@ -158,7 +161,7 @@ class Stage(Hands):
         self.session.animated, self.session.backend = True, "cpu"
         for layer in self.sources:
             layer.visible = False
-        self._slices = SliceHues(self.session, self.sources)
+        self._slices = SliceHues(self.around or self.session, self.sources)
         self._slices.paint()
         viewer.dims.ndisplay = 3
         viewer.scene.camera.orientation = RIGHT_HANDED
@@ -291,7 +294,8 @@ class Stage(Hands):
             signal.connect(slot)
         self.viewer.layers.events.removed.connect(self._on_removed)
         compat.when_window_closes(self.viewer, self.close)
-        self._steps = SliceSteps(self.viewer, self.session, self.packed)
+        followed = self.session if self.around is None else self.around
+        self._steps = SliceSteps(self.viewer, followed, self.packed)
         self._pointer = Pointer(self.viewer, self)
         self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
 

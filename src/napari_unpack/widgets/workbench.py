@@ -115,7 +115,7 @@ class Workbench(QObject):
             self.stage.leave()
             inner.tint_mode = self.session.tint_mode
             around = [*self._outer, outer]
-            self.open(inner, outer[1], **settings)
+            self.open(inner, outer[1], around=around[0][0], **settings)
             self._outer = around
             self.staged.emit()
 
@@ -125,7 +125,7 @@ class Workbench(QObject):
             *around, (session, sources) = self._outer
             settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
             session.leave()
-            self.open(session, sources, **settings)
+            self.open(session, sources, around=around[0][0] if around else None, **settings)
             self._outer = around
             self.staged.emit()
 

@@ -1,0 +1,100 @@
+"""Studying an object alone, by the panel's own controls: the cut, and what is inside it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import canvas
+from pytestqt.qtbot import QtBot
+from widget_phantoms import SMALL, open_panel, press, stage_with, states
+
+Viewers = Callable[..., Any]
+
+
+def tin() -> tuple[np.ndarray, np.ndarray]:
+    """Return a tin (1) with two things of other densities in it, one label; a block (2) beside."""
+    volume, labels = np.zeros((20, 30, 40), np.float32), np.zeros((20, 30, 40), np.uint16)
+    labels[4:16, 5:25, 5:25], volume[4:16, 5:25, 5:25] = 1, 1000
+    volume[7:13, 8:14, 8:14], volume[7:13, 16:22, 16:22] = 3000, 3100
+    labels[4:16, 5:25, 25:35], volume[4:16, 5:25, 25:35] = 2, 1500
+    return volume, labels
+
+
+@pytest.fixture
+def studied(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Any:
+    """Yield (viewer, panel, session, labels layer) with the tin studied alone."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(*SMALL)
+    panel = open_panel(viewer, qtbot)
+    volume, labels = tin()
+    viewer.add_image(volume, name="scan")
+    mine = viewer.add_labels(labels, name="expert", visible=False)
+    session = stage_with(panel, qtbot, mine)
+    stage = panel.workbench.stage
+    stage.seconds, stage.recolor_at_rest = 0.1, False
+    assert stage.settle(60)
+    panel.workbench.inspect(1)
+    qtbot.waitUntil(lambda: panel.unpack.studied.isVisibleTo(panel), timeout=5000)
+    yield viewer, panel, session, mine
+    panel.end()
+
+
+def test_the_cut_opens_the_studied_object_and_reset_closes_it(
+    studied: Any, qtbot: QtBot
+) -> None:
+    viewer, panel, session, _ = studied
+    box, stage = panel.unpack.studied, panel.workbench.stage
+    qtbot.wait(700)
+    assert stage.settle(30)
+    whole = canvas(viewer)
+    box.cut.setValue(60)
+    qtbot.waitUntil(lambda: session.study(1).cut is not None, timeout=5000)
+    point, normal = session.study(1).cut
+    # Straight across the view, three fifths of the way through.
+    np.testing.assert_allclose(normal, -stage.rotation_of(1)[0], atol=1e-6)
+    corners = session.boxes.corners(1, np.asarray(session.spacing)) @ -np.asarray(normal)
+    reach = corners.max() - 0.6 * np.ptp(corners)
+    assert float(-np.asarray(normal) @ np.asarray(point)) == pytest.approx(reach, abs=1e-6)
+    qtbot.wait(300)
+    assert stage.settle(30)
+    cut = canvas(viewer)
+    assert (np.abs(cut - whole).max(axis=-1) > 12).mean() > 0.02
+
+    press(qtbot, box.plain)
+    assert session.study(1).cut is None
+    assert box.cut.value() == 0
+    qtbot.wait(300)
+    assert stage.settle(30)
+    assert (np.abs(canvas(viewer) - whole).max(axis=-1) > 12).mean() < 0.005
+
+
+def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
+    studied: Any, qtbot: QtBot
+) -> None:
+    viewer, panel, outer, mine = studied
+    bench = panel.workbench
+    hue = mine.colormap.map(np.array([1, 2]))
+    press(qtbot, panel.unpack.studied.open)
+    assert bench.is_inside
+    inner = bench.session
+    assert inner is not outer
+    assert len(inner.ids) == 3
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    inner.recolor()
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    assert bench.stage.in_slice((10, 10, 10)) == 0
+    assert bench.stage.settle(60)
+
+    qtbot.waitUntil(panel.unpack.next.isEnabled, timeout=10000)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: not bench.stage.flying, timeout=20000)
+    assert list(states(inner).values()).count("UNPACKED") >= 1
+    assert set(states(outer).values()) == {"PACKED"}
+
+    assert panel.unpack.outside.isVisibleTo(panel)
+    press(qtbot, panel.unpack.outside)
+    assert bench.session is outer
+    assert not bench.is_inside
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    assert bench.stage.in_slice((10, 10, 10)) == 1
