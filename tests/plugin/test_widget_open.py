@@ -40,9 +40,7 @@ def studied(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Any:
     panel.end()
 
 
-def test_the_cut_opens_the_studied_object_and_reset_closes_it(
-    studied: Any, qtbot: QtBot
-) -> None:
+def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbot: QtBot) -> None:
     viewer, panel, session, _ = studied
     box, stage = panel.unpack.studied, panel.workbench.stage
     qtbot.wait(700)

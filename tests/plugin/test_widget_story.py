@@ -83,6 +83,8 @@ def test_segment_unpack_three_restore_one(
     stage.seconds = 0.2
     panel.color.at_rest.setChecked(False)
     assert stage.recolor_at_rest is False
+    # Outlines of who is free are drawn on the transition layer; here it is to be empty at rest.
+    panel.unpack.marked.setChecked(False)
 
     # Six balls of six densities; every one is found, and the user's own layers step back.
     assert sorted(states(session).values()) == ["PACKED"] * 6
