@@ -70,7 +70,7 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
 def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     studied: Any, qtbot: QtBot
 ) -> None:
-    viewer, panel, outer, mine = studied
+    _, panel, outer, mine = studied
     bench = panel.workbench
     hue = mine.colormap.map(np.array([1, 2]))
     press(qtbot, panel.unpack.studied.open)
