@@ -7,7 +7,7 @@ import pytest
 from conftest import canvas
 
 from napari_unpack.layers.stage import Stage
-from napari_unpack.session import ObjectState
+from napari_unpack.session import ObjectState, Session
 
 
 def test_the_users_layers_and_view_come_back_exactly(
@@ -126,6 +126,29 @@ def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot) -> None:
     stage.finish()
     assert stage.settle(30)
     assert canvas(viewer).std(axis=(0, 1)).max() > 5.0
+
+
+def test_two_viewers_keep_their_gl_apart(make_napari_viewer_proxy, session, bag, qtbot) -> None:
+    first, second = make_napari_viewer_proxy(show=True), make_napari_viewer_proxy(show=True)
+    one, two = Stage(first, session), Stage(second, Session(*bag))
+    one.events.message.connect(pytest.fail)
+    two.events.message.connect(pytest.fail)
+    one.open()
+    two.open()
+    one.unpack(1)
+    two.unpack(1)
+    one.finish()
+    two.finish()
+    assert one.settle(30)
+    assert two.settle(30)
+    before = canvas(second)
+    assert before.std(axis=(0, 1)).max() > 5.0
+    # napari deletes the first one's GL objects now, while the second's context is current.
+    one.close()
+    np.testing.assert_array_equal(canvas(second), before)
+    first.close()
+    np.testing.assert_array_equal(canvas(second), before)
+    two.close()
 
 
 def test_the_layers_can_be_reordered_hidden_and_shown_in_a_grid(staged, qtbot) -> None:

@@ -16,6 +16,7 @@ from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.overlays import Overlays
+from napari_unpack.layers.own_context import guard
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
@@ -155,6 +156,7 @@ class Stage(Hands):
         if not compat.supported():
             raise RuntimeError(compat.problem())
         viewer = self.viewer
+        guard(compat.native_canvas(viewer))
         self._borrowed = Borrowed.from_viewer(viewer, self.sources)
         self._before = self.session.animated, self.session.backend
         # The session's questions are answered in threads, where GL has no context.
