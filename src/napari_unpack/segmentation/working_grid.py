@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.sources import Source, blocks
 
-MOST = 12_000_000
+MOST = 16_000_000
 """Voxels that are worked on whole."""
 BLOCK = 16_000_000
 """Voxels that are read at once."""
