@@ -32,7 +32,7 @@ class Source:
         self, rng: np.random.Generator, size: int
     ) -> tuple[NDArray[np.float32], NDArray[np.int32], bool]:
         """Return sharp density and labels of a cube cut at a random zoom and turned."""
-        solid = bool(rng.random() < 0.25) and len(self.solids) > 0
+        solid = bool(rng.random() < 0.4) and len(self.solids) > 0
         several = self.solids if solid else self.bags
         while True:
             seed = several[int(rng.integers(len(several)))]
@@ -124,7 +124,7 @@ def repaint(
         few = np.exp(rng.uniform(np.log(180), np.log(3500), int(rng.integers(1, 4))))
         some = names[rng.random(len(names)) < rng.choice([0.3, 0.6, 1.0])]
         flat[some] = rng.choice(few, len(some)) * np.exp(rng.normal(0, 0.01, len(some)))
-    if rng.random() < 0.25:
+    if rng.random() < 0.4:
         gone[names] = rng.random(len(names)) < 0.25
     gain[0] = 0.0 if rng.random() < 0.1 else np.exp(rng.normal(0, 0.3))
     _repaint(density, labels, gain, flat, gone)

@@ -7,8 +7,8 @@
    src/napari_unpack/segmentation/boundaries.onnx`
 
 It needs the dependency group `train`. One state of the code, one machine and one number of
-threads give the same weights; elsewhere sums are taken in another order and the scores of
-benchmarks/segmentation.py agree within 0.02.
+threads give the same weights; elsewhere sums are taken in another order, and how far the scores
+of benchmarks/segmentation then differ has not been measured.
 """
 
 from __future__ import annotations
