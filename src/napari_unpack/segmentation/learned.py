@@ -123,7 +123,7 @@ def learned_parts(
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
     parts = _believed(parts, said.matter, 255 * limits.object)
-    plain = density > levels.air + CONTRAST * grain(density)
+    plain = np.greater(density, levels.air + CONTRAST * grain(density))
     parts = _believed(parts, plain.astype(np.uint8), PLAIN)
     if supports:
         parts = _believed(parts, (~held).astype(np.uint8), 0.5)
