@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 from bags import stack_of_plates
@@ -24,9 +25,10 @@ FLYING = {ObjectState.FLYING_OUT, ObjectState.FLYING_BACK}
 
 def fingerprint(session):
     """Return what undo must bring back."""
-    now = session._situation
+    # Looking at an object alone is no step of undo.
+    now = replace(session._situation, inspected=None)
     return (
-        {i: now.state(i) for i in session.ids if i != now.inspected},
+        {i: now.state(i) for i in session.ids},
         list(now.out),
         [now.out[i].slot for i in now.out],
         session.hues,

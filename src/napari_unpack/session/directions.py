@@ -144,8 +144,12 @@ class SessionDirections(SessionCriteria):
         return bag_up(oriented_box(self.bag.outer_points(), self.spacing))
 
     def _packed(self, situation: Situation) -> frozenset[int]:
-        """Return who stands in the way: what is on its way back counts as being there."""
-        return self._known.difference(situation.out, situation.hidden, [situation.inspected])
+        """Return who stands in the way.
+
+        What is on its way back counts as being there, and so does what is looked at alone: it
+        goes back where it was.
+        """
+        return self._known.difference(situation.out, situation.hidden)
 
     def survey_question(self) -> SurveyQuestion | None:
         """Return the question `way_out` and `reveal` rest on; None where it is answered.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from napari_unpack.geometry.axes import Vector
@@ -62,7 +60,7 @@ class SessionInquiry(SessionDirections):
 
     def _buried(self, object_id: int) -> tuple[int, frozenset[int]]:
         (object_id,) = checked_ids(object_id, self._known, "object_id")
-        packed = self._packed(replace(self._situation, inspected=None))
+        packed = self._packed(self._situation)
         if object_id not in packed:
             raise ValueError(f"object_id must be a packed object, got {object_id}")
         return object_id, packed
