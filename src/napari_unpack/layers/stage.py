@@ -362,6 +362,7 @@ class Stage(Hands):
 
     def _on_densities(self) -> None:
         self._projector.densities_changed()
+        self.overlays.painter.renew()
 
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)
