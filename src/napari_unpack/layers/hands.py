@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.arrow import drawn_direction, surface_normal
 from napari_unpack.layers.overlays import Overlays
-from napari_unpack.layers.projector import Projector
+from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.slice_steps import SliceSteps
+from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.tables import describe
 from napari_unpack.layers.view_camera import Frame
 
@@ -24,6 +25,7 @@ class Hands:
     session: Any
     overlays: Overlays
     layers: Any
+    sprites: SpriteLayer
     events: Any
     _projector: Projector
     _pointed: int
@@ -135,7 +137,8 @@ class Hands:
         return 1.0 if self.frame is None else self.frame.size[0] / self.viewer.canvas.size[0]
 
     def _mark(self) -> None:
-        raise NotImplementedError
+        mark(self.sprites, self.session.selected, self._pointed)
+        self.overlays.renew()
 
     def device_pixel(self, pixel: NDArray[np.float64]) -> tuple[float, float]:
         """Return the frame's pixel (row, column) of one of the canvas."""

@@ -20,7 +20,7 @@ from napari_unpack.layers.own_context import guard
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
-from napari_unpack.layers.projector import Projector, mark
+from napari_unpack.layers.projector import Projector
 from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.sprites import SpriteLayer
@@ -371,10 +371,6 @@ class Stage(Hands):
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:
             self.close()
-
-    def _mark(self) -> None:
-        mark(self.sprites, self.session.selected, self._pointed)
-        self.overlays.renew()
 
     def _settled(self) -> bool:
         # What is asked at rest waits until everybody has landed.

@@ -9,13 +9,12 @@ import numpy as np
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
+from napari_unpack.session.asking import OcclusionAnswer
 from napari_unpack.session.checks import checked_count, checked_ids
-from napari_unpack.session.errors import BlockedError, NobodyFreeError, NoTableError, listed
-from napari_unpack.session.log import LogEntry
-from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.errors import BlockedError, NoTableError
+from napari_unpack.session.state import Situation
 from napari_unpack.session.steps import SessionSteps
-from napari_unpack.unpacking import Queue, named
+from napari_unpack.unpacking import named
 
 Group = tuple[int, ...]
 
@@ -30,54 +29,6 @@ class Session(SessionSteps):
     Li et al. 2012, section 5. Verbs that cannot do what they are told raise `ValueError` with a
     sentence and change nothing; what is merely already so is no error.
     """
-
-    _credited: OcclusionAnswer | None = None
-
-    @property
-    def queue(self) -> Queue:
-        """The queue as it stands; `unpackable` brings it up to date."""
-        return self._situation.queue
-
-    def unpackable(self) -> Group:
-        """Return the objects that can leave now, the next one first; casts rays if it must.
-
-        Where nobody is free that is the least occluded object, or nobody, as
-        `take_least_occluded` says.
-        """
-        queue = self._filled_queue(self._situation)[0]
-        if queue is not self._situation.queue:
-            self._enter(replace(self._situation, queue=queue))
-        return queue.ids
-
-    def free_groups(self) -> tuple[Group, ...]:
-        """Return who can leave now as far as that is known, groups whole; casts no rays.
-
-        The queue is used up before it is asked anew, so it may hold fewer.
-        """
-        packed, answer = self._packed(self._situation), self._answer
-        fits = answer is not None and answer.criterion == self.criterion
-        if answer is not None and fits and answer.serves(self.unpack_direction, packed):
-            return tuple(answer.groups(packed, self.most_in_group))
-        queue = self._situation.queue
-        return () if queue.least_occluded else queue.groups
-
-    def occlusion_question(self) -> OcclusionQuestion | None:
-        """Return the question `unpackable` would have to ask; None where the answer is known.
-
-        Its `answer()` may run on another thread; hand the result to `accept_answer`.
-        """
-        packed, d = self._packed(self._situation), self.unpack_direction
-        known = self._answer is not None and self._answer.serves(d, packed)
-        return None if known or not packed else self._question(packed, d)
-
-    def accept_answer(self, answer: OcclusionAnswer) -> bool:
-        """Take over an answer; return False, having done nothing, where it is out of date."""
-        fits = answer.serves(self.unpack_direction, self._packed(self._situation))
-        if not fits or answer.criterion != self.criterion or answer.edition != self._edition:
-            return False
-        self._answer = answer
-        self.unpackable()
-        return True
 
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Take objects out of the bag.
@@ -233,49 +184,6 @@ class Session(SessionSteps):
         self._answer = self._other_answer = self._credited = self._survey = None
         self.__dict__.pop("bag_up", None)
 
-    def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
-        """Return the queue, filled where it was dry or for another D, and the answer used."""
-        packed, direction = self._packed(situation), self.unpack_direction
-        if situation.queue.serves(direction, packed, self._terms):
-            return situation.queue, self._answer
-        if not packed:
-            return situation.queue.refilled((), direction, packed, terms=self._terms), self._answer
-        answer = self._known_answer(packed)
-        groups = answer.groups(packed, self.most_in_group)
-        if not groups:
-            answer = self._known_answer(packed, afresh=True)
-            groups = answer.groups(packed, self.most_in_group)
-        least = not groups and self.take_least_occluded
-        if least:
-            groups = [(answer.least_occluded(packed),)]
-        depths = self.bag.depths(direction)
-        queue = situation.queue.refilled(groups, direction, packed, depths, least, self._terms)
-        return queue, answer
-
-    def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
-        left: list[int] = []
-        while len(left) < count:
-            packed = self._packed(situation)
-            if not packed:
-                break
-            queue, answer = self._filled_queue(situation)
-            if not queue.groups:
-                if left:
-                    break
-                raise NobodyFreeError(
-                    f"Nothing is free along this direction; {self._stuck(answer, packed)}. Choose "
-                    "another direction, or let the least blocked leave."
-                )
-            if queue.least_occluded:
-                stuck = self._stuck(answer, packed)
-                self.events.message.emit(
-                    f"Nothing is free along this direction; {stuck}: it leaves."
-                )
-            situation = replace(situation, queue=queue)
-            situation = self._leave(situation, queue.groups[0])
-            left.extend(queue.groups[0])
-        return situation, tuple(left)
-
     def _take_chosen(self, ids: list[int]) -> tuple[Situation, Group]:
         situation = replace(self._situation, inspected=None)
         packed = self._packed(situation)
@@ -310,42 +218,3 @@ class Session(SessionSteps):
         if not self.take_least_occluded or answer.groups(packed, self.most_in_group):
             return ()
         return (self._known_answer(packed, afresh=True).least_occluded(packed),)
-
-    def _leave(
-        self,
-        situation: Situation,
-        group: Group,
-        along: Vector | None = None,
-        answer: OcclusionAnswer | None = None,
-    ) -> Situation:
-        taken = {berth.slot for berth in situation.out.values()}
-        places = iter(k for k in range(self._most) if k not in taken)
-        camera = self._camera
-        direction = self.unpack_direction if along is None else along
-        berths: dict[int, Berth] = {
-            i: self.bag.berth(i, next(places), group, direction, camera) for i in group
-        }
-        answer, ratio = answer or self._answer, 0.0
-        # The first to leave by an answer stands for its rays, wherever they were cast.
-        asked, self._credited = answer is not self._credited, answer
-        if answer is not None and situation.queue.least_occluded:
-            ratio = answer.first_hit.get(group[0], 0.0)
-        self.log.append(
-            LogEntry(
-                "query run" if asked else "queue reuse",
-                group,
-                len(self._packed(situation)),
-                ratio,
-                answer.seconds if asked and answer else 0.0,
-            )
-        )
-        return situation.with_out(berths)
-
-    def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
-        least = answer.least_occluded(packed) if answer else min(packed)
-        ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
-        return f"{self._names([least])} is blocked least ({ratio:.1%} of it)"
-
-    def _names(self, ids: Iterable[int]) -> str:
-        names = self.objects["name"]
-        return listed(str(names[i]) for i in sorted(ids))

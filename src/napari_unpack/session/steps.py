@@ -5,20 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from napari_unpack.session.errors import NobodyFreeError
-from napari_unpack.session.inquiry import SessionInquiry
-from napari_unpack.session.log import LogEntry
-from napari_unpack.session.state import Situation
-
-Group = tuple[int, ...]
+from napari_unpack.session.leaving import Group, SessionLeaving
 
 
-class SessionSteps(SessionInquiry):
+class SessionSteps(SessionLeaving):
     """The departures so far, and the way to any of them."""
-
-    @property
-    def log(self) -> list[LogEntry]:
-        """Every departure so far."""
-        return self.__dict__.setdefault("_log", [])
 
     @property
     def steps(self) -> tuple[Group, ...]:
@@ -65,7 +56,3 @@ class SessionSteps(SessionInquiry):
         if situation.departures != self._situation.departures:
             self._do("scrub", situation, merge=True)
         return self.step
-
-    def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
-        """Return the situation after the next so many have left, and who they were."""
-        raise NotImplementedError

@@ -1,0 +1,156 @@
+"""Who leaves next, and where to: the queue of a session and the departures from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
+from napari_unpack.session.errors import NobodyFreeError, listed
+from napari_unpack.session.inquiry import SessionInquiry
+from napari_unpack.session.log import LogEntry
+from napari_unpack.session.state import Berth, Situation
+from napari_unpack.unpacking import Queue
+
+Group = tuple[int, ...]
+
+
+class SessionLeaving(SessionInquiry):
+    """The queue, filled from what the ray casters answer, and the departures from its head."""
+
+    _credited: OcclusionAnswer | None = None
+
+    @property
+    def log(self) -> list[LogEntry]:
+        """Every departure so far."""
+        return self.__dict__.setdefault("_log", [])
+
+    @property
+    def queue(self) -> Queue:
+        """The queue as it stands; `unpackable` brings it up to date."""
+        return self._situation.queue
+
+    def unpackable(self) -> Group:
+        """Return the objects that can leave now, the next one first; casts rays if it must.
+
+        Where nobody is free that is the least occluded object, or nobody, as
+        `take_least_occluded` says.
+        """
+        queue = self._filled_queue(self._situation)[0]
+        if queue is not self._situation.queue:
+            self._enter(replace(self._situation, queue=queue))
+        return queue.ids
+
+    def free_groups(self) -> tuple[Group, ...]:
+        """Return who can leave now as far as that is known, groups whole; casts no rays.
+
+        The queue is used up before it is asked anew, so it may hold fewer.
+        """
+        packed, answer = self._packed(self._situation), self._answer
+        fits = answer is not None and answer.criterion == self.criterion
+        if answer is not None and fits and answer.serves(self.unpack_direction, packed):
+            return tuple(answer.groups(packed, self.most_in_group))
+        queue = self._situation.queue
+        return () if queue.least_occluded else queue.groups
+
+    def occlusion_question(self) -> OcclusionQuestion | None:
+        """Return the question `unpackable` would have to ask; None where the answer is known.
+
+        Its `answer()` may run on another thread; hand the result to `accept_answer`.
+        """
+        packed, d = self._packed(self._situation), self.unpack_direction
+        known = self._answer is not None and self._answer.serves(d, packed)
+        return None if known or not packed else self._question(packed, d)
+
+    def accept_answer(self, answer: OcclusionAnswer) -> bool:
+        """Take over an answer; return False, having done nothing, where it is out of date."""
+        fits = answer.serves(self.unpack_direction, self._packed(self._situation))
+        if not fits or answer.criterion != self.criterion or answer.edition != self._edition:
+            return False
+        self._answer = answer
+        self.unpackable()
+        return True
+
+    def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
+        """Return the queue, filled where it was dry or for another D, and the answer used."""
+        packed, direction = self._packed(situation), self.unpack_direction
+        if situation.queue.serves(direction, packed, self._terms):
+            return situation.queue, self._answer
+        if not packed:
+            return situation.queue.refilled((), direction, packed, terms=self._terms), self._answer
+        answer = self._known_answer(packed)
+        groups = answer.groups(packed, self.most_in_group)
+        if not groups:
+            answer = self._known_answer(packed, afresh=True)
+            groups = answer.groups(packed, self.most_in_group)
+        least = not groups and self.take_least_occluded
+        if least:
+            groups = [(answer.least_occluded(packed),)]
+        depths = self.bag.depths(direction)
+        queue = situation.queue.refilled(groups, direction, packed, depths, least, self._terms)
+        return queue, answer
+
+    def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
+        """Return the situation after the next so many have left, and who they were."""
+        left: list[int] = []
+        while len(left) < count:
+            packed = self._packed(situation)
+            if not packed:
+                break
+            queue, answer = self._filled_queue(situation)
+            if not queue.groups:
+                if left:
+                    break
+                raise NobodyFreeError(
+                    f"Nothing is free along this direction; {self._stuck(answer, packed)}. Choose "
+                    "another direction, or let the least blocked leave."
+                )
+            if queue.least_occluded:
+                stuck = self._stuck(answer, packed)
+                self.events.message.emit(
+                    f"Nothing is free along this direction; {stuck}: it leaves."
+                )
+            situation = replace(situation, queue=queue)
+            situation = self._leave(situation, queue.groups[0])
+            left.extend(queue.groups[0])
+        return situation, tuple(left)
+
+    def _leave(
+        self,
+        situation: Situation,
+        group: Group,
+        along: Vector | None = None,
+        answer: OcclusionAnswer | None = None,
+    ) -> Situation:
+        taken = {berth.slot for berth in situation.out.values()}
+        places = iter(k for k in range(self._most) if k not in taken)
+        camera = self._camera
+        direction = self.unpack_direction if along is None else along
+        berths: dict[int, Berth] = {
+            i: self.bag.berth(i, next(places), group, direction, camera) for i in group
+        }
+        answer, ratio = answer or self._answer, 0.0
+        # The first to leave by an answer stands for its rays, wherever they were cast.
+        asked, self._credited = answer is not self._credited, answer
+        if answer is not None and situation.queue.least_occluded:
+            ratio = answer.first_hit.get(group[0], 0.0)
+        self.log.append(
+            LogEntry(
+                "query run" if asked else "queue reuse",
+                group,
+                len(self._packed(situation)),
+                ratio,
+                answer.seconds if asked and answer else 0.0,
+            )
+        )
+        return situation.with_out(berths)
+
+    def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
+        least = answer.least_occluded(packed) if answer else min(packed)
+        ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
+        return f"{self._names([least])} is blocked least ({ratio:.1%} of it)"
+
+    def _names(self, ids: Iterable[int]) -> str:
+        names = self.objects["name"]
+        return listed(str(names[i]) for i in sorted(ids))
