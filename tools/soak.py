@@ -191,14 +191,14 @@ class Hand:
 
     def open(self) -> None:
         """Open what was saved, in place of what is there."""
-        if self.file.exists() and not self.panel.files.job.running:
+        if self.file.exists() and not self.panel.files.waiting.running:
             self.panel.files.open_from(self.file)
 
     def put_away(self) -> None:
         """Bring everything to rest in the bag, so that memory can be compared."""
         bench = self.panel.workbench
         deadline = monotonic() + 60
-        while self.panel.files.job.running and monotonic() < deadline:
+        while self.panel.files.waiting.running and monotonic() < deadline:
             QCoreApplication.processEvents()
         self.panel.unpack.scrub.play.setChecked(False)
         self.viewer.dims.ndisplay = 3

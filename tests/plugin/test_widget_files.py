@@ -54,7 +54,7 @@ def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
 
 
 def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
-    qtbot.waitUntil(lambda: not panel.files.job.running, timeout=60000)
+    qtbot.waitUntil(lambda: not panel.files.waiting.running, timeout=60000)
     qtbot.wait(20)
 
 
@@ -205,7 +205,7 @@ def test_faults_of_files_are_told_and_change_nothing(
     assert [layer.name for layer in viewer.layers] == names
     # Cancelled before it was done, nothing is written.
     panel.files.save_to(tmp_path / "late.unpack")
-    panel.files.cancel.click()
+    panel.files.waiting.cancel.click()
     done(panel, qtbot)
     assert len(said) == 4
     assert sorted(p.name for p in tmp_path.iterdir())[:2] == ["cut.unpack", "empty.unpack"]

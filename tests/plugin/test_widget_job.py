@@ -2,9 +2,11 @@
 
 import threading
 
+import pytest
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
+from napari_unpack.widgets.waiting import Waiting
 
 
 def _run(qtbot: QtBot, job: Job, work: object) -> Outcome:
@@ -54,8 +56,37 @@ def test_cancelling_stops_the_work_at_its_next_report(qtbot: QtBot) -> None:
         job.start(work)
         qtbot.waitUntil(started.is_set)
         job.cancel()
-    assert isinstance(heard.args[0].error, Cancelled)
+    outcome = heard.args[0]
+    assert isinstance(outcome.error, Cancelled)
+    assert outcome.cancelled
+    with pytest.raises(Cancelled):
+        outcome.get()
     assert not job.running
+
+
+def test_waiting_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> None:
+    waiting, started = Waiting("Nothing changes."), threading.Event()
+    qtbot.addWidget(waiting)
+    assert waiting.isHidden()
+
+    def work(progress: Progress) -> None:
+        while True:
+            progress(0.25, "halfway there")
+            started.set()
+
+    waiting.begin(work)
+    assert waiting.running
+    qtbot.waitUntil(lambda: waiting.told.text() == "halfway there", timeout=5000)
+    assert not waiting.isHidden()
+    with pytest.raises(RuntimeError):
+        waiting.begin(work)
+    with qtbot.waitSignal(waiting.ended, timeout=5000) as heard:
+        waiting.cancel.click()
+        assert waiting.told.text() == "Stopping"
+        assert not waiting.cancel.isEnabled()
+    assert heard.args[0].cancelled
+    assert waiting.isHidden()
+    assert not waiting.running
 
 
 def test_a_job_can_be_used_again_after_a_cancel(qtbot: QtBot) -> None:

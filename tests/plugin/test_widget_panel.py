@@ -34,7 +34,7 @@ def _refused(panel: UnpackingWidget, qtbot: QtBot) -> list[str]:
     """Press the first step's button, wait for the end of the work, return what was said."""
     before = len(notification_manager.records)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: not panel.segment.job.running, timeout=30000)
+    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=30000)
     qtbot.waitUntil(lambda: len(notification_manager.records) > before, timeout=5000)
     return _said(before)
 
@@ -182,11 +182,11 @@ def test_cancelling_leaves_everything_as_it_was(
     monkeypatch.setattr(segmentation, "segment", endless)
     add_bag(viewer)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: panel.segment.stage_text.text() == "Cutting", timeout=5000)
-    qtbot.waitUntil(lambda: panel.segment.bar.value() == 225, timeout=5000)
+    qtbot.waitUntil(lambda: panel.segment.waiting.told.text() == "Cutting", timeout=5000)
+    qtbot.waitUntil(lambda: panel.segment.waiting.bar.value() == 225, timeout=5000)
     assert not panel.segment.waiting.isHidden()
-    press(qtbot, panel.segment.cancel)
-    qtbot.waitUntil(lambda: not panel.segment.job.running, timeout=5000)
+    press(qtbot, panel.segment.waiting.cancel)
+    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=5000)
     assert panel.segment.waiting.isHidden()
     assert panel.workbench.stage is None
     assert [layer.name for layer in viewer.layers] == ["expert", "bag"]

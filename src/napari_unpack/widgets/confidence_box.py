@@ -8,7 +8,7 @@ from typing import Any
 from qtpy.QtWidgets import QFileDialog
 
 from napari_unpack.widgets import notices
-from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
+from napari_unpack.widgets.job import Job, Outcome, Progress
 from napari_unpack.widgets.section import Disclosure, button, label, row
 from napari_unpack.widgets.workbench import Workbench
 
@@ -131,14 +131,11 @@ class ConfidenceBox(Disclosure):
 
     def _finish(self, outcome: Outcome) -> None:
         session, self._subject = self._subject, None
-        if outcome.error is None:
-            self._oracle, scores = outcome.result
-            session.judge_by(self._oracle, scores)
-            self._rescored()
-        elif isinstance(outcome.error, notices.EXPECTED):
-            notices.warn(notices.sentence(outcome.error))
-        elif not isinstance(outcome.error, Cancelled):
-            raise outcome.error
+        if not outcome.cancelled:
+            with notices.spoken():
+                self._oracle, scores = outcome.get()
+                session.judge_by(self._oracle, scores)
+                self._rescored()
         self.refresh()
 
     def _follow_stage(self) -> None:

@@ -142,9 +142,9 @@ def open_panel(viewer: Any, scan: Any, tell: Any) -> Any:
     if scan.labels is not None:
         panel.segment.labels_box.choose(viewer.layers[f"{scan.name} labels"])
     QApplication.processEvents()
-    panel.segment.job.progressed.connect(_named(tell, "Segmenting"))
+    panel.segment.waiting.job.progressed.connect(_named(tell, "Segmenting"))
     panel.segment.start.click()
-    while panel.segment.job.running:
+    while panel.segment.waiting.running:
         QApplication.processEvents()
         time.sleep(0.005)
     QApplication.processEvents()

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from napari.layers import Labels
-from qtpy.QtWidgets import QFileDialog, QHBoxLayout, QMenu, QSpinBox, QWidget
+from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.widgets import notices
 from napari_unpack.widgets.exports import EXPORTS, Export, Prints
-from napari_unpack.widgets.gliding_bar import GlidingBar
-from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
-from napari_unpack.widgets.section import Disclosure, Section, button, column, form, label, row
+from napari_unpack.widgets.job import Outcome, Progress
+from napari_unpack.widgets.section import Disclosure, Section, button, form, row
 from napari_unpack.widgets.settings import preferences
+from napari_unpack.widgets.waiting import Waiting
 from napari_unpack.widgets.workbench import Workbench
 
 WHOLE = "Session with its volume (*.unpack)"
@@ -34,7 +34,6 @@ class FilesSection(Section):
         super().__init__("5", "Files")
         self._bench = workbench
         self._then: Callable[[Any], None] = lambda result: None
-        self.job = Job(self)
         self.open = button("Open session…", "Go on where a saved session stopped.")
         self.save = button("Save session…", "Keep everything, to go on another day.")
         self.export = button("Export…", "Write a picture, a film, or the table of objects.")
@@ -47,30 +46,14 @@ class FilesSection(Section):
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
         self.fps.setToolTip("Pictures a second of films.")
-        self.bar = GlidingBar()
-        self.told = label("", "hint", wrap=True)
-        self.cancel = button("Cancel", "Stop writing; no half file is left.")
-        self.waiting = self._make_waiting()
+        self.waiting = Waiting("Stop; no half file is left.")
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)
         self.save.clicked.connect(self._ask_save)
-        self.cancel.clicked.connect(self._cancel)
-        self.job.progressed.connect(self._show_progress)
-        self.job.ended.connect(self._finish)
+        self.waiting.ended.connect(self._finish)
         workbench.staged.connect(self._refresh)
         self._refresh()
-
-    def _make_waiting(self) -> QWidget:
-        waiting = QWidget()
-        layout = column(waiting)
-        layout.addWidget(self.bar)
-        line = QHBoxLayout()
-        line.addWidget(self.told, stretch=1)
-        line.addWidget(self.cancel)
-        layout.addLayout(line)
-        waiting.hide()
-        return waiting
 
     def _arrange(self) -> None:
         self.contents.addLayout(row(self.open, self.save))
@@ -81,7 +64,7 @@ class FilesSection(Section):
         self.contents.addWidget(self.waiting)
 
     def _refresh(self) -> None:
-        idle = not self.job.running
+        idle = not self.waiting.running
         self.open.setEnabled(idle)
         for control in (self.save, self.export):
             control.setEnabled(idle and self._bench.session is not None)
@@ -124,42 +107,21 @@ class FilesSection(Section):
 
     def end(self) -> None:
         """Stop all work."""
-        self.job.cancel()
+        self.waiting.stop()
 
     def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
-        if self.job.running:
+        if self.waiting.running:
             notices.inform("Wait for the file that is being written, or cancel it.")
             return
         self._then = then
-        self.job.start(work)
-        self.cancel.setEnabled(True)
-        self.bar.start()
-        self.told.setText("Starting")
-        self.waiting.show()
+        self.waiting.begin(work)
         self._refresh()
-
-    def _cancel(self) -> None:
-        self.cancel.setEnabled(False)
-        self.told.setText("Stopping")
-        self.job.cancel()
-
-    def _show_progress(self, fraction: float, text: str) -> None:
-        self.bar.glide(fraction)
-        if self.cancel.isEnabled():
-            self.told.setText(text)
 
     def _finish(self, outcome: Outcome) -> None:
-        self.waiting.hide()
         self._refresh()
-        if isinstance(outcome.error, Cancelled):
-            return
-        if isinstance(outcome.error, (*notices.EXPECTED, ImportError)):
-            notices.warn(notices.sentence(outcome.error))
-            return
-        if outcome.error is not None:
-            raise outcome.error
-        with notices.spoken():
-            self._then(outcome.result)
+        if not outcome.cancelled:
+            with notices.spoken(ImportError):
+                self._then(outcome.get())
 
     def _say_written(self, path: Any) -> None:
         self.set_status(f"{Path(path).name} written")

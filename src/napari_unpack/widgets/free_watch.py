@@ -77,9 +77,7 @@ class FreeWatch(QObject):
         session, self._asked = self._asked, None
         if session is None or session is not self._bench.session:
             return
-        if outcome.error is not None:
-            raise outcome.error
-        if session.accept_answer(outcome.result):
+        if session.accept_answer(outcome.get()):
             self._tell()
         else:
             self._rest.start()

@@ -91,9 +91,7 @@ class InspectBox(QWidget):
         if not self._shown or self._bench.session is None:
             return
         with spoken():
-            if outcome.error is not None:
-                raise outcome.error
-            object_id, facts = outcome.result
+            object_id, facts = outcome.get()
             if object_id != self._shown:
                 self._load()
                 return

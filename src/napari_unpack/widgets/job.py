@@ -33,6 +33,23 @@ class Outcome:
     result: Any = None
     error: Exception | None = None
 
+    @property
+    def cancelled(self) -> bool:
+        """Whether the work stopped because it was asked to."""
+        return isinstance(self.error, Cancelled)
+
+    def get(self) -> Any:
+        """Return the result.
+
+        Raises
+        ------
+        Exception
+            What the work raised.
+        """
+        if self.error is not None:
+            raise self.error
+        return self.result
+
 
 class Job(QObject):
     """One piece of work at a time on napari's worker threads.

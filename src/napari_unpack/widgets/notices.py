@@ -43,9 +43,16 @@ def warn(text: str) -> None:
 
 
 @contextmanager
-def spoken() -> Iterator[None]:
-    """Turn expected errors of the block into warnings; let defects through."""
+def spoken(*also: type[Exception]) -> Iterator[None]:
+    """Turn expected errors of the block into warnings; let defects through.
+
+    Parameters
+    ----------
+    *also : exception types
+        What is expected of this block beside `EXPECTED`.
+    """
+    expected: tuple[type[Exception], ...] = (*EXPECTED, *also)
     try:
         yield
-    except EXPECTED as error:
+    except expected as error:
         warn(sentence(error))

@@ -102,11 +102,8 @@ class RepairBench(QObject):
         if session is None or session is not self._bench.session:
             return
         with notices.spoken():
-            if outcome.error is not None:
-                raise outcome.error
-            if outcome.result is None:
-                return
-            if not session.accept_repair(outcome.result):
+            repair = outcome.get()
+            if repair is not None and not session.accept_repair(repair):
                 notices.warn("The labels have changed meanwhile: repair once more.")
 
     def _follow(self) -> None:

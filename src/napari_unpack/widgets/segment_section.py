@@ -8,18 +8,17 @@ from functools import partial
 from typing import Any
 
 from napari.layers import Image, Labels
-from qtpy.QtWidgets import QHBoxLayout, QWidget
 
 from napari_unpack.widgets import notices
-from napari_unpack.widgets.gliding_bar import GlidingBar
-from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
+from napari_unpack.widgets.job import Outcome, Progress
 from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
 from napari_unpack.widgets.prepare import Prepared, prepare
 from napari_unpack.widgets.sample_data import LayerData, packed_bag
-from napari_unpack.widgets.section import Section, button, column, form, label
+from napari_unpack.widgets.section import Section, button, form
 from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.settings import preferences
 from napari_unpack.widgets.sources import Volume, labels_of, names_of, same_shape, volume_of
+from napari_unpack.widgets.waiting import Waiting
 from napari_unpack.widgets.workbench import Workbench
 
 FIND = "Find the objects"
@@ -46,7 +45,6 @@ class SegmentSection(Section):
         self._order: _Order | None = None
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
-        self.job = Job(self)
         viewer = workbench.viewer
         self.volume_box = LayerBox(viewer, self._is_source, prefers=_is_volume)
         self.volume_box.setToolTip(
@@ -60,35 +58,19 @@ class SegmentSection(Section):
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
-        self.bar = GlidingBar()
-        self.stage_text = label("", "hint", wrap=True)
-        self.cancel = button("Cancel", "Stop the work; nothing that is open changes.")
+        self.waiting = Waiting("Stop the work; nothing that is open changes.")
         self.options = SegmentOptions()
-        self.waiting = self._make_waiting()
         self._arrange()
 
         self.start.clicked.connect(lambda: self.run())
-        self.cancel.clicked.connect(self._cancel)
         self.sample.clicked.connect(self._add_sample)
-        self.job.progressed.connect(self._show_progress)
-        self.job.ended.connect(self._finish)
+        self.waiting.ended.connect(self._finish)
         self.volume_box.chosen.connect(self._choose_volume)
         self.labels_box.chosen.connect(self._refresh)
         workbench.staged.connect(self._refresh)
         workbench.changed.connect(lambda news: self._refresh() if "labels" in news else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         self._refresh()
-
-    def _make_waiting(self) -> QWidget:
-        waiting = QWidget()
-        layout = column(waiting)
-        layout.addWidget(self.bar)
-        line = QHBoxLayout()
-        line.addWidget(self.stage_text, stretch=1)
-        line.addWidget(self.cancel)
-        layout.addLayout(line)
-        waiting.hide()
-        return waiting
 
     def _arrange(self) -> None:
         self.contents.addLayout(form(Volume=self.volume_box, Objects=self.labels_box))
@@ -142,12 +124,12 @@ class SegmentSection(Section):
             else "Put the volume on the stage with the labels chosen above."
         )
         image = self.volume_box.layer
-        self.start.setEnabled(image is not None and not self.job.running)
+        self.start.setEnabled(image is not None and not self.waiting.running)
         self.sample.setVisible(image is None or not _is_volume(image))
-        self.sample.setEnabled(not self.job.running)
-        self.options.setVisible(image is not None and chosen is None and not self.job.running)
+        self.sample.setEnabled(not self.waiting.running)
+        self.options.setVisible(image is not None and chosen is None and not self.waiting.running)
         for field in (self.volume_box, self.labels_box):
-            field.setEnabled(image is not None and not self.job.running)
+            field.setEnabled(image is not None and not self.waiting.running)
         session = self._bench.session
         self.set_status("" if session is None else f"{len(session.boxes.ids)} objects")
         self.lock(None)
@@ -160,7 +142,7 @@ class SegmentSection(Section):
         then : callable, optional
             Called with nothing once the stage is open.
         """
-        if self.job.running:
+        if self.waiting.running:
             return
         image = self.volume_box.layer
         if image is None:
@@ -176,47 +158,26 @@ class SegmentSection(Section):
             self._begin(partial(prepare, volume, labels, names, self.options.settings()))
 
     def _begin(self, work: Callable[[Progress], Any]) -> None:
-        self.job.start(work)
-        self.cancel.setEnabled(True)
-        self.bar.start()
-        self._show_progress(0.0, "Starting")
-        self.waiting.show()
+        self.waiting.begin(work)
         self._refresh()
 
-    def _cancel(self) -> None:
-        self.cancel.setEnabled(False)
-        self.stage_text.setText("Stopping")
-        self.job.cancel()
-
-    def _show_progress(self, fraction: float, text: str) -> None:
-        self.bar.glide(fraction)
-        if self.cancel.isEnabled():
-            self.stage_text.setText(text)
-
     def _finish(self, outcome: Outcome) -> None:
-        self.waiting.hide()
         try:
-            self._conclude(outcome)
+            if not outcome.cancelled:
+                with notices.spoken():
+                    self._conclude(outcome.get())
         finally:
             self._order = None
             self._refresh()
 
-    def _conclude(self, outcome: Outcome) -> None:
-        if isinstance(outcome.error, Cancelled):
+    def _conclude(self, result: Any) -> None:
+        if self._order is None:
+            self._show_layers(result)
             return
-        if isinstance(outcome.error, notices.EXPECTED):
-            notices.warn(notices.sentence(outcome.error))
-            return
-        if outcome.error is not None:
-            raise outcome.error
-        with notices.spoken():
-            if self._order is None:
-                self._show_layers(outcome.result)
-                return
-            self._put_on_stage(self._order, outcome.result)
-            self.fold.setChecked(True)
-            if self._then is not None:
-                self._then()
+        self._put_on_stage(self._order, result)
+        self.fold.setChecked(True)
+        if self._then is not None:
+            self._then()
 
     def _put_on_stage(self, order: _Order, prepared: Prepared) -> None:
         labels = order.labels
@@ -247,7 +208,7 @@ class SegmentSection(Section):
         )
 
     def _add_sample(self) -> None:
-        if not self.job.running:
+        if not self.waiting.running:
             self._begin(lambda progress: packed_bag(progress=progress))
 
     def _show_layers(self, layers: list[LayerData]) -> None:
@@ -256,7 +217,7 @@ class SegmentSection(Section):
 
     def end(self) -> None:
         """Stop all work and all listening, for good."""
-        self.job.cancel()
+        self.waiting.stop()
         self._bench.viewer.layers.selection.events.active.disconnect(self._follow_selection)
         self.volume_box.close_links()
         self.labels_box.close_links()

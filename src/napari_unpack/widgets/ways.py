@@ -101,13 +101,12 @@ class Ways(QObject):
         if asked is None or session is None or session is not asked[0]:
             return
         with spoken():
-            if outcome.error is not None:
-                raise outcome.error
+            result = outcome.get()
             if asked[1] == "survey":
-                if session.accept_survey(outcome.result):
+                if session.accept_survey(result):
                     self.best.emit(session.way_out())
-            elif session.accept_reveal(outcome.result):
-                self._settle(outcome.result.unearthing)
+            elif session.accept_reveal(result):
+                self._settle(result.unearthing)
         if waiting is not None:
             kind, object_id = waiting
             self.look() if kind == "survey" else self.reveal(object_id)
