@@ -11,7 +11,7 @@ import traceback
 from pathlib import Path
 
 from benchmarks import plots, table
-from benchmarks.napari_peer import keep_screen_for_children
+from benchmarks.on_screen import keep_screen_for_children
 from benchmarks.row import Row
 from benchmarks.rows import ORDER, chosen
 from benchmarks.scenes import Scenes

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
-
-import numpy as np
-
+from benchmarks.on_screen import numbers, run_on_packing, screen_environment
 from benchmarks.scenes import Scenes
 
 _SCRIPT = """
@@ -32,44 +25,9 @@ viewer.close()
 """
 
 
-SCREEN = "NAPARI_UNPACK_SCREEN"
-"""Where the display's name is kept from this process, in which VTK's GL and ours share EGL."""
-
-
-def keep_screen_for_children() -> None:
-    """Take the display away from this process, which draws offscreen, and remember it."""
-    display = os.environ.pop("DISPLAY", None)
-    if display:
-        os.environ[SCREEN] = display
-    os.environ["PYOPENGL_PLATFORM"], os.environ["EGL_PLATFORM"] = "egl", "surfaceless"
-
-
-def screen_environment() -> dict[str, str] | None:
-    """Return the environment for a process with windows, None where there is no screen."""
-    if SCREEN not in os.environ:
-        return None
-    offscreen = ("PYOPENGL_PLATFORM", "EGL_PLATFORM", SCREEN)
-    kept = {k: v for k, v in os.environ.items() if k not in offscreen}
-    return kept | {"DISPLAY": os.environ[SCREEN]}
-
-
 def napari_frame_ms(scenes: Scenes) -> float | None:
     """Return the time of one frame while the camera turns, None where there is no screen."""
-    environment = screen_environment()
-    if environment is None:
+    if screen_environment() is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "packing.npz"
-        np.savez(path, volume=scenes.packing.volume, labels=scenes.packing.labels)
-        done = subprocess.run(
-            [sys.executable, "-c", _SCRIPT, str(path), str(scenes.canvas[0])],
-            capture_output=True,
-            text=True,
-            timeout=180,
-            check=False,
-            env=environment,
-        )
-    for line in done.stdout.splitlines():
-        if line.startswith("seconds"):
-            return float(line.split()[1]) * 1e3
-    return None
+    found = numbers(run_on_packing(_SCRIPT, scenes, str(scenes.canvas[0])), "seconds")
+    return found[0][0] * 1e3 if found else None

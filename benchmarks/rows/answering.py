@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
-
-import numpy as np
-
-from benchmarks.napari_peer import screen_environment
+from benchmarks.on_screen import failure, numbers, run_on_packing, screen_environment
 from benchmarks.row import Row, ms
 from benchmarks.scenes import Scenes
 
@@ -58,25 +51,16 @@ viewer.close()
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    environment = screen_environment()
-    if environment is None:
+    if screen_environment() is None:
         return [Row.not_measured(WHAT, WORK, "no screen", GOAL)]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "packing.npz"
-        np.savez(path, volume=scenes.packing.volume, labels=scenes.packing.labels)
-        return [_row(path, state, more, environment) for state, more in STATES.items()]
+    return [_row(scenes, state, more) for state, more in STATES.items()]
 
 
-def _row(path: Path, state: str, more: str, environment: dict[str, str]) -> Row:
-    run = subprocess.run(
-        [sys.executable, "-c", _SCRIPT, str(path), state],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=True,
-    )
-    times = [float(line.split()[1]) for line in run.stdout.splitlines() if "answered" in line]
+def _row(scenes: Scenes, state: str, more: str) -> Row:
+    run = run_on_packing(_SCRIPT, scenes, state)
+    times = [seconds for (seconds,) in numbers(run, "answered")]
+    if len(times) < 2:
+        return Row.not_measured(WHAT, WORK + more, failure(run), GOAL)
     # The first loads kernels and code.
     best, worst = 1e3 * min(times[1:]), 1e3 * max(times[1:])
     return Row(WHAT, WORK + more, f"{ms(best)} to {ms(worst)}", "", "", GOAL, worst <= 100)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
-from benchmarks.napari_peer import screen_environment
+from benchmarks.on_screen import failure, numbers, run_script, screen_environment
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
 
@@ -26,28 +23,15 @@ viewer.close()
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    environment = screen_environment()
-    if environment is None:
+    if screen_environment() is None:
         return [Row.not_measured(WHAT, WORK, "no screen", GOAL)]
-    best: tuple[float, float] | None = None
+    found: list[list[float]] = []
     for _ in range(1 if scenes.quick else 2):
-        done = subprocess.run(
-            [sys.executable, "-c", _SCRIPT],
-            capture_output=True,
-            text=True,
-            timeout=180,
-            check=False,
-            env=environment,
-        )
-        lines = [line for line in done.stdout.splitlines() if line.startswith("seconds")]
-        if not lines:
-            reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            return [Row.not_measured(WHAT, WORK, reason[:60], GOAL)]
-        napari, plugin = map(float, lines[0].split()[1:])
-        if best is None or plugin < best[1]:
-            best = napari, plugin
-    assert best is not None
-    napari, plugin = best
+        run = run_script(_SCRIPT)
+        found += numbers(run, "seconds")
+        if not found:
+            return [Row.not_measured(WHAT, WORK, failure(run), GOAL)]
+    napari, plugin = min(found, key=lambda times: times[1])
     return [
         Row(
             WHAT,

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
-
-import numpy as np
-
-from benchmarks.napari_peer import screen_environment
+from benchmarks.on_screen import failure, numbers, run_on_packing, screen_environment
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
 
@@ -52,25 +45,13 @@ viewer.close()
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    environment = screen_environment()
-    if environment is None:
+    if screen_environment() is None:
         return [Row.not_measured(WHAT, WORK, "no screen", GOAL)]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "packing.npz"
-        np.savez(path, volume=scenes.packing.volume, labels=scenes.packing.labels)
-        done = subprocess.run(
-            [sys.executable, "-c", _SCRIPT, str(path), str(scenes.canvas[0])],
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-            env=environment,
-        )
-    lines = [line for line in done.stdout.splitlines() if line.startswith("fps")]
-    if not lines:
-        reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        return [Row.not_measured(WHAT, WORK, reason[:60], GOAL)]
-    pictures, events = map(float, lines[0].split()[1:])
+    run = run_on_packing(_SCRIPT, scenes, str(scenes.canvas[0]))
+    found = numbers(run, "fps")
+    if not found:
+        return [Row.not_measured(WHAT, WORK, failure(run), GOAL)]
+    pictures, events = found[0]
     return [
         Row(
             WHAT,

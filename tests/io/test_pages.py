@@ -103,5 +103,5 @@ def test_every_picture_shows_its_object(page):
 
 
 def test_another_suffix_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"must end in .html, got 'a.txt'"):
+    with pytest.raises(ValueError, match=r"must end in .html or .htm, got 'a.txt'"):
         save_objects_page(None, tmp_path / "a.txt")

@@ -10,6 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def checked_target(path: str | Path, *suffixes: str) -> Path:
+    """Return where a file goes.
+
+    Raises
+    ------
+    ValueError
+        If its name ends in none of the suffixes, upper or lower case.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise ValueError(f"path must end in {' or '.join(suffixes)}, got {target.name!r}")
+    return target
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Give a temporary path that replaces `path` on success and vanishes on any error.

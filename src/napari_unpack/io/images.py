@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import checked_target, written_whole
 
 
 def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
@@ -62,9 +62,7 @@ def save_png(image: NDArray[Any], path: str | Path) -> Path:
     """
     import imageio.v3 as iio
 
-    target = Path(path)
-    if target.suffix.lower() != ".png":
-        raise ValueError(f"path must end in .png, got {str(path)!r}")
+    target = checked_target(path, ".png")
     pixels = image if image.dtype == np.uint8 else straight_bytes(image)
     with written_whole(target) as temporary:
         iio.imwrite(temporary, pixels, extension=".png")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import checked_target, written_whole
 from napari_unpack.io.headless import Progress, framed, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.page_parts import SCRIPT, STYLE
@@ -76,9 +76,7 @@ def save_objects_page(
     ValueError
         If the file is to be no .html.
     """
-    target = Path(path)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"path must end in .html, got {target.name!r}")
+    target = checked_target(path, ".html", ".htm")
     tell = progress or (lambda fraction, text: None)
     tell(0.0, "Drawing the bag")
     shown = twin(session, packed=False)

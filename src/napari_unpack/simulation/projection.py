@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from napari_unpack.simulation.scanner import HIGHEST, gaussian
+from napari_unpack.simulation.scanner import HIGHEST, check_least, gaussian
 from napari_unpack.simulation.tomography import ParallelBeam
 
 ENERGIES = np.array([50.0, 70.0, 100.0])
@@ -71,14 +71,9 @@ class ProjectionScanner:
     threads: int = 2
 
     def __post_init__(self) -> None:
-        for name, least in (("photons", 1.0), ("electronic", 0.0), ("thickness", 0.0)):
-            value = getattr(self, name)
-            if not np.isfinite(value) or value < least:
-                raise ValueError(f"{name} of the scanner must be {least:g} or more, got {value!r}")
-        for name in ("views", "threads"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f"{name} of the scanner must be 1 or more, got {value!r}")
+        check_least(self, photons=1.0, electronic=0.0, thickness=0.0, threads=1)
+        if self.views is not None:
+            check_least(self, views=1)
 
     def scan(
         self,

@@ -13,6 +13,14 @@ from napari_unpack.simulation.streaks import add_streaks
 HIGHEST = 32000
 
 
+def check_least(scanner: object, **least: float) -> None:
+    """Raise `ValueError` where a setting of a scanner is less than this, or not finite."""
+    for name, limit in least.items():
+        value = getattr(scanner, name)
+        if not np.isfinite(value) or value < limit:
+            raise ValueError(f"{name} of the scanner must be {limit:g} or more, got {value!r}")
+
+
 @dataclass(frozen=True)
 class Scanner:
     """Settings of a scanner.
@@ -40,10 +48,7 @@ class Scanner:
     starvation: float = 0.25
 
     def __post_init__(self) -> None:
-        for name in ("blur", "noise", "streaks", "starvation"):
-            value = getattr(self, name)
-            if not np.isfinite(value) or value < 0:
-                raise ValueError(f"{name} of the scanner must be 0 or more, got {value!r}")
+        check_least(self, blur=0.0, noise=0.0, streaks=0.0, starvation=0.0)
         if self.blur > 6:
             raise ValueError(f"blur of the scanner must be 6 voxels or less, got {self.blur!r}")
 

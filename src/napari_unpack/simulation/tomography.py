@@ -108,40 +108,37 @@ def _project(plane, sinogram, pitch, dy, dx):  # type: ignore[no-untyped-def]
     height, width = plane.shape
     views, detectors = sinogram.shape
     middle_y, middle_x = (height - 1) / 2, (width - 1) / 2
+    columns = np.ascontiguousarray(plane.T)
     for view in range(views):
         angle = math.pi * (view + 0.5) / views
         cosine, sine = math.cos(angle), math.sin(angle)
         along_x = abs(sine) * dx >= abs(cosine) * dy
         for cell in range(detectors):
             s = (cell - (detectors - 1) / 2) * pitch
-            total = 0.0
             if along_x:
                 at = (s + middle_x * dx * cosine) / (sine * dy) + middle_y
-                slope = -cosine * dx / (sine * dy)
-                for x in range(width):
-                    low = math.floor(at)
-                    share = at - low
-                    row = int(low)
-                    if 0 <= row < height:
-                        total += plane[row, x] * (1.0 - share)
-                    if 0 <= row + 1 < height:
-                        total += plane[row + 1, x] * share
-                    at += slope
-                total *= dx / abs(sine)
+                total = _along(columns, at, -cosine * dx / (sine * dy)) * dx / abs(sine)
             else:
                 at = (s + middle_y * dy * sine) / (cosine * dx) + middle_x
-                slope = -sine * dy / (cosine * dx)
-                for y in range(height):
-                    low = math.floor(at)
-                    share = at - low
-                    col = int(low)
-                    if 0 <= col < width:
-                        total += plane[y, col] * (1.0 - share)
-                    if 0 <= col + 1 < width:
-                        total += plane[y, col + 1] * share
-                    at += slope
-                total *= dy / abs(cosine)
+                total = _along(plane, at, -sine * dy / (cosine * dx)) * dy / abs(cosine)
             sinogram[view, cell] = total
+
+
+@njit(cache=True, nogil=True)
+def _along(lines, at, slope):  # type: ignore[no-untyped-def]
+    """Sum what a ray meets in every line, from position `at` in the first, linearly between."""
+    count, length = lines.shape
+    total = 0.0
+    for line in range(count):
+        low = math.floor(at)
+        share = at - low
+        index = int(low)
+        if 0 <= index < length:
+            total += lines[line, index] * (1.0 - share)
+        if 0 <= index + 1 < length:
+            total += lines[line, index + 1] * share
+        at += slope
+    return total
 
 
 @njit(cache=True, nogil=True)
