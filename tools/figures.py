@@ -21,13 +21,15 @@ from napari_unpack.session.pictures import compose, object_patch, packed_patch, 
 
 PANEL = (640, 820)
 LINE = 4
+EDGE = 24
 LOOKING = (0.45, 0.75, 0.35)
 BACK = (0.055, 0.063, 0.078)
 
 Image = NDArray[np.float32]
+Direction = tuple[float, float, float]
 
 
-def draw(session: Any, gallery: Path, name: str) -> None:
+def draw(session: Any, gallery: Path, name: str, looking: Direction = LOOKING) -> None:
     """Draw all figures of a session, which is packed before and after.
 
     Parameters
@@ -37,9 +39,11 @@ def draw(session: Any, gallery: Path, name: str) -> None:
         Folder.
     name : str
         First word of the files.
+    looking : (float, float, float)
+        Direction of looking, z y x.
     """
     session.canvas_size = PANEL
-    session.view = View(LOOKING, fov=18.0)
+    session.view = View(looking, fov=18.0)
     session.look(session.overview())
     session.recolor()
     for number, figure in (
@@ -128,23 +132,23 @@ def _buried(session: Any) -> tuple[int, Any]:
     """Return an object for which a handful must leave, the largest of them."""
     voxels = session.objects["voxels"]
     answer = session.answer_along(session.unpack_direction)
-    best = None
+    buried = []
     for object_id in sorted(session.ids, key=lambda i: -voxels[i]):
         if answer.blocking.blockers([object_id]):
-            found = session.unearthing(object_id)
-            if best is None or len(found.first) > len(best[1].first):
-                best = object_id, found
-            if 3 <= len(found.first) <= 6:
-                break
-    assert best is not None
-    return best
+            buried.append((object_id, session.unearthing(object_id)))
+            if 3 <= len(buried[-1][1].first) <= 6:
+                return buried[-1]
+    return min(buried, key=lambda one: abs(len(one[1].first) - 4))
 
 
 def _interest(session: Any, object_id: int) -> float:
-    """Return how much there is to see of an object: large, and no plain box."""
+    """Return how much there is to see of an object: large, solid to the eye, and no plain box."""
     box = np.prod(np.ptp(session.boxes.corners(object_id, session.spacing), axis=0))
-    facts = session.objects.loc[object_id]
-    return float(facts["volume_mm3"] ** 0.5 * (1.0 - facts["volume_mm3"] / box))
+    volume = session.objects.loc[object_id, "volume_mm3"]
+    inside = session.labels[session.boxes.slices(object_id)] == object_id
+    densities = session.volume[session.boxes.slices(object_id)][inside]
+    opacity = session.transfer_function.opacity_at(densities).mean()
+    return float(volume**0.5 * (1.0 - volume / box) * opacity)
 
 
 def _flight(session: Any) -> Image:
@@ -174,8 +178,17 @@ def _scene(session: Any) -> Image:
     return np.array(scene(session, camera, PANEL))
 
 
+def _trimmed(pictures: list[Image]) -> list[Image]:
+    """Take away the rows above and below that are empty in all pictures."""
+    drawn = np.any([np.abs(p[..., :3] - BACK).max(axis=2) > 0.03 for p in pictures], axis=(0, 2))
+    rows = np.flatnonzero(drawn)
+    low, high = max(rows[0] - EDGE, 0), min(rows[-1] + EDGE + 1, len(drawn))
+    return [picture[low:high] for picture in pictures]
+
+
 def _grid(pictures: list[Image], columns: int) -> Image:
     """Lay pictures side by side with a line between them, (H, W, 4)."""
+    pictures = _trimmed(pictures)
     height, width = pictures[0].shape[:2]
     rows = -(-len(pictures) // columns)
     whole = np.zeros((rows * (height + LINE) - LINE, columns * (width + LINE) - LINE, 4))

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from figures import LOOKING
 from figures import draw as draw_figures
 from gallery_pictures import draw, opened
 
@@ -19,6 +20,7 @@ from napari_unpack.widgets.demo import run
 
 ROOT = Path(__file__).parents[1]
 BACKPACK = ROOT.parent / "shared" / "data" / "backpack.npz"
+FROM_ABOVE = (0.3, 0.25, 1.0)
 PICTURES = ("window", "packed", "flight", "unpacked", "inspect")
 
 
@@ -39,12 +41,10 @@ def main(gallery: Path) -> None:
         else:
             scan = load_volume(source)
             labels = segment(scan.volume, scan.spacing).labels
-            session = opened(scan.volume, labels, scan.spacing, (0.3, 0.25, 1.0))
+            session = opened(scan.volume, labels, scan.spacing, FROM_ABOVE)
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
-        # Of the backpack one sees cloth first, and fragments of it leave first.
-        if source is None:
-            draw_figures(session, gallery, name)
+        draw_figures(session, gallery, name, LOOKING if source is None else FROM_ABOVE)
 
 
 if __name__ == "__main__":
