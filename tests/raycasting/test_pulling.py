@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.raycasting.bricks import Bricks
-from napari_unpack.raycasting.pulling import met_when_pulled, whole_shifts
+from napari_unpack.raycasting.pulling import Pulling, met_when_pulled, whole_shifts
 
 
 def brute(labels, way, visible):
@@ -89,3 +89,26 @@ def test_above_4096_objects_there_is_no_table():
         met_when_pulled(np.zeros((2, 2, 2), np.uint16), (1, 1, 1), (1, 0, 0), np.ones(5000, bool))
         is None
     )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_one_object_moved_alone_meets_whom_it_meets_among_all(seed):
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 6, (5, 6, 7)).astype(np.uint16)
+    labels = labels.repeat(3, 0).repeat(3, 1).repeat(3, 2)
+    labels[rng.random(labels.shape) < 0.3] = 0
+    visible = np.array([False, True, True, seed % 2 == 0, True, True])
+    direction = rng.normal(size=3)
+    ids, blocks = brute(labels, direction, visible)
+    pulling = Pulling.of(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
+    for column, label in enumerate(ids):
+        where = np.argwhere(labels == label)
+        box = tuple(
+            slice(a, b + 1) for a, b in zip(where.min(axis=0), where.max(axis=0), strict=True)
+        )
+        wanted = {int(i) for i in ids[blocks[:, column]]}
+        assert pulling.blockers(int(label), box, 9) == wanted
+        # Where one is enough, one is found if there is any, and nobody who is not met.
+        some = pulling.blockers(int(label), box, 0)
+        assert some <= wanted
+        assert bool(some) == bool(wanted)

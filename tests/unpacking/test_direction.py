@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
@@ -102,3 +105,48 @@ def test_an_object_already_broadside_only_gets_the_slant():
     plate = oriented_box(turned_box((2, 40, 60), np.eye(3)))
     turn = broad_side(plate, np.eye(3), slant=(18.0, -24.0))
     assert turn[0] @ [1, 0, 0] == pytest.approx(np.cos(np.radians(18)) * np.cos(np.radians(24)))
+
+
+def least_by_all_faces(points, thickness):
+    """Try every face of the hull of the voxels' corners with a fine turn about its normal."""
+    half = np.array(np.meshgrid(*[(-t / 2, t / 2) for t in thickness])).reshape(3, -1).T
+    hull = ConvexHull((points[:, None] + half).reshape(-1, 3))
+    corners, best = hull.points[hull.vertices], np.inf
+    for normal in np.unique(hull.equations[:, :3].round(3), axis=0):
+        u = np.linalg.svd(normal[None])[2][1:]
+        deep = np.ptp(corners @ (normal / np.linalg.norm(normal)))
+        for angle in np.linspace(0, np.pi / 2, 60, endpoint=False):
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            best = min(best, deep * np.prod(np.ptp(corners @ (turn @ u).T, axis=0)))
+    return best
+
+
+@pytest.mark.parametrize("kind", ["ball", "bottle", "wedge", "banana"])
+def test_a_box_found_among_a_few_faces_is_near_the_least_and_holds_everything(kind):
+    z, y, x = np.indices((40, 44, 48)) - 20.0
+    mask = {
+        "ball": z**2 + 1.5 * y**2 + x**2 < 300,
+        "bottle": (z**2 + y**2 < np.where(x > 8, 12, 90)) & (np.abs(x - 2) < 20),
+        "wedge": (z > -9) & (y > -9) & (x > -12) & (z + y + 0.4 * x < 6),
+        "banana": (np.hypot(z, y) - 13) ** 2 + x**2 < 14,
+    }[kind]
+    points = np.argwhere(mask) @ np.diag([1.2, 1.0, 0.8])
+    found = oriented_box(points, (1.2, 1.0, 0.8))
+    along = (points - found.center) @ found.axes.T
+    assert (np.abs(along) <= found.size / 2 + 1e-9).all()
+    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-9)
+    least = least_by_all_faces(points, (1.2, 1.0, 0.8))
+    assert np.prod(found.size) <= 1.03 * least
+
+
+def test_few_faces_are_looked_at_closely_however_round_a_thing_is(monkeypatch):
+    z, y, x = np.indices((60, 60, 60)) - 29.5
+    points = np.argwhere(z**2 + y**2 + x**2 < 800).astype(float)
+    module, closely = importlib.import_module("napari_unpack.unpacking.oriented_box"), []
+    whole = module._least_rectangle
+    monkeypatch.setattr(
+        module, "_least_rectangle", lambda *given: closely.append(len(given[0])) or whole(*given)
+    )
+    oriented_box(points, (1.0, 1.0, 1.0))
+    assert len(closely) <= 20
+    assert max(closely) < 1500

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.unpacking import Blocking, groups, reveal
-from napari_unpack.unpacking.groups import blocking_graph
+from napari_unpack.unpacking.groups import blocking_graph, leading_groups
 
 IDS = [2, 3, 5, 7, 9]
 
@@ -81,3 +81,30 @@ def test_departures_take_everyone_once_and_nobody_before_a_blocker(pairs):
             if b in group and a not in group:
                 assert a in gone
         gone.update(group)
+
+
+@given(st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), max_size=9), st.randoms())
+@settings(max_examples=200, deadline=None)
+def test_asked_one_by_one_the_same_groups_lead_as_in_the_whole_graph(pairs, random) -> None:
+    pairs = [(a, b) for a, b in pairs if a != b]
+    order = random.sample(IDS, len(IDS))
+    most = random.randint(1, 4)
+
+    def blockers(object_id: int, enough: int) -> frozenset[int]:
+        found = sorted({a for a, b in pairs if b == object_id})
+        return frozenset(found[: enough + 1])
+
+    found = list(leading_groups(order, blockers, most))
+    whole = [g for g in blocking(*pairs).free_groups() if len(g) <= most]
+    assert found == sorted(whole, key=lambda group: min(order.index(i) for i in group))
+
+
+def test_the_first_to_leave_is_found_without_asking_about_those_behind() -> None:
+    asked = []
+
+    def blockers(object_id: int, enough: int) -> frozenset[int]:
+        asked.append(object_id)
+        return frozenset({9} if object_id == 2 else ())
+
+    assert next(leading_groups([2, 9, 3, 5, 7], blockers, 1)) == (9,)
+    assert asked == [2, 9]

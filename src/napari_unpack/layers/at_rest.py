@@ -21,7 +21,7 @@ class AtRest:
     session : Session
         Whose hues and queue.
     jobs : Jobs
-        With the lane "rest".
+        With the lanes "rest" and "queue".
     recolors : callable
         Returns whether to choose hues now.
     warm : callable
@@ -66,7 +66,7 @@ class AtRest:
             return
         leaving = self._session.occlusion_question()
         if leaving is not None:
-            self._jobs.ask("rest", "queue", leaving.answer, self._accept)
+            self._jobs.ask("queue", "queue", leaving.answer, self._accept)
         if self._recolors():
             hues = self._session.hue_question()
             self._jobs.ask("rest", "hues", hues.answer, lambda found: self._take(found, state))

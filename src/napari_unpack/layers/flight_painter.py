@@ -29,7 +29,7 @@ class FlightPainter:
     session : Session
         Whose objects.
     jobs : Jobs
-        With the lane "quick".
+        With the lane "moving".
     show : callable
         Given {id: Shot}; the newest picture of everything that was asked for last.
     studio : Studio
@@ -69,7 +69,7 @@ class FlightPainter:
             self._expose(moving, frame)
             return
         asked, share = dict(moving), self._share
-        self._jobs.ask("quick", "moving", lambda: self._work(asked, frame, share), self._done)
+        self._jobs.ask("moving", "moving", lambda: self._work(asked, frame, share), self._done)
 
     def _work(
         self, moving: Mapping[int, Moving], frame: Frame, share: float

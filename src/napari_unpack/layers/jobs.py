@@ -106,6 +106,13 @@ class Jobs:
         """
         found: list[Any] = []
         self.ask(lane, key, work, found.append)
+        self.wait(key)
+        return found[0] if found else None
+
+    def wait(self, key: str) -> None:
+        """Wait until no job of a key runs or waits, drawing meanwhile; see `do`."""
+        if not self.has(key):
+            return
         QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
             while self.has(key) and not self._closed:
@@ -115,7 +122,6 @@ class Jobs:
                 )
         finally:
             QGuiApplication.restoreOverrideCursor()
-        return found[0] if found else None
 
     def drop(self, key: str) -> None:
         """Forget what waits under a key."""

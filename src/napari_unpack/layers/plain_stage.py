@@ -18,7 +18,7 @@ from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.stage import Stage
 from napari_unpack.layers.stage_events import StageEvents
-from napari_unpack.layers.steering import point_camera, wait_until
+from napari_unpack.layers.steering import know_who_leaves, point_camera, wait_until
 from napari_unpack.layers.studio import BACKENDS
 
 OPACITY = 0.9
@@ -58,7 +58,7 @@ class PlainStage:
         )
         self.packed.spacing = spacing
         self.packed.editable = False
-        self._jobs = Jobs(("rest",), self.events.message.emit)
+        self._jobs = Jobs(("rest", "queue"), self.events.message.emit)
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, lambda: None)
 
     @property
@@ -123,7 +123,9 @@ class PlainStage:
 
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Take free objects out, or these; see `Session.unpack`."""
-        return self.session.unpack(n_or_ids)
+        wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
+        know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
+        return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Put the latest back, or these; see `Session.restore`."""

@@ -42,7 +42,7 @@ class Projector:
     session : Session
     packed, transition, sprites : layers
     jobs : Jobs
-        With the lanes "quick" and "fine".
+        With the lanes "moving", "quick" and "fine".
     drawn : callable
         Called after a picture of moving objects was shown.
     landed : callable

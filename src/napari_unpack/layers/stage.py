@@ -25,14 +25,14 @@ from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.stage_events import StageEvents
-from napari_unpack.layers.steering import know_who_is_free, point_camera, run_to, wait_until
+from napari_unpack.layers.steering import know_who_leaves, point_camera, run_to, wait_until
 from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.warming import Warming
 
 RIGHT_HANDED = ("towards", "down", "right")
-LANES = ("quick", "fine", "rest")
+LANES = ("moving", "quick", "fine", "rest", "queue")
 
 
 class Stage(Hands):
@@ -202,8 +202,9 @@ class Stage(Hands):
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly free objects out, or these; see `Session.unpack`."""
         self._projector.end_inspection()
-        know_who_is_free(self.session, self._jobs)
-        return self.session.unpack(n_or_ids)
+        wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
+        know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
+        return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly objects back, or these; see `Session.restore`."""
@@ -215,7 +216,7 @@ class Stage(Hands):
         self._projector.end_inspection()
         if not flying:
             self.finish()
-        return run_to(self.session, self._jobs, step, flying)
+        return run_to(self.session, self._jobs, step, flying, self.events.looking.emit)
 
     def undo(self) -> Any:
         """Take back the last step, a turn given during an inspection included."""

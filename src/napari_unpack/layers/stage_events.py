@@ -9,7 +9,8 @@ class StageEvents(SignalGroup):
     """What a stage tells.
 
     frame: a picture of moving objects was shown. landed: a flight has ended, its object's ID.
-    message: a sentence for the user. closed: the stage is off. drawn: a direction was drawn, or
+    message: a sentence for the user. closed: the stage is off. looking: whether a command
+    waits until it is known who is free. drawn: a direction was drawn, or
     that was called off.
     """
 
@@ -18,3 +19,4 @@ class StageEvents(SignalGroup):
     message = Signal(str)
     closed = Signal()
     drawn = Signal()
+    looking = Signal(bool)

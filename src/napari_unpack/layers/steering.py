@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any
 
@@ -12,6 +12,9 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world
 from napari_unpack.layers.view_camera import napari_view
+
+GLIMPSE_SECONDS = 0.04
+"""How long objects are moved one by one before the question goes to a worker."""
 
 
 def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
@@ -48,26 +51,62 @@ def wait_until(settled: Callable[[], bool], seconds: float) -> bool:
     return False
 
 
-def know_who_is_free(session: Any, jobs: Jobs) -> None:
-    """Have the session's question answered in a worker, drawing meanwhile."""
-    question = session.occlusion_question()
-    if question is not None:
-        answer = jobs.do("fine", "who is free", question.answer)
+def know_who_leaves(
+    session: Any,
+    jobs: Jobs,
+    n_or_ids: int | Iterable[int] | None,
+    looking: Callable[[bool], None],
+) -> None:
+    """Find out what it takes to unpack so many or these.
+
+    Parameters
+    ----------
+    session : Session
+    jobs : Jobs
+        With the lane "queue".
+    n_or_ids : int or iterable of int or None
+        See `Session.unpack`; None asks for the whole answer.
+    looking : callable
+        Told True when it takes longer than a moment, and False after.
+
+    Notes
+    -----
+    At once where moving a few objects tells; the whole answer is then asked for when everything
+    is at rest. Else that answer is waited for, drawing meanwhile.
+    """
+    question = None if n_or_ids is None else session.glimpse_question(n_or_ids)
+    glimpse = None if question is None else question.answer(GLIMPSE_SECONDS)
+    if glimpse is not None and session.accept_glimpse(glimpse):
+        return
+    if session.occlusion_question() is None:
+        return
+    looking(True)
+    try:
+        # What was asked at rest may be the same.
+        jobs.wait("queue")
+        whole = session.occlusion_question()
+        answer = None if whole is None else jobs.do("queue", "queue", whole.answer)
         if answer is not None:
             session.accept_answer(answer)
+    finally:
+        looking(False)
 
 
-def run_to(session: Any, jobs: Jobs, step: int, flying: bool) -> int:
+def run_to(
+    session: Any, jobs: Jobs, step: int, flying: bool, looking: Callable[[bool], None]
+) -> int:
     """Run the unpacking to a step; see `Session.go_to`.
 
     Parameters
     ----------
     session : Session
     jobs : Jobs
-        With the lane "fine".
+        With the lane "queue".
     step : int
     flying : bool
         Whether objects fly there; else they are there at once.
+    looking : callable
+        See `know_who_leaves`.
 
     Returns
     -------
@@ -75,7 +114,8 @@ def run_to(session: Any, jobs: Jobs, step: int, flying: bool) -> int:
         The step reached.
     """
     if step > len(session.steps):
-        know_who_is_free(session, jobs)
+        one_more = step == session.step + 1
+        know_who_leaves(session, jobs, 1 if one_more else None, looking)
     animated = session.animated
     session.animated = animated and flying
     try:

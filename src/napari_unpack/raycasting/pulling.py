@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
@@ -60,27 +62,125 @@ def met_when_pulled(
     step on, which is of the object too, would have met it one shift earlier. Cost: those voxels
     times the way.
     """
-    ids = np.flatnonzero(visible)
-    if len(ids) > MOST_IN_TABLE:
+    if np.count_nonzero(visible) > MOST_IN_TABLE:
         return None
-    slots = np.full(len(visible), -1, np.int32)
-    slots[ids] = np.arange(len(ids))
-    shifts = whole_shifts(np.asarray(direction, float) / np.asarray(spacing, float), labels.shape)
-    steps = np.unique(np.diff(shifts, axis=0, prepend=np.zeros((1, 3), np.int64)), axis=0)
-    blocks = np.zeros((len(ids), len(ids)), np.bool_)
+    pulling = Pulling.of(labels, spacing, direction, visible, bricks)
     moving = visible if pulled is None else visible & pulled
-    owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
-    if bricks is not None:
-        owners = bricks.owners(visible)
-        distance = strides(owners, (shifts[-1] >= 0).tolist())
-    signs = np.sign(shifts[-1])
+    columns = np.where(moving, pulling.rows, -1).astype(np.int32)
+    blocks = np.zeros((len(pulling.ids), len(pulling.ids)), np.bool_)
 
     def work(_: None, first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
-        _pull(labels, slots, moving, shifts, steps, signs, owners, distance, first, last, blocks)
+        pulling.into(blocks, columns, (slice(first, last), slice(None), slice(None)))
 
     over_bands(labels.shape[0], work, lambda: None, threads)
-    return ids, blocks
+    return pulling.ids, blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Pulling:
+    """What moving objects along one direction takes, made once for all of them.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs, C-contiguous.
+    ids : (n,) ndarray of int64
+        The visible IDs, ascending.
+    rows : (M,) ndarray of int32
+        By ID, its place in `ids`; -1 for what is not visible.
+    shifts, steps : (k, 3), (m, 3) ndarray of int64
+        Whole-voxel shifts on the way out, and the different steps between them.
+    owners, distance : (Bz, By, Bx) ndarray of int32 and uint8
+        See `Bricks.owners` and `strides`; empty where every voxel is looked at.
+    """
+
+    labels: NDArray[np.uint16]
+    ids: NDArray[np.int64]
+    rows: NDArray[np.int32]
+    shifts: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    owners: NDArray[np.int32]
+    distance: NDArray[np.uint8]
+
+    @classmethod
+    def of(
+        cls,
+        labels: NDArray[np.uint16],
+        spacing: ArrayLike,
+        direction: ArrayLike,
+        visible: NDArray[np.bool_],
+        bricks: Bricks | None = None,
+    ) -> Pulling:
+        """Make ready; arguments as for `met_when_pulled`."""
+        ids = np.flatnonzero(visible)
+        rows = np.full(len(visible), -1, np.int32)
+        rows[ids] = np.arange(len(ids))
+        way = np.asarray(direction, float) / np.asarray(spacing, float)
+        shifts = whole_shifts(way, labels.shape)
+        steps = np.unique(np.diff(shifts, axis=0, prepend=np.zeros((1, 3), np.int64)), axis=0)
+        owners, distance = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.uint8)
+        if bricks is not None:
+            owners = bricks.owners(visible)
+            distance = strides(owners, (shifts[-1] >= 0).tolist())
+        return cls(labels, ids, rows, shifts, steps, owners, distance)
+
+    def blockers(
+        self, object_id: int, box: tuple[slice, ...], most: int, threads: int | None = None
+    ) -> frozenset[int]:
+        """Move one object and return whom it meets.
+
+        Parameters
+        ----------
+        object_id : int
+            A visible one.
+        box : (3,) tuple of slice
+            Where its voxels are.
+        most : int
+            Found more than so many, it looks no further: the answer then holds more than
+            `most`, and not all.
+        threads : int, optional
+            Workers, by default one a core.
+        """
+        blocks = np.zeros((len(self.ids), 1), np.bool_)
+        columns = np.full(len(self.rows), -1, np.int32)
+        columns[object_id] = 0
+        start = box[0].start
+
+        def work(_: None, first: int, last: int) -> None:
+            if np.count_nonzero(blocks) <= most:
+                part = slice(start + first, start + last)
+                self.into(blocks, columns, (part, *box[1:]), most)
+
+        over_bands(box[0].stop - start, work, lambda: None, threads)
+        return frozenset(int(i) for i in self.ids[blocks[:, 0]])
+
+    def into(
+        self,
+        blocks: NDArray[np.bool_],
+        columns: NDArray[np.int32],
+        box: tuple[slice, ...],
+        most: int = MOST_IN_TABLE**2,
+    ) -> None:
+        """Move what lies in a box and write down who is met.
+
+        Parameters
+        ----------
+        blocks : (n, m) ndarray of bool
+            Row blocks column; written to.
+        columns : (M,) ndarray of int32
+            By ID, the column of who is to be moved; -1 for others.
+        box : (3,) tuple of slice
+            Of voxels.
+        most : int
+            After so many new entries it stops.
+        """
+        parts = zip(box, self.labels.shape, strict=True)
+        (z0, z1, _), (y0, y1, _), (x0, x1, _) = (part.indices(n) for part, n in parts)
+        _pull(
+            self.labels, self.rows, columns, self.shifts, self.steps, np.sign(self.shifts[-1]),
+            self.owners, self.distance, (z0, y0, x0), (z1, y1, x1), most, blocks,
+        )  # fmt: skip
 
 
 def whole_shifts(way: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.int64]:
@@ -104,16 +204,17 @@ def whole_shifts(way: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np
 
 @njit(cache=True, nogil=True)
 def _pull(  # type: ignore[no-untyped-def]
-    labels, slots, moving, shifts, steps, signs, owners, distance, first, last, blocks
+    labels, rows, columns, shifts, steps, signs, owners, distance, lower, upper, most, blocks
 ):
     depth, height, width = labels.shape
     skip = distance.size > 0
-    for z in range(first, last):
-        for y in range(height):
-            for x in range(width):
+    found = 0
+    for z in range(lower[0], upper[0]):
+        for y in range(lower[1], upper[1]):
+            for x in range(lower[2], upper[2]):
                 label = labels[z, y, x]
-                mine = slots[label]
-                if mine < 0 or not moving[label]:
+                mine = columns[label]
+                if mine < 0:
                     continue
                 outer = False
                 for k in range(steps.shape[0]):
@@ -140,8 +241,11 @@ def _pull(  # type: ignore[no-untyped-def]
                         there = labels[a, b, c]
                     if there != met:
                         met = there
-                        if there != label and slots[there] >= 0:
-                            blocks[slots[there], mine] = True
+                        if there != label and rows[there] >= 0 and not blocks[rows[there], mine]:
+                            blocks[rows[there], mine] = True
+                            found += 1
+                            if found > most:
+                                return
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -30,6 +30,7 @@ MOST_RAYS = 2048
 Mask = NDArray[np.bool_]
 Table = tuple[NDArray[np.int64], Mask]
 Size = tuple[int, int]
+Prober = Callable[[int, tuple[slice, ...], int], frozenset[int]]
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,15 @@ class Casters:
     pull : callable, optional
         (direction, visible, pulled) -> (ids, blocks) by moving the voxels of `pulled` objects, or
         None where there are too many objects. Without it the table of the rays is all there is.
+    probe : callable, optional
+        (direction, visible) -> what tells, by moving one object's voxels, whom it meets: given
+        the object, its box and how many are enough. Agrees with `pull`.
     """
 
     occlusion: Callable[[Camera, Mask, Size], OcclusionCounts]
     ids: Callable[[Camera, Mask, Size, int], NDArray[np.int32]]
     pull: Callable[[Vector, Mask, Mask], Table | None] | None = None
+    probe: Callable[[Vector, Mask], Prober] | None = None
 
 
 def imaging_casters(
@@ -105,7 +110,12 @@ def imaging_casters(
 
         return met_when_pulled(labels, spacing, direction, visible, bricks(), pulled)
 
-    return Casters(occlusion, ids, pull)
+    def probe(direction: Vector, visible: Mask) -> Prober:
+        from napari_unpack.raycasting.pulling import Pulling
+
+        return Pulling.of(labels, spacing, direction, visible, bricks()).blockers
+
+    return Casters(occlusion, ids, pull, probe)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.errors import NobodyFreeError, listed
-from napari_unpack.session.inquiry import SessionInquiry
+from napari_unpack.session.glimpse import Glimpse, SessionGlimpses
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
 from napari_unpack.unpacking import Queue
@@ -16,10 +16,10 @@ from napari_unpack.unpacking import Queue
 Group = tuple[int, ...]
 
 
-class SessionLeaving(SessionInquiry):
+class SessionLeaving(SessionGlimpses):
     """The queue, filled from what the ray casters answer, and the departures from its head."""
 
-    _credited: OcclusionAnswer | None = None
+    _credited: OcclusionAnswer | Glimpse | None = None
 
     @property
     def log(self) -> list[LogEntry]:
@@ -52,7 +52,8 @@ class SessionLeaving(SessionInquiry):
         if answer is not None and fits and answer.serves(self.unpack_direction, packed):
             return tuple(answer.groups(packed, self.most_in_group))
         queue = self._situation.queue
-        return () if queue.least_occluded else queue.groups
+        known = queue.along(self.unpack_direction) and not queue.least_occluded
+        return queue.groups if known else ()
 
     def occlusion_question(self) -> OcclusionQuestion | None:
         """Return the question `unpackable` would have to ask; None where the answer is known.
@@ -94,6 +95,14 @@ class SessionLeaving(SessionInquiry):
     def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
         """Return the situation after the next so many have left, and who they were."""
         left: list[int] = []
+        glimpse = self._seen(situation, count)
+        if glimpse is not None:
+            stale = replace(situation.queue, groups=(), least_occluded=False)
+            situation = replace(situation, queue=stale)
+            for group in glimpse.groups:
+                if len(left) < count:
+                    situation = self._leave(situation, group, answer=glimpse)
+                    left.extend(group)
         while len(left) < count:
             packed = self._packed(situation)
             if not packed:
@@ -121,7 +130,7 @@ class SessionLeaving(SessionInquiry):
         situation: Situation,
         group: Group,
         along: Vector | None = None,
-        answer: OcclusionAnswer | None = None,
+        answer: OcclusionAnswer | Glimpse | None = None,
     ) -> Situation:
         taken = {berth.slot for berth in situation.out.values()}
         places = iter(k for k in range(self._most) if k not in taken)
@@ -133,7 +142,7 @@ class SessionLeaving(SessionInquiry):
         answer, ratio = answer or self._answer, 0.0
         # The first to leave by an answer stands for its rays, wherever they were cast.
         asked, self._credited = answer is not self._credited, answer
-        if answer is not None and situation.queue.least_occluded:
+        if isinstance(answer, OcclusionAnswer) and situation.queue.least_occluded:
             ratio = answer.first_hit.get(group[0], 0.0)
         self.log.append(
             LogEntry(

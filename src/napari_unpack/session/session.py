@@ -182,6 +182,7 @@ class Session(SessionSteps):
     def _forget_answers(self) -> None:
         super()._forget_answers()
         self._answer = self._other_answer = self._credited = self._survey = None
+        self._glimpse = None
         self.__dict__.pop("bag_up", None)
 
     def _take_chosen(self, ids: list[int]) -> tuple[Situation, Group]:
@@ -190,6 +191,11 @@ class Session(SessionSteps):
         wanted = packed.intersection(ids)
         if not wanted:
             return situation, ()
+        glimpse = self._seen_free(situation, wanted)
+        if glimpse is not None:
+            for group in glimpse.groups:
+                situation = self._leave(situation, group, answer=glimpse)
+            return situation, tuple(i for (i,) in glimpse.groups)
         answer = self._known_answer(packed)
         if answer.blocking is None:
             if wanted - answer.free:

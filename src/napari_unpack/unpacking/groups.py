@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import networkx as nx
@@ -141,6 +141,52 @@ def free_groups(graph: nx.DiGraph) -> list[tuple[int, ...]]:
         if condensed.in_degree(node) == 0
     ]
     return sorted(found, key=lambda group: (len(group), group))
+
+
+def leading_groups(
+    order: Iterable[int], blockers: Callable[[int, int], frozenset[int]], most: int
+) -> Iterator[tuple[int, ...]]:
+    """Find who can leave, foremost first, asking about no more objects than that takes.
+
+    Parameters
+    ----------
+    order : iterable of int
+        Everybody in the bag, those wanted first at the head.
+    blockers : callable
+        Given an object and a number, returns who blocks it directly, or more than that number
+        of them.
+    most : int
+        Objects in a group.
+
+    Yields
+    ------
+    tuple of int
+        Of those that `free_groups` finds in the whole graph the ones with at most so many
+        members, each as soon as its first member in the order is come to.
+
+    Notes
+    -----
+    A group that nobody outside blocks holds everybody that must leave before any one of it, and
+    so is found from each of its members by going from blockers to their blockers. What leads to
+    more than `most` objects is in no such group.
+    """
+    known: dict[int, frozenset[int]] = {}
+    told: set[int] = set()
+    for first in order:
+        if first in told:
+            continue
+        graph: nx.DiGraph = nx.DiGraph()
+        graph.add_node(first)
+        asked: set[int] = set()
+        while len(graph) <= most and (left := graph.nodes - asked):
+            one = min(left)
+            asked.add(one)
+            if one not in known:
+                known[one] = blockers(one, most - 1)
+            graph.add_edges_from((other, one) for other in known[one])
+        if len(graph) <= most and nx.is_strongly_connected(graph):
+            told.update(graph)
+            yield tuple(sorted(graph))
 
 
 def reveal(graph: nx.DiGraph, target: int) -> set[int]:

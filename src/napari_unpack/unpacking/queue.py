@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,6 +62,12 @@ class Queue:
         inside = frozenset(packed)
         if not (inside <= self.packed and inside.issuperset(self.ids)):
             return False
+        return self.along(direction)
+
+    def along(self, direction: Iterable[float]) -> bool:
+        """Tell whether it was filled for this D."""
+        if self.direction is None:
+            return False
         return bool(np.allclose(self.direction, tuple(direction), rtol=0.0, atol=1e-6))
 
     def without(self, ids: Iterable[int]) -> Queue:
@@ -84,12 +90,20 @@ class Queue:
         rest = tuple(i for i in self.restored if i not in anew)
         return replace(self, restored=new + rest, least_occluded=False)
 
+    def precedence(self, rank: Mapping[int, float]) -> Callable[[int], tuple[int, float, int]]:
+        """Return the key by which objects leave: restored ones first, then by rank, ties by ID.
+
+        A group leaves when its foremost member would.
+        """
+        place = {object_id: k for k, object_id in enumerate(self.restored)}
+        return lambda i: (place.get(i, len(place)), rank.get(i, 0.0), i)
+
     def refilled(
         self,
         groups: Iterable[Group],
         direction: Iterable[float],
         packed: Iterable[int],
-        rank: dict[int, float] | None = None,
+        rank: Mapping[int, float] | None = None,
         least_occluded: bool = False,
         terms: tuple[object, ...] = (),
     ) -> Queue:
@@ -103,8 +117,8 @@ class Queue:
             The D they were asked for.
         packed : iterable of int
             Who is in the bag now.
-        rank : dict of int to float, optional
-            Smaller leaves earlier; a group counts as its smallest. Without it, by ID.
+        rank : mapping of int to float, optional
+            Smaller leaves earlier; a group counts as its foremost member. Without it, by ID.
         least_occluded : bool
             Whether this is the least occluded object for want of a free one.
         terms : tuple
@@ -116,13 +130,8 @@ class Queue:
             Groups holding a restored object first, in the order of restoring; then by rank, ties
             by ID. Wishes that are not free now are forgotten.
         """
-        place = {object_id: k for k, object_id in enumerate(self.restored)}
-        order = rank or {}
-
-        def key(group: Group) -> tuple[int, float, int]:
-            wish = min(place.get(i, len(place)) for i in group)
-            return wish, min(order.get(i, 0.0) for i in group), min(group)
-
-        ready = tuple(sorted((tuple(sorted(g)) for g in groups), key=key))
+        key = self.precedence(rank or {})
+        whole = (tuple(sorted(group)) for group in groups)
+        ready = tuple(sorted(whole, key=lambda group: min(map(key, group))))
         z, y, x = (float(v) for v in direction)
         return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed), terms)

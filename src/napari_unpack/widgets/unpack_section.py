@@ -168,6 +168,7 @@ class UnpackSection(Section):
             self.deep.setChecked(self._bench.viewer.scene.camera.perspective > 0)
             self.deep.blockSignals(False)
             stage.events.drawn.connect(lambda: self.draw.setChecked(False))
+            stage.events.looking.connect(self._tell_looking)
         self.draw.setEnabled(hasattr(stage, "drawing"))
         self.outside.setVisible(self._bench.is_inside)
         self._refresh()
@@ -195,6 +196,11 @@ class UnpackSection(Section):
 
     def _tell_busy(self, busy: bool) -> None:
         self.reveal.setText("Looking…" if busy else "Reveal…")
+
+    def _tell_looking(self, looking: bool) -> None:
+        # Said at once: what is asked meanwhile waits for the answer.
+        self.news.setText("Looking for what can leave…" if looking else "")
+        self.news.repaint()
 
     def _use_way(self) -> None:
         if self._best is not None and self._bench.session is not None:

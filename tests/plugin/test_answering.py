@@ -1,0 +1,69 @@
+"""A command is answered at once, also straight after a turn."""
+
+from __future__ import annotations
+
+from threading import Event
+
+from qtpy.QtWidgets import QApplication
+
+from napari_unpack.session.asking import OcclusionQuestion
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+
+def turn(viewer, session) -> None:
+    before = session.unpack_direction
+    a, b, c = viewer.scene.camera.angles
+    viewer.scene.camera.angles = a + 9, b + 6, c
+    while abs(session.unpack_direction - before).max() < 1e-3:
+        QApplication.processEvents()
+
+
+def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
+    staged, session, monkeypatch
+) -> None:
+    viewer, stage = staged
+    allowed, whole = Event(), OcclusionQuestion.answer
+
+    def answer(self):
+        assert allowed.wait(20)
+        return whole(self)
+
+    monkeypatch.setattr(OcclusionQuestion, "answer", answer)
+    turn(viewer, session)
+    assert session.occlusion_question() is not None
+    left = stage.unpack(1)
+    assert left
+    assert set(session.flights) == set(left)
+    assert stage.go_to(2, flying=True) == 2
+    allowed.set()
+    stage.finish()
+    assert stage.settle(60)
+    assert session.occlusion_question() is None
+    # The whole answer agrees: nobody who is in the bag was in the way.
+    session.restore(len(session.steps))
+    stage.finish()
+    assert set(left) <= set(session.unpackable())
+
+
+def test_while_the_whole_answer_is_waited_for_that_is_said(
+    make_napari_viewer_proxy, session, monkeypatch
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    panel = UnpackingWidget(viewer)
+    panel.workbench.open(session)
+    stage, news = panel.workbench.stage, panel.unpack.news
+    stage.recolor_at_rest = False
+    assert stage.settle(60)
+    said, asked, whole = [], [], OcclusionQuestion.answer
+    stage.events.looking.connect(lambda looking: said.append((looking, news.text())))
+
+    def answer(self):
+        asked.append(list(said))
+        return whole(self)
+
+    monkeypatch.setattr(OcclusionQuestion, "answer", answer)
+    session.rule = "first_hit"
+    stage.unpack(1)
+    assert asked == [[(True, "Looking for what can leave…")]]
+    assert [looking for looking, _ in said] == [True, False]
+    panel.end()

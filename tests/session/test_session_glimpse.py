@@ -1,0 +1,148 @@
+"""The next to leave, found before the whole answer is there: the same one, and truly free."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bags import session_of, stack_of_plates
+from sweep import free_by_sweep
+
+import napari_unpack as nu
+
+
+@cache
+def bag(seed: int) -> nu.simulation.Bag:
+    return nu.simulate_bag(seed=seed, shape=(40, 44, 56), count=14)
+
+
+def fresh(seed: int) -> nu.Session:
+    made = bag(seed)
+    session = nu.Session(made.volume, made.labels, made.spacing, made.objects)
+    session.backend = "cpu"
+    return session
+
+
+def directions(count: int) -> list[tuple[float, ...]]:
+    drawn = np.random.default_rng(11).normal(size=(count, 3))
+    return [tuple(d) for d in drawn] + [(0.0, -1.0, 0.0), (1.0, 0.0, 0.0)]
+
+
+def without_rays(session: nu.Session) -> None:
+    """Let whoever asks for the whole answer fail."""
+
+    def refuse(*_) -> None:
+        raise AssertionError("rays were cast")
+
+    session.casters = replace(session.casters, occlusion=refuse, pull=refuse)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_first_found_is_the_first_of_the_whole_answer_and_free(seed) -> None:
+    compared = 0
+    for direction in directions(6):
+        session = fresh(seed)
+        session.direction = direction
+        session.unpackable()
+        session.unpack(2)
+        session.direction = tuple(-v for v in direction)
+        glimpse = session.glimpse_question(1).answer()
+        whole = session.unpackable()
+        if session.queue.least_occluded:
+            assert glimpse is None
+            continue
+        compared += 1
+        assert glimpse.groups[0] == session.queue.groups[0]
+        packed = [i for i in whole if session.states[i].name == "PACKED"]
+        assert packed
+        if len(glimpse.groups[0]) == 1:
+            there = np.where(np.isin(session.labels, list(glimpse.packed)), session.labels, 0)
+            assert glimpse.groups[0][0] in free_by_sweep(
+                there, session.unpack_direction, session.spacing
+            )
+    assert compared >= 4
+
+
+def test_who_is_found_leaves_and_no_ray_is_cast() -> None:
+    slow, quick = fresh(1), fresh(1)
+    for session in (slow, quick):
+        session.direction = (0.3, -1.0, 0.2)
+    left = slow.unpack(3)
+    without_rays(quick)
+    assert quick.accept_glimpse(quick.glimpse_question(3).answer())
+    assert quick.unpack(3) == left
+    assert [entry.event for entry in quick.log] == ["query run", "queue reuse", "queue reuse"][
+        : len(quick.log)
+    ]
+    quick.undo()
+    assert quick.steps == ()
+
+
+def test_chosen_objects_that_are_free_leave_and_no_ray_is_cast() -> None:
+    slow, quick = fresh(2), fresh(2)
+    for session in (slow, quick):
+        session.direction = "-y"
+    slow.unpackable()
+    free = [i for (i,) in (g for g in slow.free_groups() if len(g) == 1)][:2]
+    held = next(i for i in slow.ids if i not in slow.unpackable())
+    without_rays(quick)
+    assert quick.glimpse_question([held]).answer() is None
+    assert quick.accept_glimpse(quick.glimpse_question(free).answer())
+    assert quick.unpack(free) == slow.unpack(free) == tuple(sorted(free))
+
+
+def test_a_restored_object_is_asked_about_first_and_the_other_wishes_stay() -> None:
+    session = fresh(1)
+    session.direction = "-y"
+    first, second = session.unpack(1), session.unpack(1)
+    session.restore(second)
+    session.restore(first)
+    wishes = session.queue.restored
+    assert set(wishes) == {*first, *second}
+    session.direction = (0.01, -1.0, 0.0)
+    assert session.glimpse_question(1).order[: len(wishes)] == wishes
+    assert session.accept_glimpse(session.glimpse_question(1).answer())
+    left = session.unpack(1)
+    assert left[0] in first
+    assert session.queue.restored == tuple(i for i in wishes if i not in left)
+    assert set(session.unpack(1)) <= {*first, *second}
+
+
+def test_a_glimpse_of_another_direction_bag_or_rule_is_refused() -> None:
+    session = fresh(1)
+    session.direction = "-y"
+    glimpse = session.glimpse_question(1).answer()
+    session.direction = "+y"
+    assert not session.accept_glimpse(glimpse)
+    session.direction = "-y"
+    session.hide([session.ids[0]])
+    assert not session.accept_glimpse(glimpse)
+    session.show([session.ids[0]])
+    session.most_in_group = 2
+    assert not session.accept_glimpse(glimpse)
+    session.most_in_group = 4
+    assert session.accept_glimpse(glimpse)
+
+
+def test_there_is_none_where_it_would_not_be_the_answer() -> None:
+    session = fresh(1)
+    session.unpackable()
+    assert session.glimpse_question(1) is None
+    session = fresh(1)
+    session.rule = "first_hit"
+    assert session.glimpse_question(1) is None
+    session = fresh(1)
+    session.tolerance = 0.1
+    assert session.glimpse_question(1) is None
+    assert session_of(stack_of_plates()).glimpse_question(1) is None
+
+
+def test_when_time_is_up_it_says_nothing() -> None:
+    session = fresh(1)
+    times = iter(np.arange(0.0, 100.0, 0.05))
+    question = session.glimpse_question(len(session.ids))
+    assert question.answer(0.12, lambda: next(times)) is None
+    with pytest.raises(ValueError, match="objects of this session"):
+        session.glimpse_question([999])
