@@ -239,3 +239,15 @@ def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
     start = perf_counter()
     model.refresh()
     assert perf_counter() - start < 0.1
+
+
+@pytest.mark.parametrize("points", [8, 12, 18])
+def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points: int) -> None:
+    font = table.font()
+    font.setPointSize(points)
+    table.setFont(font)
+    table.resize(1200, 300)
+    table.show()
+    room = table.columnWidth(Column.CONFIDENCE)
+    assert room > table.fontMetrics().horizontalAdvance("99 %") + 8
+    assert table.columnWidth(Column.STATE) > table.fontMetrics().horizontalAdvance("packed") + 8

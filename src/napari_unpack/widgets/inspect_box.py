@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.widgets.job import Job, Outcome
 from napari_unpack.widgets.notices import spoken
+from napari_unpack.widgets.object_model import percent
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.workbench import Workbench
@@ -151,7 +152,7 @@ def describe(facts: Any, neighbours: list[str]) -> str:
         f"density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
-        lines.append(f"{100 * facts.confidence:.0f} % sure that it is one whole object")
+        lines.append(f"{percent(facts.confidence)} sure that it is one whole object")
     if neighbours:
         more = f" and {len(neighbours) - 4} more" if len(neighbours) > 4 else ""
         lines.append(f"touched {', '.join(neighbours[:4])}{more}")

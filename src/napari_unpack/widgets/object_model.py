@@ -294,6 +294,11 @@ def _colors(hues: Mapping[int, float], mode: Any) -> dict[int, Rgb]:
     return {i: (float(tints[i, 0]), float(tints[i, 1]), float(tints[i, 2])) for i in hues}
 
 
+def percent(confidence: float) -> str:
+    """Write a confidence; nobody is sure to 100 %."""
+    return f"{min(100 * confidence, 99):.0f} %"
+
+
 def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.NAME:
         return live.name
@@ -304,7 +309,7 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.DENSITY:
         return f"{facts.density:.0f}" if abs(facts.density) >= 10 else f"{facts.density:.2g}"
     if column == Column.CONFIDENCE:
-        return "–" if np.isnan(facts.confidence) else f"{100 * facts.confidence:.0f} %"
+        return "–" if np.isnan(facts.confidence) else percent(facts.confidence)
     return ""
 
 
@@ -342,7 +347,7 @@ def _tip(facts: _Facts, live: _Live, column: Column) -> str:
         f"density {_text(facts, live, Column.DENSITY)}",
     ]
     if not np.isnan(facts.confidence):
-        told.append(f"{100 * facts.confidence:.0f} % sure that this is one whole object")
+        told.append(f"{percent(facts.confidence)} sure that this is one whole object")
     if live.good:
         told.append("marked good: an example to train the confidence on")
     return "\n".join(told)

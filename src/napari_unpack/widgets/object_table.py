@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from qtpy.QtCore import (
@@ -22,21 +23,34 @@ from qtpy.QtWidgets import (
     QStyle,
     QStyledItemDelegate,
     QTableView,
+    QWidget,
 )
 
 from napari_unpack.widgets.object_model import ID, SORT, STATE, Column, Index, ObjectModel
+
+Draw = Callable[[QPainter, QRectF, Any, Any], None]
 
 ROW = 24
 WIDTHS = {
     Column.EYE: 24,
     Column.SWATCH: 24,
-    Column.NAME: 70,
+    Column.NAME: 68,
     Column.STATE: 62,
     Column.VOLUME: 44,
     Column.SIZE: 92,
     Column.DENSITY: 60,
     Column.CONFIDENCE: 46,
 }
+WIDEST = {
+    Column.STATE: "packed",
+    Column.VOLUME: "1234",
+    Column.SIZE: "99 × 99 × 99",
+    Column.DENSITY: "1234",
+    Column.CONFIDENCE: "99 %",
+}
+"""What a column must have room for in any font, with `PADDING` around it."""
+
+PADDING = 14
 WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
 """Columns shown where the table is wide enough, the most wanted first; tooltips tell all."""
 
@@ -83,12 +97,24 @@ class ObjectFilter(QSortFilterProxyModel):
         return self._text in name or self._text == str(model.data(index, ID))
 
 
-class _ClickDelegate(QStyledItemDelegate):
-    """A cell that is a picture and acts on one click, without changing the selection."""
+class ClickDelegate(QStyledItemDelegate):
+    """A cell that is a picture and acts on one click, without changing the selection.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws the cell: (painter, cell, index, option).
+    parent : QWidget
+    """
 
     clicked = Signal(int)
 
+    def __init__(self, draw: Draw, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._draw = draw
+
     def editorEvent(self, event: Any, model: Any, option: Any, index: Any) -> bool:
+        """Tell of a click, and keep the selection out of it."""
         if (
             event.type() == QEvent.Type.MouseButtonRelease
             and event.button() == Qt.MouseButton.LeftButton
@@ -101,56 +127,49 @@ class _ClickDelegate(QStyledItemDelegate):
         )
 
     def paint(self, painter: QPainter, option: Any, index: Any) -> None:
+        """Draw the picture, on the selection's colour where the row is selected."""
         if option.state & QStyle.StateFlag.State_Selected:
             painter.fillRect(option.rect, option.palette.highlight())
         painter.save()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        self.draw(painter, QRectF(option.rect), index, option)
+        self._draw(painter, QRectF(option.rect), index, option)
         painter.restore()
 
-    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
-        raise AssertionError("a delegate draws its own picture")
-
     def sizeHint(self, option: Any, index: Any) -> QSize:
+        """Take a square."""
         return QSize(ROW, ROW)
 
 
-class SwatchDelegate(_ClickDelegate):
-    """The hue of the object: full when it is in the bag, a ring when it is out or hidden."""
-
-    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
-        """Draw a rounded square."""
-        color = index.data(Qt.ItemDataRole.DecorationRole)
-        square = QRectF(0, 0, 12, 12)
-        square.moveCenter(cell.center())
-        if index.data(STATE) == "PACKED":
-            painter.setPen(Qt.PenStyle.NoPen)
-            painter.setBrush(color)
-        else:
-            painter.setPen(QPen(color, 2))
-            painter.setBrush(Qt.BrushStyle.NoBrush)
-            square.adjust(1, 1, -1, -1)
-        painter.drawRoundedRect(square, 3, 3)
+def draw_swatch(painter: QPainter, cell: QRectF, index: Any, _option: Any) -> None:
+    """Draw the hue of an object: full when it is in the bag, a ring when it is out or hidden."""
+    color = index.data(Qt.ItemDataRole.DecorationRole)
+    square = QRectF(0, 0, 12, 12)
+    square.moveCenter(cell.center())
+    if index.data(STATE) == "PACKED":
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(color)
+    else:
+        painter.setPen(QPen(color, 2))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        square.adjust(1, 1, -1, -1)
+    painter.drawRoundedRect(square, 3, 3)
 
 
-class EyeDelegate(_ClickDelegate):
-    """An open eye for a shown object, a faint closed one for a hidden object."""
-
-    def draw(self, painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
-        """Draw the eye."""
-        hidden = index.data(STATE) == "HIDDEN"
-        color = QColor(option.palette.text().color())
-        color.setAlphaF(0.35 if hidden else 0.85)
-        middle = cell.center()
-        painter.setPen(QPen(color, 1.3))
-        lids = QPainterPath(middle + QPointF(-7, 0))
-        lids.quadTo(middle + QPointF(0, 8), middle + QPointF(7, 0))
-        if not hidden:
-            lids.quadTo(middle + QPointF(0, -8), middle + QPointF(-7, 0))
-        painter.drawPath(lids)
-        if not hidden:
-            painter.setBrush(color)
-            painter.drawEllipse(middle, 2.0, 2.0)
+def draw_eye(painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
+    """Draw an open eye for a shown object, a faint closed one for a hidden object."""
+    hidden = index.data(STATE) == "HIDDEN"
+    color = QColor(option.palette.text().color())
+    color.setAlphaF(0.35 if hidden else 0.85)
+    middle = cell.center()
+    painter.setPen(QPen(color, 1.3))
+    lids = QPainterPath(middle + QPointF(-7, 0))
+    lids.quadTo(middle + QPointF(0, 8), middle + QPointF(7, 0))
+    if not hidden:
+        lids.quadTo(middle + QPointF(0, -8), middle + QPointF(-7, 0))
+    painter.drawPath(lids)
+    if not hidden:
+        painter.setBrush(color)
+        painter.drawEllipse(middle, 2.0, 2.0)
 
 
 class ObjectTable(QTableView):
@@ -172,7 +191,8 @@ class ObjectTable(QTableView):
         self.setModel(self.rows)
         model.modelReset.connect(self._fit_columns)
         self._quiet = False
-        self._delegates = (EyeDelegate(self), SwatchDelegate(self))
+        self._widths: dict[Column, int] = {}
+        self._delegates = ClickDelegate(draw_eye, self), ClickDelegate(draw_swatch, self)
         self._delegates[0].clicked.connect(self.eye_clicked)
         self._delegates[1].clicked.connect(self.swatch_clicked)
         self.setItemDelegateForColumn(Column.EYE, self._delegates[0])
@@ -197,8 +217,7 @@ class ObjectTable(QTableView):
         header.setHighlightSections(False)
         header.setMinimumSectionSize(20)
         header.setSectionsMovable(True)
-        for column, width in WIDTHS.items():
-            self.setColumnWidth(column, width)
+        self._fit_columns()
         header.setSectionResizeMode(Column.NAME, QHeaderView.ResizeMode.Stretch)
         self.setSortingEnabled(True)
         self.sortByColumn(Column.NAME, Qt.SortOrder.AscendingOrder)
@@ -210,10 +229,16 @@ class ObjectTable(QTableView):
         self._fit_columns()
 
     def _fit_columns(self) -> None:
-        room = self.viewport().width() - sum(WIDTHS[c] for c in Column if c not in WHERE_ROOM)
+        measure = self.fontMetrics().horizontalAdvance
+        widths = {c: max(w, measure(WIDEST.get(c, "")) + PADDING) for c, w in WIDTHS.items()}
+        if widths != self._widths:
+            self._widths = widths
+            for column, width in widths.items():
+                self.setColumnWidth(column, width)
+        room = self.viewport().width() - sum(widths[c] for c in Column if c not in WHERE_ROOM)
         for column in WHERE_ROOM:
             wanted = column != Column.CONFIDENCE or self.objects.knows_confidence
-            room -= WIDTHS[column] if wanted else 0
+            room -= widths[column] if wanted else 0
             self.setColumnHidden(column, room < 0 or not wanted)
 
     def selected_ids(self) -> list[int]:
