@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.raycasting.lattice import BRICK
+from napari_unpack.raycasting.packed_labels import PackedLabels
 from napari_unpack.raycasting.threads import over_bands
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
@@ -37,6 +38,7 @@ class Bricks:
     high: Density
     starts: NDArray[np.int64]
     ids: NDArray[np.uint16]
+    _packed: list[PackedLabels] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(
@@ -101,6 +103,18 @@ class Bricks:
         lo, hi = float(domain[0]), float(domain[1])
         _occupied(self.low, self.high, self.starts, self.ids, opaque, lo, hi, seen, out)
         return out
+
+    def packed(self, labels: NDArray[np.uint16]) -> PackedLabels:
+        """Return the labels of mixed bricks in few bits, packed when first asked for.
+
+        Parameters
+        ----------
+        labels : (Z, Y, X) ndarray of uint16
+            Those the bricks were made of.
+        """
+        if not self._packed:
+            self._packed.append(PackedLabels.of(labels, self.starts, self.ids))
+        return self._packed[0]
 
     def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Tell which bricks hold a voxel of a visible object; (Bz, By, Bx) of bool."""

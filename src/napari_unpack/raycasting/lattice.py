@@ -18,9 +18,6 @@ FAR = 1.0e9
 BRICK = 8
 """Voxels along the edge of a brick (bricks.py)."""
 
-AHEAD = 16
-"""Labels that the ID passes read together."""
-
 TILE = 32
 """Pixels along the edge of a tile: the voxels behind one stay in the processor's cache."""
 
@@ -74,21 +71,6 @@ def position(k, phase, step, pz, py, px, dz, dy, dx):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead):  # type: ignore[no-untyped-def]
-    """Read the labels of samples k to `free` - 1 into `ahead` (AHEAD,) int64, as many as fit.
-
-    All at once: most of them miss the cache, and so they miss it together.
-    """
-    first, last = float(k), float(free - 1)
-    for i in range(AHEAD):
-        t = (min(first + i, last) + 0.5) * step
-        plane, line = np.int64(pz + t * dz + 0.5), np.int64(py + t * dy + 0.5)
-        ahead[i] = (plane * high + line) * wide + np.int64(px + t * dx + 0.5)
-    for i in range(AHEAD):
-        ahead[i] = np.int64(flat[np.uint64(ahead[i])])
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _slab(low, high, origin, direction, first, last):  # type: ignore[no-untyped-def]
     if direction == 0.0:
         if origin < low or origin >= high:
@@ -114,41 +96,41 @@ def sample_range(box, planes, step, near, phase, pz, py, px, dz, dy, dx):  # typ
     `box` (2, 3) int64 holds the lower and upper voxel; `planes` cut further (`clipping_planes`);
     `phase` is 1/2 but for jittered rays.
     """
+    # One way out only: with more, numba counts references to the arrays for every ray.
     first, last = -FAR * step, FAR * step
     first, last = _slab(box[0, 0] - 0.5, box[1, 0] - 0.5, pz, dz, first, last)
     first, last = _slab(box[0, 1] - 0.5, box[1, 1] - 0.5, py, dy, first, last)
     first, last = _slab(box[0, 2] - 0.5, box[1, 2] - 0.5, px, dx, first, last)
-    if not first < last:
-        return 0, 0
-    # The division above may be off by a rounding error: look one further on both sides, then
-    # ask the very formula the kernels use, which is monotone in k.
-    k = int(np.floor(first / step - phase)) - 1
-    end = int(np.ceil(last / step - phase)) + 2
-    while k < end and (
-        (k + phase) * step <= near or not _inside(box, pz, py, px, dz, dy, dx, (k + phase) * step)
-    ):
+    k = end = 0
+    if first < last:
+        # The division above may be off by a rounding error: look one further on both sides, then
+        # ask the very formula the kernels use, which is monotone in k.
+        k = int(np.floor(first / step - phase)) - 1
+        end = int(np.ceil(last / step - phase)) + 2
         if (k + phase) * step <= near:
             k = max(k + 1, int(np.floor(near / step - phase)))
-        else:
+            while k < end and (k + phase) * step <= near:
+                k += 1
+        while k < end and not _inside(box, pz, py, px, dz, dy, dx, (k + phase) * step):
             k += 1
-    while end > k and not _inside(box, pz, py, px, dz, dy, dx, (end - 1 + phase) * step):
-        end -= 1
-    for i in range(planes.shape[0]):
-        height = (
-            (pz - planes[i, 0, 0]) * planes[i, 1, 0]
-            + (py - planes[i, 0, 1]) * planes[i, 1, 1]
-            + (px - planes[i, 0, 2]) * planes[i, 1, 2]
-        )
-        slope = dz * planes[i, 1, 0] + dy * planes[i, 1, 1] + dx * planes[i, 1, 2]
-        if slope == 0.0:
-            if height < 0.0:
-                return 0, 0
-            continue
-        edge = min(max(-height / slope / step - phase, -FAR), FAR)
-        if slope > 0.0:
-            k = max(k, int(np.ceil(edge)))
-        else:
-            end = min(end, int(np.floor(edge)) + 1)
+        while end > k and not _inside(box, pz, py, px, dz, dy, dx, (end - 1 + phase) * step):
+            end -= 1
+        for i in range(planes.shape[0]):
+            height = (
+                (pz - planes[i, 0, 0]) * planes[i, 1, 0]
+                + (py - planes[i, 0, 1]) * planes[i, 1, 1]
+                + (px - planes[i, 0, 2]) * planes[i, 1, 2]
+            )
+            slope = dz * planes[i, 1, 0] + dy * planes[i, 1, 1] + dx * planes[i, 1, 2]
+            if slope == 0.0:
+                if height < 0.0:
+                    end = k
+            else:
+                edge = min(max(-height / slope / step - phase, -FAR), FAR)
+                if slope > 0.0:
+                    k = max(k, int(np.ceil(edge)))
+                else:
+                    end = min(end, int(np.floor(edge)) + 1)
     return k, max(k, end)
 
 
@@ -179,3 +161,15 @@ def leap(distance, z, y, x, k, phase, pz, py, px, az, ay, ax):  # type: ignore[n
     ex = ((x & -BRICK) + middle - px) * ax + half * abs(ax)
     # A thousandth of slack for rounding: one look too many does no harm, one too few does.
     return max(k + 1, int(np.floor(min(ez, ey, ex) - phase + 0.999)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def leap_along(layers, at, k, phase, origin, pace):  # type: ignore[no-untyped-def]
+    """Return the first k that may lie outside some layers of bricks along one axis.
+
+    The first of them is that of voxel `at`; `origin` is the ray's and `pace` its `per_voxel`.
+    Errs on the side of too few.
+    """
+    half = layers * BRICK - 0.5 * BRICK
+    edge = ((at & -BRICK) + (0.5 * BRICK - 0.5) - origin) * pace + half * abs(pace)
+    return max(k + 1, int(np.floor(edge - phase + 0.999)))

@@ -10,22 +10,19 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, Strides
+from napari_unpack.raycasting.bricks import Bricks
 from napari_unpack.raycasting.lattice import (
-    AHEAD,
     TILE,
     band_of,
     clipping_planes,
-    leap,
     octant_of,
     per_voxel,
-    position,
     ray_numbers,
     ray_of,
-    read_labels,
     sample_range,
 )
 from napari_unpack.raycasting.threads import over_bands
+from napari_unpack.raycasting.walking import AHEAD, ground, outlook, read_labels, read_packed
 
 
 def id_layers(
@@ -68,17 +65,11 @@ def id_layers(
     """
     table, step, near = ray_numbers(rays)
     out = np.zeros((layers, *rays.size), np.int32)
-    owners, strides = np.zeros((0, 0, 0), np.int32), Strides.none()
-    if bricks is not None:
-        owners = bricks.owners(visible)
-        strides = Strides.of(owners, rays)
+    over = ground(labels, bricks, visible, rays)
     planes = clipping_planes(clipping)
 
     def work(_: None, first: int, last: int) -> None:
-        _cast(
-            labels, table, step, near, planes, visible, owners, strides.grids, strides.slots,
-            first, last, out,
-        )  # fmt: skip
+        _cast(*over, table, step, near, planes, visible, first, last, out)  # type: ignore[call-arg]
 
     over_bands(rays.size[0], work, lambda: None, threads, band_of(rays.size[0]))
     return out
@@ -86,11 +77,12 @@ def id_layers(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cast(  # type: ignore[no-untyped-def]
-    labels, table, step, near, planes, visible, owners, distance, slots, first, last, out
-):
+    labels, owners, reach, octants, axis, starts, ids, words, firsts, bits,
+    table, step, near, planes, visible, first, last, out,
+):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
-    skip = distance.size > 0
+    skip = owners.size > 0
     flat, (_, high, wide) = labels.reshape(-1), labels.shape
     ahead = np.zeros(AHEAD, np.int64)
     height, width = last - first, out.shape[2]
@@ -102,41 +94,45 @@ def _cast(  # type: ignore[no-untyped-def]
             k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
             found = 0
             previous = 0
-            free = first_read = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
-            grid = slots[octant_of(az, ay, ax)]
+            grid = octants[octant_of(az, ay, ax)]
             while k < end:
-                # Where all bricks ahead belong to one, its samples need no visit.
-                count, label = 1, -1
-                if k >= free:
-                    d = 0
-                    free = end
+                label, free, brick = -1, end, np.uint64(0)
+                if skip:
+                    label, free, brick = outlook(
+                        owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
+                    )
+                    free = min(free, end)
+                stops = 1
+                if label >= 0:
+                    ahead[0] = label
+                else:
+                    free = min(free, k + AHEAD)
+                    stops = free - k
                     if skip:
-                        _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
-                        z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
-                        b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
-                        d = distance[grid, b, r, c]
-                        free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
-                    if d > 0:
-                        count, label = free - k, int(owners[b, r, c])
+                        place, start = np.uint64(firsts[brick]), np.uint64(starts[brick])
+                        read_packed(
+                            words, place, np.int64(bits[brick]), ids, start,
+                            k, free, step, pz, py, px, dz, dy, dx, ahead,
+                        )  # fmt: skip
                     else:
-                        first_read, free = k, min(free, k + AHEAD)
                         read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
-                if label < 0:
-                    label = ahead[np.uint64(k - first_read)]
-                k += count
-                if label == previous:
-                    continue
-                previous = label
-                if not visible[label]:
-                    continue
-                known = False
-                for i in range(found):
-                    if out[i, row, col] == label:
-                        known = True
-                        break
-                if not known:
-                    out[found, row, col] = label
-                    found += 1
-                    if found == out.shape[0]:
-                        break
+                k = free
+                for stop in range(stops):
+                    label = ahead[stop]
+                    if label == previous:
+                        continue
+                    previous = label
+                    if not visible[label]:
+                        continue
+                    known = False
+                    for i in range(found):
+                        if out[i, row, col] == label:
+                            known = True
+                            break
+                    if not known:
+                        out[found, row, col] = label
+                        found += 1
+                        if found == out.shape[0]:
+                            k = end
+                            break

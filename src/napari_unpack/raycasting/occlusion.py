@@ -8,22 +8,19 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.raycasting.bricks import Bricks, Strides
+from napari_unpack.raycasting.bricks import Bricks
 from napari_unpack.raycasting.lattice import (
-    AHEAD,
     TILE,
     band_of,
     clipping_planes,
-    leap,
     octant_of,
     per_voxel,
-    position,
     ray_numbers,
     ray_of,
-    read_labels,
     sample_range,
 )
 from napari_unpack.raycasting.threads import over_bands
+from napari_unpack.raycasting.walking import AHEAD, ground, outlook, read_labels, read_packed
 
 MOST_IN_TABLE = 4096
 """Above this many objects there is no table of who blocks whom: it grows with their square."""
@@ -70,18 +67,14 @@ def occlusion_counts(
         blocks = np.zeros((len(candidates),) * 2, np.bool_)
     else:
         blocks = np.zeros((0, 0), np.bool_)
-    owners, strides = np.zeros((0, 0, 0), np.int32), Strides.none()
-    if bricks is not None:
-        owners = bricks.owners(visible)
-        strides = Strides.of(owners, rays)
+    over = ground(labels, bricks, visible, rays)
     planes = clipping_planes(None)
     width = rays.size[1]
 
     def work(counts: NDArray[np.int64], first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
-        _count(
-            labels, table, step, near, planes, visible, owners, strides.grids, strides.slots,
-            first, last, width, slots, counts, blocks,
+        _count(  # type: ignore[call-arg]
+            *over, table, step, near, planes, visible, first, last, width, slots, counts, blocks,
         )  # fmt: skip
 
     parts = over_bands(
@@ -98,12 +91,12 @@ def occlusion_counts(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(  # type: ignore[no-untyped-def]
-    labels, table, step, near, planes, visible, owners, distance, slots_of,
-    first_row, last_row, width, slots, counts, blocks,
+    labels, owners, reach, octants, axis, starts, ids, words, firsts, bits,
+    table, step, near, planes, visible, first_row, last_row, width, slots, counts, blocks,
 ):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
-    skip = distance.size > 0
+    skip = owners.size > 0
     flat, (_, high, wide) = labels.reshape(-1), labels.shape
     ahead = np.zeros(AHEAD, np.int64)
     tabulate = blocks.size > 0
@@ -121,60 +114,62 @@ def _count(  # type: ignore[no-untyped-def]
             current = 0
             blocked = False
             run = 0
-            free = first_read = k
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
-            grid = slots_of[octant_of(az, ay, ax)]
+            grid = octants[octant_of(az, ay, ax)]
             while k < end:
-                # Where all bricks ahead belong to one, its samples need no visit.
-                count, label = 1, -1
-                if k >= free:
-                    d = 0
-                    free = end
+                label, free, brick = -1, end, np.uint64(0)
+                if skip:
+                    label, free, brick = outlook(
+                        owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
+                    )
+                    free = min(free, end)
+                count, stops = 1, 1
+                if label >= 0:
+                    count, ahead[0] = free - k, label
+                else:
+                    free = min(free, k + AHEAD)
+                    stops = free - k
                     if skip:
-                        _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
-                        z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
-                        b, r, c = np.uint64(z >> 3), np.uint64(y >> 3), np.uint64(x >> 3)
-                        d = distance[grid, b, r, c]
-                        free = min(end, leap(max(d, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax))
-                    if d > 0:
-                        count, label = free - k, int(owners[b, r, c])
+                        place, start = np.uint64(firsts[brick]), np.uint64(starts[brick])
+                        read_packed(
+                            words, place, np.int64(bits[brick]), ids, start,
+                            k, free, step, pz, py, px, dz, dy, dx, ahead,
+                        )  # fmt: skip
                     else:
-                        first_read, free = k, min(free, k + AHEAD)
                         read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
-                if label < 0:
-                    label = ahead[np.uint64(k - first_read)]
-                k += count
-                if label == current:
-                    run += count
-                    continue
-                _flush(counts, current, run, met, seen, blocked)
-                run = 0
-                current = 0
-                if not visible[label]:
-                    continue
-                current = label
-                run = count
-                if stamps[label] != stamp:
-                    stamps[label] = stamp
-                    seen[met] = label
-                    met += 1
-                    counts[1, label] += 1
-                    if met > 1:
-                        counts[2, label] += 1
-                blocked = met > 1
-                if tabulate and blocked:
-                    for i in range(met):
-                        if seen[i] != label:
-                            blocks[slots[seen[i]], slots[label]] = True
+                k = free
+                for stop in range(stops):
+                    label = ahead[stop]
+                    if label == current:
+                        run += count
+                        continue
+                    _flush(counts, current, run, met, seen, blocked)
+                    run = 0
+                    current = 0
+                    if not visible[label]:
+                        continue
+                    current = label
+                    run = count
+                    if stamps[label] != stamp:
+                        stamps[label] = stamp
+                        seen[met] = label
+                        met += 1
+                        counts[1, label] += 1
+                        if met > 1:
+                            counts[2, label] += 1
+                    blocked = met > 1
+                    if tabulate and blocked:
+                        for i in range(met):
+                            if seen[i] != label:
+                                blocks[slots[seen[i]], slots[label]] = True
             _flush(counts, current, run, met, seen, blocked)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _flush(counts, label, run, met, seen, blocked):  # type: ignore[no-untyped-def]
-    if label == 0:
-        return
-    counts[0, label] += run
-    if label != seen[0]:
-        counts[3, label] += run
-    if blocked:
-        counts[4, label] += run
+    if label != 0:
+        counts[0, label] += run
+        if label != seen[0]:
+            counts[3, label] += run
+        if blocked:
+            counts[4, label] += run
