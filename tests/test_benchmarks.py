@@ -15,7 +15,7 @@ from benchmarks.packing import pack
 from benchmarks.row import Row, ms
 from benchmarks.rows import ORDER, chosen
 from benchmarks.segmentation.bags import Case
-from benchmarks.segmentation.report import Report, markdown
+from benchmarks.segmentation.report import Report, markdown, scored
 
 
 def test_every_row_can_be_chosen_by_a_part_of_its_name() -> None:
@@ -68,9 +68,9 @@ def test_the_segmentation_report_takes_each_method_at_its_best_setting() -> None
     kinds = pd.Series(["box", "box", "rod", "rod"], index=[1, 2, 3, 4])
     case = Case("one", labels, labels, (1.0, 1.0, 1.0), kinds, kinds)
     report = Report()
-    report.add("cut", "cut fine", case, np.arange(16).reshape(1, 1, -1), 1.0)
-    report.add("cut", "cut coarse", case, np.minimum(labels, 3), 2.0)
-    report.add("truth", "truth", case, labels, 3.0)
+    report.add(scored("cut", "cut fine", case, np.arange(16).reshape(1, 1, -1), 1.0))
+    report.add(scored("cut", "cut coarse", case, np.minimum(labels, 3), 2.0))
+    report.add(scored("truth", "truth", case, labels, 3.0))
     assert report.best() == {"cut": "cut coarse", "truth": "truth"}
     assert report.metrics().loc["cut coarse", "f1"] == pytest.approx(2 * 2 / 7)
     assert report.metrics().loc["truth", "seconds"] == 3.0

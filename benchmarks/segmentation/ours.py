@@ -11,7 +11,8 @@ from benchmarks.segmentation.peers import Found
 from napari_unpack.segmentation import segment
 from napari_unpack.segmentation.checks import checked_spacing, checked_volume
 from napari_unpack.segmentation.merging import absorb_small, fill_cavities
-from napari_unpack.segmentation.pipeline import rank_labels, split_parts
+from napari_unpack.segmentation.pipeline import split_parts
+from napari_unpack.segmentation.ranking import rank_labels
 
 
 def with_all(volume: NDArray[Any], spacing: Any) -> Found:
@@ -22,6 +23,11 @@ def with_all(volume: NDArray[Any], spacing: Any) -> Found:
 def without_network(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield our parts, joined by the judge of pairs."""
     yield "ours, no network", segment(volume, spacing, method="affinity").labels
+
+
+def as_the_paper(volume: NDArray[Any], spacing: Any) -> Found:
+    """Yield recursive cuts judged by the oracle, the method of the paper."""
+    yield "ours, cuts and oracle", segment(volume, spacing, method="cuts").labels
 
 
 def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
@@ -35,5 +41,6 @@ def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
 OURS = (
     ("ours, nothing learned", unlearned),
     ("ours, no network", without_network),
+    ("ours, cuts and oracle", as_the_paper),
     ("ours", with_all),
 )

@@ -27,6 +27,36 @@ METRICS = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """Scores of one method on one volume, with all its settings.
+
+    Parameters
+    ----------
+    totals : list of dict
+        By setting: method, setting, case, `METRICS`, seconds (of processor time).
+    objects : pandas.DataFrame
+        One row for every true object and setting.
+    """
+
+    totals: list[dict[str, float | str]]
+    objects: pd.DataFrame
+
+
+def scored(
+    method: str, setting: str, case: Case, found: NDArray[np.integer], seconds: float
+) -> Scored:
+    """Score one segmentation."""
+    totals = score(case.labels, found)
+    row: dict[str, float | str] = {"method": method, "setting": setting, "case": case.name}
+    row |= {name: totals[name] for name in METRICS}
+    sheets = case.groups.index[case.groups == "sheet"].tolist()
+    each = score_objects(case.labels, found, case.spacing, sheets=sheets)
+    each["kind"], each["group"] = case.kinds, case.groups
+    each["method"], each["setting"] = method, setting
+    return Scored([row | {"seconds": seconds}], each)
+
+
 @dataclass
 class Report:
     """Scores of one family of volumes, filled volume by volume."""
@@ -34,25 +64,11 @@ class Report:
     totals: list[dict[str, float | str]] = field(default_factory=list)
     objects: list[pd.DataFrame] = field(default_factory=list)
 
-    def add(
-        self, method: str, setting: str, case: Case, found: NDArray[np.integer], seconds: float
-    ) -> None:
-        """Score one segmentation."""
-        totals = score(case.labels, found)
-        self.totals.append(
-            {
-                "method": method,
-                "setting": setting,
-                "case": case.name,
-                **{name: totals[name] for name in METRICS},
-                "seconds": seconds,
-            }
-        )
-        sheets = case.groups.index[case.groups == "sheet"].tolist()
-        each = score_objects(case.labels, found, case.spacing, sheets=sheets)
-        each["kind"], each["group"] = case.kinds, case.groups
-        each["method"], each["setting"] = method, setting
-        self.objects.append(each)
+    def add(self, found: Scored) -> None:
+        """Take in the scores of one method on one volume."""
+        self.totals.extend(found.totals)
+        if len(found.objects):
+            self.objects.append(found.objects)
 
     def best(self) -> dict[str, str]:
         """Return the setting of each method with the best mean F1."""

@@ -6,7 +6,7 @@ from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import boundaries, score, segment
 from napari_unpack.segmentation.boundaries import Boundaries, default_boundaries
-from napari_unpack.segmentation.fragments import Ties
+from napari_unpack.segmentation.fragments import Ties, tie
 from napari_unpack.segmentation.linkage import Bar, link
 from napari_unpack.segmentation.materials import MaterialScale
 from napari_unpack.simulation import simulate_bag
@@ -111,16 +111,38 @@ def test_fragments_join_by_the_mean_and_long_reaches_hold_apart():
     # 1 and 2 belong together; 3 leaks into 2, but from 1 it is far apart.
     ties = Ties(
         np.array([[1, 2], [1, 3], [2, 3]]),
-        np.array([90.0, 0.0, 12.0]),
-        np.array([100.0, 100.0, 20.0]),
-        np.array([50.0, 0.0, 10.0]),
+        np.array([[45.0, 45.0], [0.0, 0.0], [6.0, 6.0]]),
+        np.array([[50.0, 50.0], [0.0, 100.0], [10.0, 10.0]]),
     )
-    owner = link(ties, np.array([0, 1000, 1000, 1000]), Bar())
+    sizes, alike = np.array([0, 1000, 1000, 1000]), np.ones(2)
+    owner = link(ties, sizes, Bar(), alike)
     assert owner[1] == owner[2] != owner[3]
     # Without what is known from afar, the leak decides.
-    leak = Ties(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts, ties.touching)))
-    owner = link(leak, np.array([0, 1000, 1000, 1000]), Bar())
+    leak = Ties(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts)))
+    owner = link(leak, sizes, Bar(), alike)
     assert owner[1] == owner[2] == owner[3]
+
+
+def test_ties_are_what_counting_by_hand_gives():
+    rng = np.random.default_rng(0)
+    fragments = rng.integers(0, 4, (4, 5, 14)).astype(np.int32)
+    far = rng.integers(0, 256, (12, 4, 5, 14)).astype(np.uint8)
+    wanted: dict = {}
+    for k, reach in enumerate(boundaries.REACHES):
+        for axis in range(3):
+            for cell in np.ndindex(fragments.shape):
+                other = tuple(c + reach * (a == axis) for a, c in enumerate(cell))
+                if other[axis] >= fragments.shape[axis]:
+                    continue
+                a, b = sorted((int(fragments[cell]), int(fragments[other])))
+                if a and a != b:
+                    row = wanted.setdefault((a, b), np.zeros((2, 4)))
+                    row[:, k] += far[(3 * k + axis, *cell)] / 255, 1
+    ties = tie(fragments, far)
+    assert [tuple(p) for p in ties.pairs.tolist()] == sorted(wanted)
+    for pair, sums, counts in zip(ties.pairs.tolist(), ties.sums, ties.counts, strict=True):
+        np.testing.assert_allclose(wanted[tuple(pair)], [sums, counts])
+    np.testing.assert_array_equal(ties.touching, ties.counts[:, 0])
 
 
 def test_the_bar_rises_with_size():

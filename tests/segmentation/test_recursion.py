@@ -87,6 +87,22 @@ def test_refining_splits_what_is_doubted_and_joins_what_was_cut_too_soon():
     assert score(truth, alike)["mean_iou"] == 1
 
 
+def test_pieces_of_which_no_two_look_better_than_one_come_together():
+    shape = (20, 20, 70)
+    labels = np.zeros(shape, np.int32)
+    for name in range(1, 6):
+        labels[box(shape, (5, 5, 12 * name - 7), (15, 15, 12 * name + 5))] = name
+    density = np.where(labels > 0, 1000.0, 0.0)
+
+    def likes_the_whole(region):
+        return 0.9 if region.voxels == 6000 else 0.2
+
+    assert refine_by_oracle(labels, density, UNIT, likes_the_whole).max() == 1
+    # Where the whole is no better than its pieces, they stay as they were.
+    alike = refine_by_oracle(labels, density, UNIT, lambda region: 0.6)
+    assert score(labels, alike)["mean_iou"] == 1
+
+
 def test_shell_and_content_become_one_where_the_oracle_prefers_it():
     shape = (30, 30, 30)
     labels = box(shape, (3, 3, 3), (27, 27, 27)).astype(np.int32)

@@ -212,7 +212,7 @@ def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Affinity:
-    """A small neural network over `PAIR_FEATURES`.
+    """A small neural network over features of pairs.
 
     Parameters
     ----------
@@ -220,12 +220,15 @@ class Affinity:
         z-score.
     weights, offsets : tuple of ndarray
         Of the layers; tanh between them, a logistic at the end.
+    features : tuple of str
+        Names of the features.
     """
 
     center: NDArray[np.float64]
     scale: NDArray[np.float64]
     weights: tuple[NDArray[np.float64], ...]
     offsets: tuple[NDArray[np.float64], ...]
+    features: tuple[str, ...] = PAIR_FEATURES
 
     def probability(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the probability that each of (N, F) pairs is one object."""
@@ -241,11 +244,11 @@ class Affinity:
         layers |= {f"offset{k}": o for k, o in enumerate(self.offsets)}
         layers |= {"center": self.center, "scale": self.scale}
         with Path(path).open("wb") as file:
-            np.savez_compressed(file, features=np.array(PAIR_FEATURES), **layers)  # type: ignore[arg-type]
+            np.savez_compressed(file, features=np.array(self.features), **layers)  # type: ignore[arg-type]
 
     @staticmethod
-    def load(path: str | Path) -> Affinity:
-        """Read a network.
+    def load(path: str | Path, features: tuple[str, ...] = PAIR_FEATURES) -> Affinity:
+        """Read a network over the features of these names.
 
         Raises
         ------
@@ -254,7 +257,7 @@ class Affinity:
         """
         with np.load(path) as file:
             found = {name: file[name] for name in file.files}
-        if tuple(found.get("features", ())) != PAIR_FEATURES:
+        if tuple(found.get("features", ())) != features:
             raise ValueError(f"{path} is not an affinity of this version; train it again")
         count = sum(name.startswith("weight") for name in found)
         return Affinity(
@@ -262,10 +265,16 @@ class Affinity:
             found["scale"],
             tuple(found[f"weight{k}"].astype(np.float64) for k in range(count)),
             tuple(found[f"offset{k}"].astype(np.float64) for k in range(count)),
+            features,
         )
 
 
-def fit_affinity(rows: NDArray[np.float64], same: NDArray[np.bool_], seed: int = 0) -> Affinity:
+def fit_affinity(
+    rows: NDArray[np.float64],
+    same: NDArray[np.bool_],
+    seed: int = 0,
+    features: tuple[str, ...] = PAIR_FEATURES,
+) -> Affinity:
     """Train the judge.
 
     Parameters
@@ -276,6 +285,8 @@ def fit_affinity(rows: NDArray[np.float64], same: NDArray[np.bool_], seed: int =
         Whether they are one object.
     seed : int
         Of the initial weights.
+    features : tuple of str
+        Names of the columns.
 
     Returns
     -------
@@ -289,6 +300,5 @@ def fit_affinity(rows: NDArray[np.float64], same: NDArray[np.bool_], seed: int =
     )
     network.fit(np.clip((rows - center) / scale, -6, 6), same)
     weights = tuple(w.astype(np.float32) for w in network.coefs_)
-    return Affinity(
-        center, scale, weights, tuple(o.astype(np.float32) for o in network.intercepts_)
-    )
+    offsets = tuple(o.astype(np.float32) for o in network.intercepts_)
+    return Affinity(center, scale, weights, offsets, features)

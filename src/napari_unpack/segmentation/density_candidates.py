@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.flooding import flood
-from napari_unpack.segmentation.workpiece import Proposals, Workpiece
+from napari_unpack.segmentation.workpiece import Proposals, Workpiece, largest_steps
 
 
 def density_candidates(piece: Workpiece) -> Proposals:
@@ -33,7 +33,7 @@ def density_candidates(piece: Workpiece) -> Proposals:
     inner = small.mask & (small.depth > 1.5 * max(small.spacing))
     if np.count_nonzero(inner) < 2 * piece.fewest:
         return
-    slope = _slope(smooth, small.mask)
+    slope = largest_steps(smooth, small.mask)
     low, high = np.quantile(smooth[inner], [0.01, 0.99])
     settle = np.clip(slope / max(float(np.quantile(slope[inner], 0.99)), 1e-6), 0, 1)
     if high > low + 0.02 * abs(float(high)):
@@ -51,18 +51,6 @@ def density_candidates(piece: Workpiece) -> Proposals:
     sides = _grown(calm.astype(np.int32), small.mask, max(piece.fewest // 4, 8), settle)
     if 1 < sides.max() <= 12:
         yield "basins", sides, None
-
-
-def _slope(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the largest step to a face neighbour inside."""
-    slope = np.zeros(mask.shape, np.float32)
-    for axis in range(3):
-        along, inside = np.moveaxis(values, axis, 0), np.moveaxis(mask, axis, 0)
-        here = np.moveaxis(slope, axis, 0)
-        step = np.where(inside[1:] & inside[:-1], np.abs(along[1:] - along[:-1]), 0)
-        here[1:] = np.maximum(here[1:], step)
-        here[:-1] = np.maximum(here[:-1], step)
-    return slope
 
 
 def _grown(

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from napari_unpack.segmentation.boundaries import REACHES
 from napari_unpack.segmentation.flooding import flood
@@ -22,16 +21,19 @@ class Ties:
     ----------
     pairs : (N, 2) ndarray of int64
         Fragments, the smaller first.
-    sums, counts : (N,) ndarray of float64
-        Of the probabilities that cells of the one belong with cells of the other, and how many.
-    touching : (N,) ndarray of float64
-        Faces of cells that they share; 0 where only long reaches tie them.
+    sums, counts : (N, K) ndarray of float64
+        Of the probabilities that cells of the one belong with cells of the other, and how many
+        pairs of cells that is, by reach.
     """
 
     pairs: NDArray[np.int64]
     sums: NDArray[np.float64]
     counts: NDArray[np.float64]
-    touching: NDArray[np.float64]
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """Faces of cells that each pair shares, (N,); 0 where only long reaches tie it."""
+        return self.counts[:, 0]
 
 
 def cells_with(matter: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -103,48 +105,35 @@ def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
     return height
 
 
-def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8], weights: NDArray[np.float64]) -> Ties:
+def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> Ties:
     """Sum up, for every pair of fragments, how their cells belong together.
 
     Parameters
     ----------
     fragments : (z, y, x) ndarray of int32
         1, 2, ..., 0 background.
-    far : (K, z, y, x) ndarray of uint8
+    far : (3 * K, z, y, x) ndarray of uint8
         See `boundaries.Prediction`.
-    weights : (len(REACHES),) ndarray of float64
-        Of pairs of cells by reach.
 
     Returns
     -------
     Ties
     """
     top = int(fragments.max()) + 1
-    shape = (top, top)
-    sums, counts, touching = (coo_array(shape, dtype=np.float64).tocsr() for _ in range(3))
+    keys, reaches, values = [], [], []
     for k, reach in enumerate(REACHES):
         for axis in range(3):
-            if reach >= fragments.shape[axis]:
-                continue
             here = np.moveaxis(fragments, axis, 0)
-            said = np.moveaxis(far[3 * k + axis], axis, 0)[:-reach]
             one, two = here[:-reach], here[reach:]
             meet = (one != two) & (one > 0) & (two > 0)
-            a, b = one[meet], two[meet]
-            low, high = np.minimum(a, b), np.maximum(a, b)
-            value = said[meet].astype(np.float64) * (weights[k] / 255)
-            sums += coo_array((value, (low, high)), shape=shape).tocsr()
-            number = coo_array((np.full(len(low), weights[k]), (low, high)), shape=shape).tocsr()
-            counts += number
-            if reach == 1:
-                touching += number / weights[k]
-    counts = counts.tocoo()
-    low, high = counts.coords
-    if not len(low):
-        return Ties(np.zeros((0, 2), np.int64), *(np.zeros(0) for _ in range(3)))
-    return Ties(
-        np.stack([low, high], axis=1).astype(np.int64),
-        np.asarray(sums[low, high]).reshape(-1),
-        counts.data,
-        np.asarray(touching[low, high]).reshape(-1),
-    )
+            a, b = one[meet].astype(np.int64), two[meet].astype(np.int64)
+            keys.append(np.minimum(a, b) * top + np.maximum(a, b))
+            values.append(np.moveaxis(far[3 * k + axis], axis, 0)[: len(one)][meet])
+            reaches.append(np.full(len(a), k, np.int64))
+    names, pair = np.unique(np.concatenate(keys), return_inverse=True)
+    place = pair.reshape(-1) * len(REACHES) + np.concatenate(reaches)
+    size = len(names) * len(REACHES)
+    counts = np.bincount(place, minlength=size).reshape(-1, len(REACHES)).astype(np.float64)
+    said = np.concatenate(values) / 255.0
+    sums = np.bincount(place, said, size).reshape(counts.shape).astype(np.float64)
+    return Ties(np.stack(np.divmod(names, top), axis=1), sums, counts)

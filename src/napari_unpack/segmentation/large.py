@@ -17,6 +17,7 @@ from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.matter import find_matter, levels_of
 from napari_unpack.segmentation.object_table import Sums, confidences
+from napari_unpack.segmentation.ranking import ranks
 from napari_unpack.segmentation.refining import Coarse, coarse, refined
 from napari_unpack.segmentation.region import FEWEST
 from napari_unpack.segmentation.sources import Box, Source, blocks, grown, within
@@ -106,7 +107,7 @@ def segment_large(
     labels = np.where(things > 0, things, labels)
     sums = _measured(source, out, places, int(labels.max()), spacing)
     judged = confidences(labels, grid.density, grid.spacing, oracle)
-    names = _ranks(sums.totals[:, 0])
+    names = ranks(sums.totals[:, 0])
     if (names != np.arange(len(names))).any():
         _rename(source, out, places, names)
     table = sums.table(spacing, judged)
@@ -180,16 +181,6 @@ def _rename(
     for box, _ in places:
         with source.lock:
             out[box] = names[np.asarray(out[box])]
-
-
-def _ranks(voxels: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Return the new name of every label, the largest first; 0 for those without voxels."""
-    counts = voxels.copy()
-    counts[0] = 0
-    present = int(np.count_nonzero(counts))
-    names = np.zeros(len(counts), np.int32)
-    names[np.argsort(-counts, kind="stable")[:present]] = np.arange(1, present + 1)
-    return names
 
 
 def _paired(

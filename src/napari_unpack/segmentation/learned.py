@@ -15,6 +15,7 @@ from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.flooding import flood
 from napari_unpack.segmentation.fragments import cells_with, find_fragments, tie
+from napari_unpack.segmentation.joining import SeenParts, seen_parts
 from napari_unpack.segmentation.linkage import Bar, link
 from napari_unpack.segmentation.materials import MaterialScale
 from napari_unpack.segmentation.matter import find_matter, typical_knee
@@ -45,7 +46,7 @@ class JoinRule:
     object : float
         Mean probability of its voxels from which something is an object.
     together : Bar
-        From which mean probability two fragments are joined.
+        From which mean probability two fragments are joined; only what is safe, see `joining`.
     weights : (4,) tuple of float
         Of pairs of cells in that mean, by reach.
     """
@@ -53,7 +54,7 @@ class JoinRule:
     matter: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: Bar = field(default_factory=Bar)
+    together: Bar = field(default_factory=lambda: Bar(0.4, 0.1))
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
@@ -67,8 +68,8 @@ def learned_parts(
     shell: bool = True,
     network: Boundaries | None = None,
     rule: JoinRule | None = None,
-) -> NDArray[np.int32]:
-    """Take a volume apart as the network sees it.
+) -> tuple[NDArray[np.int32], SeenParts]:
+    """Take a volume apart as the network sees it, a little too far.
 
     Parameters
     ----------
@@ -92,8 +93,10 @@ def learned_parts(
 
     Returns
     -------
-    (Z, Y, X) ndarray of int32
+    parts : (Z, Y, X) ndarray of int32
         1, 2, ...; 0 is background, which the network takes the bag and the table for.
+    measured : SeenParts
+        Of them, for `joining.join_seen`.
     """
     limits = rule or JoinRule()
     tell(0.0, "Finding matter")
@@ -118,8 +121,8 @@ def learned_parts(
     tell(0.65, "Finding fragments")
     fragments = find_fragments(said.far, cells_with(matter))
     tell(0.75, "Joining fragments")
-    ties = tie(fragments, said.far, np.array(limits.weights))
-    owner = link(ties, np.bincount(fragments.reshape(-1)), limits.together)
+    ties, weights = tie(fragments, said.far), np.array(limits.weights)
+    owner = link(ties, np.bincount(fragments.reshape(-1)), limits.together, weights)
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
     parts = _believed(parts, said.matter, 255 * limits.object)
@@ -131,7 +134,8 @@ def learned_parts(
     inside = parts > 0
     parts = flood(parts, inside | (seen & binary_dilation(inside)))
     tell(0.9, "Looking for what is left")
-    return _with_the_rest(parts, seen, shell, spacing)
+    parts = _with_the_rest(parts, seen, shell, spacing)
+    return seen_parts(parts, density, spacing, scale, ties, owner, weights)
 
 
 def _with_the_rest(

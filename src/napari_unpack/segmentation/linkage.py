@@ -37,7 +37,9 @@ class Bar:
         return min(max(wanted, self.lowest), self.highest)
 
 
-def link(ties: Ties, sizes: NDArray[np.integer], bar: Bar) -> NDArray[np.int64]:
+def link(
+    ties: Ties, sizes: NDArray[np.integer], bar: Bar, weights: NDArray[np.float64]
+) -> NDArray[np.int64]:
     """Join the pair that passes the bar by most, again and again.
 
     Parameters
@@ -48,6 +50,8 @@ def link(ties: Ties, sizes: NDArray[np.integer], bar: Bar) -> NDArray[np.int64]:
         Cells of every fragment.
     bar : Bar
         What a pair must pass.
+    weights : (K,) ndarray of float64
+        Of the reaches in the mean.
 
     Returns
     -------
@@ -76,8 +80,8 @@ def link(ties: Ties, sizes: NDArray[np.integer], bar: Bar) -> NDArray[np.int64]:
 
     rows = zip(
         ties.pairs.tolist(),
-        ties.sums.tolist(),
-        ties.counts.tolist(),
+        (ties.sums @ weights).tolist(),
+        (ties.counts @ weights).tolist(),
         ties.touching.tolist(),
         strict=True,
     )

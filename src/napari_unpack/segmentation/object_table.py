@@ -142,9 +142,7 @@ def confidences(
     found = {}
     for name in boxes.ids.tolist():
         box = boxes.slices(name)
-        first = (box[0].start, box[1].start, box[2].start)
-        region = Region(labels[box] == name, density[box], first, spacing, density)
-        value = float(judge(region))
+        value = float(judge(Region.of(labels[box] == name, density, box, spacing)))
         found[name] = value if np.isfinite(value) else 0.0
     return found
 

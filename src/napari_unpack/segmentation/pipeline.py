@@ -20,12 +20,14 @@ from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.joining import join_seen
 from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.learned import learned_parts
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.matter import checked_way, find_matter, typical_knee
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
 from napari_unpack.segmentation.object_table import object_table
+from napari_unpack.segmentation.ranking import rank_labels
 from napari_unpack.segmentation.recursion import take_apart
 from napari_unpack.segmentation.refine_by_oracle import RefineRule, join_touching
 from napari_unpack.segmentation.region import FEWEST, Region
@@ -215,9 +217,11 @@ def segment_grid(
         If nothing is found.
     """
     if method == "learned":
-        parts = learned_parts(
+        parts, measured = learned_parts(
             density, spacing, tell, foreground=foreground, supports=supports, shell=shell
         )
+        tell(0.92, "Joining parts")
+        parts = join_seen(parts, measured)
     else:
         parts, scale = split_parts(
             density,
@@ -234,7 +238,7 @@ def segment_grid(
             tell(0.8, "Joining parts")
             parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
         else:
-            parts = join_touching(parts, density, spacing, oracle, RefineRule(), tell)
+            parts = join_touching(parts, density, spacing, oracle, RefineRule(margin=0.0), tell)
     labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     labels = rank_labels(fill_cavities(labels, spacing))
     if not labels.any():
@@ -358,8 +362,7 @@ def _components(
     regions = []
     for name in boxes.ids[large].tolist():
         box = boxes.slices(name)
-        first = (box[0].start, box[1].start, box[2].start)
-        regions.append(Region(parts[box] == name, density[box], first, spacing))
+        regions.append(Region.of(parts[box] == name, density, box, spacing))
     return regions
 
 
@@ -368,23 +371,3 @@ def _label(regions: list[Region], shape: tuple[int, ...]) -> NDArray[np.int32]:
     for name, region in enumerate(regions, 1):
         labels[region.box][region.mask] = name
     return labels
-
-
-def rank_labels(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Renumber labels 1, 2, ... from the largest to the smallest.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        Not changed.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-    """
-    counts = np.bincount(labels.reshape(-1))
-    counts[0] = 0
-    present = int(np.count_nonzero(counts))
-    names = np.zeros(len(counts), np.int32)
-    names[np.argsort(-counts, kind="stable")[:present]] = np.arange(1, present + 1)
-    return names[labels]

@@ -8,7 +8,7 @@ there is hope, judged once, and chosen afterwards; trying other parameters then 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -184,10 +184,17 @@ def kept(node: Node, rule: CutRule) -> list[Node]:
     if not node.parts or node.compactness > rule.compactness:
         return [node]
     parts = [leaf for part in node.parts for leaf in kept(part, rule)]
-    scores = np.array([leaf.confidence for leaf in parts])
-    volumes = [leaf.region.volume for leaf in parts]
-    value = scores.min() if rule.least else np.average(scores, weights=volumes)
+    value = min(leaf.confidence for leaf in parts) if rule.least else worth(parts)
     return parts if value - node.confidence > rule.gain else [node]
+
+
+def worth(parts: Sequence[Node]) -> float:
+    """Return what a segmentation into parts is worth: their mean confidence by volume.
+
+    A small piece that looks like something by itself makes no whole worth cutting.
+    """
+    volumes = [part.region.volume for part in parts]
+    return float(np.average([part.confidence for part in parts], weights=volumes))
 
 
 def liking(objects: list[Node]) -> float:

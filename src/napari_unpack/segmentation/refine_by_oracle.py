@@ -11,8 +11,8 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.merging import measure_contacts
-from napari_unpack.segmentation.recursion import CutRule, grow, kept
-from napari_unpack.segmentation.region import Region, bounding_box
+from napari_unpack.segmentation.recursion import HOPELESS, CutRule, Node, grow, kept, worth
+from napari_unpack.segmentation.region import Region, united
 from napari_unpack.segmentation.splitting import Oracle, Progress
 
 
@@ -27,7 +27,7 @@ class RefineRule:
     cut : CutRule
         Which cuts are kept.
     margin : float
-        A union's confidence exceeds that of both parts by this.
+        A union's confidence exceeds the mean of its parts', by volume, by this.
     touching : float
         Parts that touch over less of the lesser surface than this are not joined.
     smallest : float
@@ -91,7 +91,7 @@ def split_doubtful(
     for k, name in enumerate(boxes.ids.tolist()):
         if tell is not None:
             tell(0.5 * k / len(boxes.ids), f"Doubting: object {name}")
-        region = _region(labels[boxes.slices(name)] == name, density, boxes.slices(name), spacing)
+        region = Region.of(labels[boxes.slices(name)] == name, density, boxes.slices(name), spacing)
         confidence = oracle(region)
         if confidence >= rule.doubtful or region.volume < 2 * rule.smallest:
             continue
@@ -114,34 +114,34 @@ def join_touching(
 
     Notes
     -----
-    The pair with the largest gain first, whose neighbours are then judged anew. This undoes
-    premature cuts, and joins shell and content of a container where the oracle prefers it.
+    `recursion.grow` turned round: two of the five pieces of a suitcase are no better an object than
+    one, so that a rule which asks a gain of every join would leave all five apart. The pair with
+    the largest gain is joined first, also where that loses up to 0.1, its neighbours are judged
+    anew, and from the tree of joins `recursion.kept` then takes those unions that are worth more
+    than the best of what they are made of. This undoes premature cuts, and joins shell and content
+    of a container where the oracle prefers it.
     """
-    out = labels.copy()
+    boxes = label_boxes(labels)
     contacts = measure_contacts(labels, spacing)
     inner, surface = contacts.area.copy(), contacts.surface.copy()
     inner[0] = inner[:, 0] = 0
-    scores: dict[int, float] = {}
-    unions: dict[tuple[int, int], tuple[float, Region]] = {}
-
-    def confidence(name: int) -> float:
-        if name not in scores:
-            mask = out == name
-            box = bounding_box(mask)
-            scores[name] = oracle(_region(mask[box], density, box, spacing))
-        return scores[name]
+    nodes: dict[int, Node] = {}
+    for name in boxes.ids.tolist():
+        box = boxes.slices(name)
+        part = Region.of(labels[box] == name, density, box, spacing)
+        nodes[name] = Node(part, oracle(part))
+    unions: dict[tuple[int, int], Node] = {}
 
     def gains() -> list[tuple[float, int, int]]:
         found = []
         near = inner > rule.touching * np.minimum.outer(surface, surface)
         for one, two in np.argwhere(np.triu(near, 1)).tolist():
+            parts = nodes[one], nodes[two]
             if (one, two) not in unions:
-                mask = (out == one) | (out == two)
-                box = bounding_box(mask)
-                both = _region(mask[box], density, box, spacing)
-                unions[one, two] = oracle(both), both
-            gain = unions[one, two][0] - max(confidence(one), confidence(two))
-            if gain > rule.margin:
+                both = united(parts[0].region, parts[1].region, density)
+                unions[one, two] = Node(both, oracle(both), parts)
+            gain = unions[one, two].confidence - worth(parts)
+            if gain >= -HOPELESS:
                 found.append((-gain, one, two))
         return sorted(found)
 
@@ -149,8 +149,8 @@ def join_touching(
         if tell is not None:
             tell(0.9, f"Joining: {len(waiting)} pairs")
         _, one, two = waiting[0]
-        score, both = unions[one, two]
-        out[both.box][both.mask] = one
+        nodes[one] = unions[one, two]
+        del nodes[two]
         surface[one] += surface[two] - 2 * inner[one, two]
         inner[one] += inner[two]
         inner[:, one] += inner[:, two]
@@ -158,15 +158,8 @@ def join_touching(
         inner[:, two] = 0
         inner[one, one] = 0
         unions = {pair: u for pair, u in unions.items() if not {one, two} & set(pair)}
-        scores[one] = score
+    out = np.zeros_like(labels)
+    chosen = [leaf for node in nodes.values() for leaf in kept(node, CutRule(-rule.margin))]
+    for name, leaf in enumerate(chosen, 1):
+        out[leaf.region.box][leaf.region.mask] = name
     return out
-
-
-def _region(
-    mask: NDArray[np.bool_],
-    density: NDArray[np.generic],
-    box: tuple[slice, slice, slice],
-    spacing: Spacing,
-) -> Region:
-    first = (box[0].start, box[1].start, box[2].start)
-    return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)

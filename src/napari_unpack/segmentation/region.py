@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
 
+Box = tuple[slice, slice, slice]
+
 FEWEST = 100
 """Voxels that show a shape."""
 
@@ -37,6 +39,14 @@ class Region:
     origin: tuple[int, int, int]
     spacing: Spacing
     whole: NDArray[np.generic] | None = None
+
+    @staticmethod
+    def of(
+        mask: NDArray[np.bool_], density: NDArray[np.generic], box: Box, spacing: Spacing
+    ) -> Region:
+        """Return the region of a mask in a box of a volume, beyond which it can see."""
+        first = (box[0].start, box[1].start, box[2].start)
+        return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
 
     @cached_property
     def voxels(self) -> int:
@@ -78,13 +88,13 @@ class Region:
         )
 
     @property
-    def box(self) -> tuple[slice, slice, slice]:
+    def box(self) -> Box:
         """The region's place in the volume."""
         a, b, c = (slice(o, o + n) for o, n in zip(self.origin, self.mask.shape, strict=True))
         return a, b, c
 
 
-def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice]:
+def bounding_box(mask: NDArray[np.bool_]) -> Box:
     """Return the slices of the smallest box around a mask with at least one voxel."""
     slices = []
     for axis in range(3):
@@ -92,3 +102,16 @@ def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice, slice]:
         hit = np.flatnonzero(mask.any(axis=others))
         slices.append(slice(int(hit[0]), int(hit[-1]) + 1))
     return slices[0], slices[1], slices[2]
+
+
+def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
+    """Return the region of both's voxels in a density volume."""
+    low = np.minimum(one.origin, two.origin).tolist()
+    ends = [np.add(region.origin, region.mask.shape) for region in (one, two)]
+    high = np.maximum(*ends).tolist()
+    mask = np.zeros(np.subtract(high, low), np.bool_)
+    for region in (one, two):
+        a, b, c = (slice(s.start - o, s.stop - o) for s, o in zip(region.box, low, strict=True))
+        mask[a, b, c] |= region.mask
+    box = slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
+    return Region.of(mask, density, box, one.spacing)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.affinity import Affinity, measure_parts
+from napari_unpack.segmentation.affinity import Affinity, Parts, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.confidence import Oracle, fit_features
@@ -46,7 +46,7 @@ def true_objects(
     boxes = label_boxes(labels)
     for name in boxes.ids[boxes.counts >= smallest].tolist():
         box = boxes.slices(name)
-        yield _region(labels[box] == name, density, box, spacing)
+        yield Region.of(labels[box] == name, density, box, spacing)
 
 
 def merged_pairs(
@@ -76,7 +76,7 @@ def merged_pairs(
     for one, two in np.argwhere(np.triu(touching[1:, 1:], 1)) + 1:
         both = (compact == one) | (compact == two)
         box = bounding_box(both)
-        yield _region(both[box], density, box, spacing)
+        yield Region.of(both[box], density, box, spacing)
 
 
 class Labelled(Protocol):
@@ -248,17 +248,51 @@ def pair_examples(
     """
     parts, scale = split_parts(density, spacing, lambda fraction, text: None)
     measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
+    return examples_of(measured, overlaps(parts, truth), affinity)
+
+
+def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Return the (M, T) voxels that each part shares with each true object; row 0 is empty."""
     table = contingency(parts, truth)
     compact = np.flatnonzero(np.bincount(parts.reshape(-1)))
-    weight = np.zeros((len(measured.sums), table.shape[1]))
-    weight[compact[compact > 0]] = table[1:]
+    found = np.zeros((int(parts.max(initial=0)) + 1, table.shape[1]))
+    found[compact[compact > 0]] = table[1:]
+    return found
+
+
+def examples_of(
+    measured: Parts,
+    shared: NDArray[np.float64],
+    affinity: Affinity | None = None,
+    described: Callable[[int, int, NDArray[np.float64]], NDArray[np.float64]] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the pairs that joining parts meets: their features, and whether they are one object.
+
+    Parameters
+    ----------
+    measured : Parts
+        Used up.
+    shared : (M, T) ndarray of float64
+        See `overlaps`.
+    affinity : Affinity, optional
+        As for `pair_examples`.
+    described : callable, optional
+        `described(one, two, features) -> features` that the judge goes by.
+
+    Returns
+    -------
+    rows : (N, F) ndarray of float64
+    same : (N,) ndarray of bool
+    """
     rows: list[NDArray[np.float64]] = []
     same: list[bool] = []
 
     def judge(one: int, two: int, row: NDArray[np.float64]) -> float:
-        first, second = weight[one], weight[two]
+        first, second = shared[one], shared[two]
         main = first.argmax(), second.argmax()
         agree = main[0] == main[1]
+        if described is not None:
+            row = described(one, two, row)
         # Matter without a label, such as the bag's shell, belongs to nothing else.
         if main[0] or main[1]:
             rows.append(row)
@@ -270,14 +304,4 @@ def pair_examples(
         return chance if agree else 0.0
 
     agglomerate(measured, judge)
-    return np.array(rows), np.array(same)
-
-
-def _region(
-    mask: NDArray[np.bool_],
-    density: NDArray[np.generic],
-    box: tuple[slice, slice, slice],
-    spacing: Spacing,
-) -> Region:
-    first = (box[0].start, box[1].start, box[2].start)
-    return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
+    return np.array(rows), np.array(same, np.bool_)

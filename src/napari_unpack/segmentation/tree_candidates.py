@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.distance_tree import significant_minima, tree_sweep
 from napari_unpack.segmentation.measures import chamfer
-from napari_unpack.segmentation.workpiece import Proposals, Workpiece
+from napari_unpack.segmentation.workpiece import Proposals, Workpiece, largest_steps
 
 DROP = 1.1
 KEEP = 3
@@ -63,14 +63,7 @@ def _fields(piece: Workpiece) -> Iterator[tuple[str, NDArray[np.float32], str]]:
 def _edges(
     density: NDArray[np.float32], mask: NDArray[np.bool_], middle: float
 ) -> NDArray[np.bool_]:
-    step = np.zeros(mask.shape, np.float32)
-    for axis in range(3):
-        values, inside = np.moveaxis(density, axis, 0), np.moveaxis(mask, axis, 0)
-        here = np.moveaxis(step, axis, 0)
-        both = inside[1:] & inside[:-1]
-        jump = np.where(both, np.abs(values[1:] - values[:-1]), 0)
-        here[1:] = np.maximum(here[1:], jump)
-        here[:-1] = np.maximum(here[:-1], jump)
+    step = largest_steps(density, mask)
     typical = float(np.median(step[mask]))
     return np.asarray(mask & (step > max(4 * typical, 0.05 * abs(middle))))
 

@@ -53,3 +53,27 @@ Proposal = tuple[str, NDArray[np.int32], NDArray[np.float32] | None]
 """Provenance, parts of the blocks, and where borders settle (see `coarse.carried_back`)."""
 
 Proposals = Iterator[Proposal]
+
+
+def largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the largest step of every voxel to a face neighbour, both inside a mask.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) ndarray of float32
+        Of blocks.
+    mask : (Z, Y, X) ndarray of bool
+        Which of them count.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of float32
+    """
+    steps = np.zeros(mask.shape, np.float32)
+    for axis in range(3):
+        along, inside = np.moveaxis(values, axis, 0), np.moveaxis(mask, axis, 0)
+        here = np.moveaxis(steps, axis, 0)
+        step = np.where(inside[1:] & inside[:-1], np.abs(along[1:] - along[:-1]), 0)
+        here[1:] = np.maximum(here[1:], step)
+        here[:-1] = np.maximum(here[:-1], step)
+    return steps

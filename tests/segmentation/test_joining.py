@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from phantoms import box
+
+from napari_unpack.segmentation.affinity import Affinity
+from napari_unpack.segmentation.fragments import Ties
+from napari_unpack.segmentation.joining import FEATURES, default_judge, join_seen, seen_parts
+from napari_unpack.segmentation.materials import MaterialScale
+
+SHAPE = (20, 20, 52)
+
+
+def three_boxes():
+    """Return three boxes in a row, named 2, 5 and 6, of which 1, 3 and 4 are fragments too."""
+    labels = np.zeros(SHAPE, np.int32)
+    for name, x in ((2, 5), (5, 19), (6, 33)):
+        labels[box(SHAPE, (4, 4, x), (16, 16, x + 14))] = name
+    return labels
+
+
+def of_reaches(rows):
+    return np.insert(np.array(rows), [1, 1], 0, axis=1)
+
+
+def measured(spacing=(1.0, 1.0, 1.0)):
+    # 1 is of 2, 3 and 4 are of 5; nothing is known by the reaches between the first and the last.
+    owner = np.array([0, 2, 2, 5, 5, 5, 6])
+    ties = Ties(
+        np.array([[1, 2], [2, 3], [1, 4], [4, 5], [5, 6], [2, 6]]),
+        of_reaches([[9.0, 8.0], [1, 2], [3, 0], [7, 7], [9, 9], [0, 4]]),
+        of_reaches([[10.0, 10.0], [10, 4], [10, 0], [10, 10], [10, 10], [0, 8]]),
+    )
+    labels = three_boxes()
+    density = np.where(labels > 0, 1000.0, 0.0)
+    scale = MaterialScale(0.0, 250.0)
+    return seen_parts(labels, density, spacing, scale, ties, owner, np.array([1.0, 2, 2, 2]))
+
+
+def test_what_fragments_say_is_added_up_between_and_within_parts():
+    labels, parts = measured()
+    assert np.unique(labels).tolist() == [0, 1, 2, 3]
+    assert parts.between[1, 2].tolist() == parts.between[2, 1].tolist() == [4, 0, 0, 2]
+    assert parts.pairs[1, 2].tolist() == [20, 0, 0, 4]
+    assert parts.within[1].tolist() == [9, 0, 0, 8]
+    row = dict(zip(FEATURES, parts.features(1, 2, np.zeros(20)), strict=True))
+    assert row["belonging"] == pytest.approx((4 + 2 * 2) / (20 + 2 * 4))
+    assert row["belonging_next"] == pytest.approx(0.2)
+
+
+def test_joining_two_parts_loses_no_pair_of_cells():
+    _, parts = measured()
+    parts.join(1, 2)
+    assert parts.within[1].tolist() == [9 + 7 + 4, 0, 0, 8 + 7 + 2]
+    assert parts.between[1, 3].tolist() == parts.between[3, 1].tolist() == [9, 0, 0, 13]
+    assert parts.pairs[1, 3].tolist() == [10, 0, 0, 18]
+    assert not parts.between[2].any()
+    assert not parts.between[1, 1].any()
+
+
+def test_only_the_proportions_of_voxels_count():
+    for one, two in ((1, 2), (2, 3)):
+        fine, coarse = (measured((s, s, s))[1] for s in (0.1, 1.0))
+        np.testing.assert_allclose(
+            fine.features(one, two, np.zeros(20)), coarse.features(one, two, np.zeros(20))
+        )
+        np.testing.assert_allclose(fine.sums[:, 3], coarse.sums[:, 3])
+
+
+def test_the_judge_decides_who_is_joined():
+    width = len(FEATURES)
+    weight = np.zeros((width, 1))
+    weight[FEATURES.index("belonging")] = 20.0
+    judge = Affinity(np.full(width, 0.5), np.ones(width), (weight,), (np.zeros(1),), FEATURES)
+    labels, parts = measured()
+    joined = join_seen(labels, parts, judge)
+    # 2 and 3 belong together by 0.9, 1 and 2 by 0.29; 1 and both by less than a half.
+    assert joined[10, 10, 25] == joined[10, 10, 40] != joined[10, 10, 8]
+
+
+def test_the_judge_that_ships_knows_these_features():
+    assert default_judge().features == FEATURES
+    assert default_judge().weights[0].shape[0] == len(FEATURES)
