@@ -81,3 +81,14 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     box.judge_by(str(path))
     qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
     assert "not an oracle" in warned[0]
+
+
+def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:
+    panel, session = taught
+    box = panel.objects.confidence
+    session.judge_by(None, dict.fromkeys(session.ids, 1e-9))
+    box.refresh()
+    assert "taught on other things" in box.told.text()
+    session.judge_by(None, {i: 0.1 * i for i in session.ids})
+    box.refresh()
+    assert "taught on other things" not in box.told.text()

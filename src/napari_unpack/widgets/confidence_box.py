@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 from qtpy.QtWidgets import QFileDialog
 
 from napari_unpack.widgets import notices
@@ -13,6 +14,8 @@ from napari_unpack.widgets.section import Disclosure, button, label, row
 from napari_unpack.widgets.workbench import Workbench
 
 FILES = "Oracle (*.npz)"
+FEW, UNLIKE = 5, 0.01
+"""Of at least so many objects, nine in ten less sure than this: the oracle knows none of them."""
 
 
 class ConfidenceBox(Disclosure):
@@ -70,7 +73,7 @@ class ConfidenceBox(Disclosure):
         if self.job.running:
             self.told.setText("Working…")
         else:
-            self.told.setText(f"{len(marked)} marked good. Judged by {whose}.")
+            self.told.setText(f"{len(marked)} marked good. Judged by {whose}.{self._doubt()}")
         some = set() if session is None else set(self._chosen())
         idle = session is not None and not self.job.running
         self.mark.setEnabled(idle and bool(some - marked))
@@ -78,6 +81,17 @@ class ConfidenceBox(Disclosure):
         self.train.setEnabled(idle and bool(marked))
         self.load.setEnabled(idle)
         self.restore.setEnabled(idle and self._oracle is not None)
+
+    def _doubt(self) -> str:
+        """Return what to say where the confidence has never seen anything like these objects."""
+        session = self._bench.session
+        if session is None or "confidence" not in session.objects:
+            return ""
+        scores = session.objects["confidence"].to_numpy(float)
+        known = scores[~np.isnan(scores)]
+        if len(known) < FEW or np.quantile(known, 0.9) > UNLIKE:
+            return ""
+        return " It was taught on other things than these: mark good ones and train your own."
 
     def _mark(self, good: bool) -> None:
         self._bench.mark_good(self._chosen(), good)
