@@ -26,7 +26,9 @@ from typing import Any
 
 import numpy as np
 import psutil
+from napari.utils.notifications import notification_manager
 from qtpy.QtCore import QCoreApplication, QtMsgType, qInstallMessageHandler
+from qtpy.QtWidgets import QApplication
 
 WARM_UP = 1 / 3
 FLAT = 0.05
@@ -194,6 +196,16 @@ class Hand:
         if self.file.exists() and not self.panel.files.waiting.running:
             self.panel.files.open_from(self.file)
 
+    def dismiss(self) -> None:
+        """Close napari's notices, which stay while its window is not in front, as here.
+
+        A fifth of a megabyte each, they would hide what the plugin holds.
+        """
+        for widget in QApplication.allWidgets():
+            if type(widget).__name__ == "NapariQtNotification":
+                widget.close()
+        notification_manager.records.clear()
+
     def put_away(self) -> None:
         """Bring everything to rest in the bag, so that memory can be compared."""
         bench = self.panel.workbench
@@ -201,6 +213,7 @@ class Hand:
         while self.panel.files.waiting.running and monotonic() < deadline:
             QCoreApplication.processEvents()
         self.panel.unpack.scrub.play.setChecked(False)
+        self.dismiss()
         self.viewer.dims.ndisplay = 3
         if bench.stage is not None:
             bench.show(bench.session.ids)

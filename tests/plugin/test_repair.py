@@ -3,14 +3,18 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import dask.array
 import numpy as np
 import pytest
+import zarr
+from napari.layers import Labels
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 from widget_phantoms import SMALL, open_panel, press, stage_with
 
 from napari_unpack.layers import compat
+from napari_unpack.layers.painted_labels import PaintedLabels
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 BELL, CUBE, SLAB = 1, 2, 3
@@ -179,3 +183,40 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert session.states[CUBE].name == "HIDDEN"
     qtbot.wait(500)
     assert np.array_equal(session.labels, first)
+
+
+def test_escape_calls_off_a_split_that_has_begun(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects, canvas = panel.objects, compat.native_canvas(viewer).native
+    press(qtbot, objects.split)
+    click(panel, (12, 20, 16), qtbot)
+    assert objects.repair.awaits_clicks
+    QTest.keyClick(canvas, Qt.Key.Key_Escape)
+    assert not objects.repair.awaits_clicks
+    assert not objects.split.isChecked()
+    assert not objects.next_click.isVisible()
+    click(panel, (12, 20, 44), qtbot)
+    assert not objects.repair.running
+    assert session.ids == (BELL, CUBE, SLAB)
+
+
+@pytest.mark.parametrize("kind", ["dask", "zarr"])
+def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
+    session: Any, qtbot: QtBot, kind: str
+) -> None:
+    labels = session.labels
+    data = dask.array.from_array(labels.copy(), chunks=20)
+    layer = Labels(data if kind == "dask" else zarr.array(labels.copy(), chunks=(20, 20, 20)))
+    several = Labels([labels, labels[::2, ::2, ::2]], name="pyramid")
+    told: list[str] = []
+    asked: list[Any] = []
+    painted = PaintedLabels(session, [layer, several], asked.append, told.append)
+    layer.paint((12, 20, 16), CUBE)
+    layer.paint((12, 20, 18), CUBE)
+    (said,) = told
+    assert layer.name in said
+    assert "in memory" in said
+    assert not painted.waiting
+    assert asked == []
+    painted.close()

@@ -15,6 +15,7 @@ from napari_unpack.layers.slice_hues import shows_labels
 QUIET_MS = 300
 """After the last stroke of a brush."""
 
+STROKES = ("labels_update", "paint")
 EDITED = ("labels_update", "paint", "data", "set_data")
 
 
@@ -29,19 +30,33 @@ class PaintedLabels:
     ask : callable
         Given a `RepairQuestion`, has it answered on another thread and accepted; returns False
         where that must wait.
+    told : callable
+        Given a sentence for the user.
 
     Notes
     -----
     A stroke is compared with the session's labels once the brush has been quiet for a moment.
     Where the layer's array is the one the session was made of, the session first takes a copy,
-    or it would never know what was there before the stroke.
+    or it would never know what was there before the stroke. Layers that read their voxels when
+    they are looked at (dask, zarr, several resolutions) are not followed, which is said at the
+    first stroke: every comparison would read all of them.
     """
 
-    def __init__(self, session: Any, sources: Sequence[Any], ask: Callable[[Any], bool]) -> None:
-        self._session, self._ask = session, ask
-        self._layers = [
-            layer for layer in sources if _is_array(layer) and shows_labels(layer, session)
-        ]
+    def __init__(
+        self,
+        session: Any,
+        sources: Sequence[Any],
+        ask: Callable[[Any], bool],
+        told: Callable[[str], None],
+    ) -> None:
+        self._session, self._ask, self._told = session, ask, told
+        showing = [layer for layer in sources if shows_labels(layer, session)]
+        self._layers = [layer for layer in showing if _is_array(layer)]
+        self._lazy = [layer for layer in showing if not _is_array(layer)]
+        for layer in self._lazy:
+            for name in STROKES:
+                if hasattr(layer.events, name):
+                    getattr(layer.events, name).connect(self._on_lazy)
         if any(np.may_share_memory(layer.data, session.labels) for layer in self._layers):
             session.own_labels()
         self._seen = session.labels
@@ -70,7 +85,25 @@ class PaintedLabels:
             for name in EDITED:
                 if hasattr(layer.events, name):
                     getattr(layer.events, name).disconnect(self._on_painted)
+        self._leave_lazy(self._lazy)
         self._layers = []
+
+    def _leave_lazy(self, layers: Sequence[Any]) -> None:
+        for layer in layers:
+            for name in STROKES:
+                if hasattr(layer.events, name):
+                    getattr(layer.events, name).disconnect(self._on_lazy)
+        self._lazy = [layer for layer in self._lazy if layer not in layers]
+
+    def _on_lazy(self, event: Any) -> None:
+        layer = event.source
+        if layer in self._lazy:
+            self._leave_lazy([layer])
+            self._told(
+                f"What is painted on {layer.name} is not taken over: its labels are read piece by "
+                "piece. To repair objects with the brush, open the labels as an array in memory "
+                "and choose them in step 1; Split, Merge and Delete work as they are."
+            )
 
     def _on_painted(self, event: Any) -> None:
         layer = event.source

@@ -66,4 +66,5 @@ def shows_labels(layer: Any, session: Any) -> bool:
     some = (slice(None, None, STRIDE),) * 3
     given = np.zeros(session.ids[-1] + 1, np.int64)
     given[list(session.ids)] = [session.label_of(i) for i in session.ids]
-    return bool(np.array_equal(np.asarray(layer.data[some]), given[labels[some]]))
+    finest = layer.data[0] if layer.multiscale else layer.data
+    return bool(np.array_equal(np.asarray(finest[some]), given[labels[some]]))

@@ -75,6 +75,21 @@ class Fields:
         """Return a finite number."""
         return float(self.array(name, ()))
 
+    def positive(self, name: str) -> float:
+        """Return a finite number above 0."""
+        value = self.number(name)
+        if value <= 0:
+            self._refuse(name, "positive", value)
+        return value
+
+    def rotation(self, name: str = "rotation") -> NDArray[np.float64]:
+        """Return a proper (3, 3) rotation."""
+        rotation = self.array(name, (3, 3))
+        proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        if not proper or np.linalg.det(rotation) < 0:
+            self._refuse(name, "a rotation", rotation.tolist())
+        return rotation
+
     def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
         """Return finite numbers in a shape."""
         value = self[name]

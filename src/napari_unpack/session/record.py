@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance.tints import Mode
-from napari_unpack.geometry.compaction import compact_labels
-from napari_unpack.geometry.transforms import Pose
-from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.fields import Fields
 from napari_unpack.session.log import LogEntry
+from napari_unpack.session.objects_record import objects_record, session_of
 from napari_unpack.session.session import Session
-from napari_unpack.session.state import Berth, Situation
-from napari_unpack.session.study_record import (
-    densities_from,
-    densities_record,
-    studies_from,
-    studies_record,
-)
+from napari_unpack.session.situation_record import situation_from, situation_record
 from napari_unpack.session.surroundings_record import surroundings_from, surroundings_record
-from napari_unpack.unpacking import Queue
+from napari_unpack.session.view_record import camera_from, camera_record, view_from, view_record
 from napari_unpack.unpacking.occlusion import Rule
-
-_NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
 
 
 def record_of(session: Session) -> dict[str, Any]:
@@ -44,10 +32,9 @@ def record_of(session: Session) -> dict[str, Any]:
     dict
         Of what JSON knows, floats exact; NaN does not occur.
     """
-    camera, view = session.camera, session.view
     return {
         "spacing": session.spacing.tolist(),
-        "situation": _situation(session),
+        "situation": situation_record(session),
         "rules": {
             "rule": session.rule,
             "tolerance": session.tolerance,
@@ -63,19 +50,8 @@ def record_of(session: Session) -> dict[str, Any]:
             "clipping": session.clipping.tolist(),
             "surroundings": surroundings_record(session.surroundings),
         },
-        "camera": {
-            "rotation": camera.rotation.tolist(),
-            "center": camera.center.tolist(),
-            "height": camera.height,
-            "fov": camera.fov,
-        },
-        "view": {
-            "direction": list(view.direction),
-            "up": None if view.up is None else list(view.up),
-            "center": None if view.center is None else list(view.center),
-            "height": view.height,
-            "fov": view.fov,
-        },
+        "camera": camera_record(session.camera),
+        "view": view_record(session.view),
         "canvas_size": list(session.canvas_size),
         "seconds": session.seconds,
         "selected": sorted(session.selected),
@@ -89,7 +65,7 @@ def record_of(session: Session) -> dict[str, Any]:
             }
             for entry in session.log
         ],
-        "objects": _table(session),
+        "objects": objects_record(session),
     }
 
 
@@ -117,9 +93,9 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     """
     fields = Fields(record, "session")
     spacing = fields.array("spacing", (3,))
-    session = _fresh(fields.part("objects"), spacing, volume, labels)
+    session = session_of(fields.part("objects"), spacing, volume, labels)
     known = frozenset(session.ids)
-    rules, look, camera = fields.part("rules"), fields.part("look"), fields.part("camera")
+    rules, look = fields.part("rules"), fields.part("look")
     session.rule = rules.text("rule", get_args(Rule))  # type: ignore[assignment]
     session.tolerance = rules.number("tolerance")
     session.most_in_group = rules.integer("most_in_group", 1)
@@ -134,16 +110,11 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
         session.surroundings = surroundings_from(look.part("surroundings"))
     height, width = (int(n) for n in fields.array("canvas_size", (2,)))
     session.canvas_size = height, width
-    session.seconds = _positive(fields, "seconds")
-    session.view = _read_view(fields.part("view"))
-    session._camera = Camera(
-        _rotation(camera),
-        camera.array("center", (3,)),
-        _positive(camera, "height"),
-        _angle(camera),
-    )
+    session.seconds = fields.positive("seconds")
+    session.view = view_from(fields.part("view"))
+    session._camera = camera_from(fields.part("camera"))
     session.log.extend(_log(fields, known))
-    session._situation = _read_situation(fields.part("situation"), session, known)
+    session._situation = situation_from(fields.part("situation"), session, known)
     session._tell_states(known)
     session.select(fields.ids("selected", known))
     return session
@@ -153,170 +124,6 @@ def given_labels(session: Session) -> NDArray[Any]:
     """Return the (Z, Y, X) labels with the IDs they came with."""
     given = session._given_ids
     return np.asarray(session.labels if given is None else given[session.labels])
-
-
-def _read_view(fields: Fields) -> View:
-    def triple(name: str) -> tuple[float, float, float] | None:
-        if not fields.has(name):
-            return None
-        z, y, x = (float(v) for v in fields.array(name, (3,)))
-        return z, y, x
-
-    height = _positive(fields, "height") if fields.has("height") else None
-    direction = triple("direction") or (0.0, 0.0, 1.0)
-    return View(direction, triple("up"), triple("center"), height, _angle(fields))
-
-
-def _situation(session: Session) -> dict[str, Any]:
-    now = session._situation
-    queue = now.queue
-    return {
-        "transfer_function": densities_record(now.transfer_function),
-        "studies": studies_record(now.studies),
-        "hues": {str(i): hue for i, hue in now.hues.items()},
-        "names": {str(i): name for i, name in now.names.items()},
-        "out": [_berth(i, berth) for i, berth in now.out.items()],
-        "ahead": [[_berth(i, b) for i, b in departure.items()] for departure in now.ahead],
-        "hidden": sorted(now.hidden),
-        "good": sorted(session.good),
-        "inspected": now.inspected,
-        "direction": list(now.direction) if isinstance(now.direction, tuple) else now.direction,
-        "queue": {
-            "groups": [list(group) for group in queue.groups],
-            "direction": None if queue.direction is None else list(queue.direction),
-            "restored": list(queue.restored),
-            "least_occluded": queue.least_occluded,
-            "packed": sorted(queue.packed),
-            "by_these_rules": queue.terms == session._terms,
-        },
-    }
-
-
-def _read_situation(fields: Fields, session: Session, known: frozenset[int]) -> Situation:
-    hues = session.hues
-    for i, hue in fields.by_id("hues", known).items():
-        if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
-            raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
-        hues[i] = float(hue)
-    names = {i: str(name) for i, name in fields.by_id("names", known).items()}
-    out = dict(_read_berth(part, known, session._most) for part in fields.parts("out"))
-    slots = [berth.slot for berth in out.values()]
-    if len(set(slots)) != len(slots):
-        raise ValueError("session.situation.out must give every object a slot of its own")
-    hidden = frozenset(fields.ids("hidden", known))
-    inspected = fields.integer("inspected") if fields.has("inspected") else None
-    if inspected is not None and inspected not in known - hidden:
-        raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
-    return replace(
-        session._situation,
-        transfer_function=densities_from(fields.part("transfer_function")),
-        studies=studies_from(fields, known),
-        hues=hues,
-        names=names,
-        out=out,
-        ahead=tuple(_read_ahead(fields, known, session._most, out)),
-        hidden=hidden,
-        good=frozenset(fields.ids("good", known)) if fields.has("good") else frozenset(),
-        inspected=inspected,
-        direction=_read_direction(fields),
-        queue=_read_queue(fields.part("queue"), session, known),
-    )
-
-
-def _berth(object_id: int, berth: Berth) -> dict[str, Any]:
-    placed = berth.placed
-    return {
-        "id": object_id,
-        "slot": berth.slot,
-        "rotation": berth.rotation.tolist(),
-        "picture_mm": list(berth.picture_mm),
-        "direction": np.asarray(berth.direction).tolist(),
-        "group": list(berth.group),
-        "placed": None
-        if placed is None
-        else {
-            "center": np.asarray(placed.center).tolist(),
-            "rotation": np.asarray(placed.rotation).tolist(),
-            "scale": float(placed.scale),
-        },
-    }
-
-
-def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int, Berth]:
-    object_id, slot = fields.integer("id"), fields.integer("slot")
-    group = fields.ids("group", known)
-    if object_id not in group or slot >= count:
-        raise ValueError(
-            f"a departure must name an object of its group and a slot below {count}, got object "
-            f"{object_id}, group {group}, slot {slot}"
-        )
-    width, height = (float(v) for v in fields.array("picture_mm", (2,)))
-    placed = None
-    if fields.has("placed"):
-        part = fields.part("placed")
-        placed = Pose(part.array("center", (3,)), _rotation(part), _positive(part, "scale"))
-    direction = fields.array("direction", (3,))
-    return object_id, Berth(slot, _rotation(fields), (width, height), direction, group, placed)
-
-
-def _read_ahead(
-    fields: Fields, known: frozenset[int], slots: int, out: Mapping[int, Berth]
-) -> list[dict[int, Berth]]:
-    found, seen = [], set(out)
-    for k, _ in enumerate(fields.items("ahead")):
-        departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
-        berths = dict(_read_berth(part, known, slots) for part in departure.parts("ahead"))
-        if seen.intersection(berths):
-            raise ValueError("session.situation.ahead must name nobody who is out already")
-        seen.update(berths)
-        found.append(berths)
-    return found
-
-
-def _read_queue(fields: Fields, session: Session, known: frozenset[int]) -> Queue:
-    direction = None
-    if fields.has("direction"):
-        z, y, x = (float(v) for v in fields.array("direction", (3,)))
-        direction = z, y, x
-    return Queue(
-        fields.groups("groups", known),
-        direction,
-        fields.ids("restored", known),
-        fields.flag("least_occluded"),
-        frozenset(fields.ids("packed", known)),
-        session._terms if fields.flag("by_these_rules") else (),
-    )
-
-
-def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
-    if not fields.has("direction"):
-        return None
-    if isinstance(fields["direction"], str):
-        return fields.text("direction", ("up",))
-    z, y, x = (float(v) for v in fields.array("direction", (3,)))
-    return z, y, x
-
-
-def _rotation(fields: Fields) -> NDArray[np.float64]:
-    rotation = fields.array("rotation", (3, 3))
-    proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    if not proper or np.linalg.det(rotation) < 0:
-        raise ValueError(f"a rotation must be one, got {rotation.tolist()}")
-    return rotation
-
-
-def _positive(fields: Fields, name: str) -> float:
-    value = fields.number(name)
-    if value <= 0:
-        raise ValueError(f"session {name} must be positive, got {value}")
-    return value
-
-
-def _angle(fields: Fields) -> float:
-    fov = fields.number("fov")
-    if not 0.0 <= fov < 170.0:
-        raise ValueError(f"session.camera.fov must be in [0, 170), got {fov}")
-    return fov
 
 
 def _log(fields: Fields, known: frozenset[int]) -> list[LogEntry]:
@@ -330,64 +137,3 @@ def _log(fields: Fields, known: frozenset[int]) -> list[LogEntry]:
         )
         for entry in fields.parts("log")
     ]
-
-
-def _table(session: Session) -> dict[str, Any]:
-    facts = session._facts
-    return {
-        "ids": [int(i) for i in facts.index],
-        "given_ids": None if session._given_ids is None else session._given_ids.tolist(),
-        "slots": session._most,
-        "largest_id": session._top,
-        "columns": {str(name): [_plain(v) for v in facts[name].tolist()] for name in facts},
-    }
-
-
-def _fresh(
-    fields: Fields, spacing: NDArray[np.float64], volume: ArrayLike, labels: ArrayLike
-) -> Session:
-    """Return a session with everything packed, and the IDs of old."""
-    table = _objects(fields)
-    if not fields.has("given_ids"):
-        session = Session(volume, labels, spacing, table)
-    else:
-        given = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
-        compact, present = compact_labels(np.asarray(labels))
-        order = np.argsort(given, kind="stable")
-        place = np.searchsorted(given[order], present).clip(max=len(given) - 1)
-        own = order[place]
-        if len(given) > 65536 or not np.array_equal(given[own], present):
-            raise ValueError("session.objects.given_ids must be those of the labels")
-        session = Session(volume, own.astype(np.uint16)[compact], spacing, table)
-        session._given_ids = given
-    if not np.array_equal(table.index, session.ids):
-        raise ValueError("session.objects.ids must be those of the labels")
-    session._facts = session._contents.facts = session._facts[list(table.columns)]
-    session._most = fields.integer("slots", len(session.ids))
-    session._top = fields.integer("largest_id", session.ids[-1])
-    if max(session._most, session._top) > 65535:
-        raise ValueError("session.objects.slots and largest_id must be at most 65535")
-    return session
-
-
-def _objects(fields: Fields) -> Any:
-    import pandas as pd
-
-    ids, columns = fields.items("ids"), fields.columns("columns")
-    for name in _NUMBERS.intersection(columns):
-        if not all(isinstance(v, int | float) for v in columns[name]):
-            raise ValueError(f"session.objects.columns.{name} must hold numbers")
-    if not _NUMBERS | {"name"} <= columns.keys():
-        raise ValueError(f"session.objects.columns must hold {', '.join(sorted(_NUMBERS))}, name")
-    try:
-        return pd.DataFrame(columns, index=pd.Index(ids, name="id", dtype=np.int64))
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"session.objects is malformed: {error}") from error
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, bool | int | float | str) or value is None:
-        return value
-    return str(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from napari_unpack.widgets.repair_bench import RepairBench
 from napari_unpack.widgets.ways import Ways
 from napari_unpack.widgets.workbench import Workbench
 
@@ -17,7 +18,7 @@ KEYS = (
     ("C", "recolour"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
-    ("Esc", "leave"),
+    ("Esc", "leave, call off"),
 )
 MOUSE = (
     ("Drag", "turns the bag; on a sprite, that object"),
@@ -45,10 +46,14 @@ class Keys:
         Asks what frees the selected object.
     ways : Ways
         Whose answer Escape puts away.
+    repair : RepairBench
+        Whose waiting for clicks Escape ends.
     """
 
-    def __init__(self, workbench: Workbench, reveal: Callable[[], None], ways: Ways) -> None:
-        self._bench, self._ways = workbench, ways
+    def __init__(
+        self, workbench: Workbench, reveal: Callable[[], None], ways: Ways, repair: RepairBench
+    ) -> None:
+        self._bench, self._ways, self._repair = workbench, ways, repair
         self._bound: list[tuple[Any, str, Any]] = []
         self._on_stage: list[tuple[Any, str, Any]] = []
         self._actions: dict[str, Callable[[], None]] = {
@@ -115,6 +120,8 @@ class Keys:
         if getattr(stage, "drawing", False):
             stage.drawing = False
             stage.events.drawn.emit()
+        elif self._repair.awaits_clicks:
+            self._repair.cancel()
         elif any(state.name == "INSPECTED" for state in session.states.values()):
             self._bench.leave()
         else:

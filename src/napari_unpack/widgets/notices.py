@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import datetime, timedelta
+
+SHOWN = timedelta(seconds=4)
+"""How long napari shows a notice."""
 
 EXPECTED = (ValueError, TypeError, KeyError, MemoryError, OSError)
 """What bad input and full machines raise; anything else is a defect and keeps its traceback."""
@@ -32,14 +36,27 @@ def inform(text: str) -> None:
     """Say something that needs no action."""
     from napari.utils.notifications import show_info
 
-    show_info(text)
+    if not _stands_there(text):
+        show_info(text)
 
 
 def warn(text: str) -> None:
     """Say why something could not be done."""
     from napari.utils.notifications import show_warning
 
-    show_warning(text)
+    if not _stands_there(text):
+        show_warning(text)
+
+
+def _stands_there(text: str) -> bool:
+    """Tell whether the last thing said was this, and is still shown.
+
+    napari lays one notice over the other, and keeps them as long as its window is not in front.
+    """
+    from napari.utils.notifications import notification_manager
+
+    said = notification_manager.records[-1:]
+    return any(s.message == text and datetime.now() - s.date < SHOWN for s in said)
 
 
 @contextmanager

@@ -115,4 +115,4 @@ class RepairBench(QObject):
             self._painted = None
         stage = self._bench.stage
         if stage is not None:
-            self._painted = PaintedLabels(stage.session, stage.sources, self._ask)
+            self._painted = PaintedLabels(stage.session, stage.sources, self._ask, notices.warn)

@@ -45,7 +45,9 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workbench, self.ways)
         self.objects = ObjectsSection(self.workbench, self.ways)
         self.files = FilesSection(self.workbench)
-        self.keys = Keys(self.workbench, self.unpack.reveal_selected, self.ways)
+        self.keys = Keys(
+            self.workbench, self.unpack.reveal_selected, self.ways, self.objects.repair
+        )
         self._framing = KeepFramed(self.workbench, self)
         self._watch = FreeWatch(self.workbench, self)
         self._watch.known.connect(self.unpack.tell_free)
