@@ -4,28 +4,50 @@ from __future__ import annotations
 
 import gc
 import importlib
+import os
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
+from screens import Screen
+from widget_phantoms import SMALL, open_panel
 
 SHAPE = (40, 48, 60)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def modules_out_of_the_collectors_way() -> Iterator[None]:
-    """Import what all tests need, once, and keep the garbage collector off it.
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each of several workers a screen of its own, so that none takes another's focus."""
+    if hasattr(config, "workerinput") and os.environ.get("UNPACK_VIRTUAL_SCREEN"):
+        config.add_cleanup(Screen().close)
 
-    napari's viewer fixture collects several times a test; going through all modules took more
-    time than the tests.
+
+@pytest.fixture(scope="session", autouse=True)
+def modules_and_manifests_read_once() -> Iterator[None]:
+    """Import what all tests need; keep the manifests of the plugins, which do not change.
+
+    napari's viewer fixture would read the manifests of all that is installed in every test.
     """
     for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
         importlib.import_module(name)
     importlib.import_module("napari_unpack.layers.stage")
+    from npe2 import PluginManifest
+
+    found = list(PluginManifest.discover())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PluginManifest, "discover", lambda *_, **__: iter(found))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def earlier_tests_out_of_the_collectors_way() -> None:
+    """Keep the garbage collector off all that was there before a test.
+
+    napari collects whenever a layer is removed; going through all modules, and whatever earlier
+    tests left in caches, took more time than the tests.
+    """
     gc.collect()
     gc.freeze()
-    yield
-    gc.unfreeze()
 
 
 def phantom() -> tuple[np.ndarray, np.ndarray]:
@@ -81,6 +103,22 @@ def staged(make_napari_viewer_proxy, session, qtbot):
     assert stage.settle(60)
     yield viewer, stage
     stage.close()
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy) -> Any:
+    """Return a shown viewer: wide enough for sprites, small for a software rasteriser."""
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(*SMALL)
+    return made
+
+
+@pytest.fixture
+def panel(viewer, qtbot) -> Iterator[Any]:
+    """Return the panel, docked in the viewer."""
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
 
 
 def canvas(viewer) -> np.ndarray:

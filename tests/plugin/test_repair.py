@@ -1,6 +1,5 @@
 """Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
 
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import dask.array
@@ -11,7 +10,7 @@ from napari.layers import Labels
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
-from widget_phantoms import SMALL, open_panel, press, stage_with
+from widget_phantoms import press, stage_with
 
 from napari_unpack.layers import compat
 from napari_unpack.layers.painted_labels import PaintedLabels
@@ -31,20 +30,6 @@ def bells() -> tuple[np.ndarray, np.ndarray]:
     labels[26:34, 6:36, 6:60] = SLAB
     volume = np.where(labels > 0, 800 + 200 * labels, 0).astype(np.uint16)
     return volume, labels
-
-
-@pytest.fixture
-def viewer(make_napari_viewer_proxy: Callable[..., Any]) -> Any:
-    made = make_napari_viewer_proxy(show=True)
-    made.window.resize(*SMALL)
-    return made
-
-
-@pytest.fixture
-def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
-    made = open_panel(viewer, qtbot)
-    yield made
-    made.end()
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pytestqt.qtbot import QtBot
-from widget_phantoms import SMALL, open_panel, pile_of_balls
+from widget_phantoms import pile_of_balls
 
 from napari_unpack.session import Session
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 SECONDS = 20.0
 
@@ -26,17 +26,11 @@ def soak_tool() -> Any:
     return module
 
 
-def test_random_commands_at_speed_neither_err_nor_leak(
-    make_napari_viewer_proxy: Any, qtbot: QtBot
-) -> None:
-    viewer = make_napari_viewer_proxy(show=True)
-    viewer.window.resize(*SMALL)
-    panel = open_panel(viewer, qtbot)
+def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: UnpackingWidget) -> None:
     panel.workbench.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
     panel.workbench.stage.seconds = 0.1
     assert panel.workbench.stage.settle(90)
     report = soak_tool().soak(viewer, panel, SECONDS, samples=4)
-    panel.end()
     assert report.errors == [], report
     assert report.commands.total() > 20
     # An hour must be flat within 5 %; half a minute has caches to fill.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,10 @@ from qtpy.QtCore import QPoint, QPointF, Qt
 from qtpy.QtGui import QWheelEvent
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication
-from widget_phantoms import SMALL, add_bag, open_panel, stage_with, states
+from widget_phantoms import add_bag, at_rest, stage_with, states
 
 from napari_unpack.layers import compat
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 LEFT = Qt.MouseButton.LeftButton
 
@@ -28,16 +28,13 @@ class Hand:
         self.widget = compat.native_canvas(viewer).native
 
     def rest(self) -> None:
-        self.qtbot.waitUntil(lambda: not self.stage.flying, timeout=60000)
-        assert self.stage.settle(120)
-        self.qtbot.wait(50)
+        at_rest(self.stage, self.qtbot)
 
     def key(self, key: Qt.Key, *modifiers: Qt.KeyboardModifier) -> None:
         held = Qt.KeyboardModifier.NoModifier
         for modifier in modifiers:
             held |= modifier
         QTest.keyClick(self.widget, key, held)
-        self.qtbot.wait(30)
 
     def drag(self, start: QPoint, way: QPoint) -> None:
         QTest.mousePress(self.widget, LEFT, pos=start)
@@ -45,7 +42,6 @@ class Hand:
             QTest.mouseMove(self.widget, start + QPoint(*(round(v * part) for v in _xy(way))))
             self.qtbot.wait(20)
         QTest.mouseRelease(self.widget, LEFT, pos=start + way)
-        self.qtbot.wait(30)
 
     def wheel(self, at: QPoint, clicks: int) -> None:
         where = QPointF(at)
@@ -60,7 +56,6 @@ class Hand:
             False,
         )
         QApplication.sendEvent(self.widget, event)
-        self.qtbot.wait(30)
 
     def at_sprite(self, object_id: int) -> QPoint:
         frame = self.stage.frame
@@ -68,6 +63,7 @@ class Hand:
         return QPoint(round(col), round(row))
 
     def picture(self) -> NDArray[np.int16]:
+        """Have the canvas drawn, which is also when napari's camera hears of the mouse."""
         shot = self.viewer.screenshot(canvas_only=True, flash=False)
         return np.asarray(shot)[..., :3].astype(np.int16)
 
@@ -80,10 +76,7 @@ def _xy(point: QPoint) -> tuple[int, int]:
     return point.x(), point.y()
 
 
-def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: QtBot) -> None:
-    viewer = make_napari_viewer_proxy(show=True)
-    viewer.window.resize(*SMALL)
-    panel = open_panel(viewer, qtbot)
+def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
     _, expert = add_bag(viewer)
     stage_with(panel, qtbot, expert)
     hand = Hand(viewer, panel, qtbot)
@@ -114,7 +107,8 @@ def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: 
     middle = QPoint(before.shape[1] // 2, before.shape[0] // 2)
     angles = camera.angles
     hand.drag(middle, QPoint(35, 20))
-    assert camera.angles != angles
+    # napari's camera hears of the mouse when the canvas is next drawn.
+    qtbot.waitUntil(lambda: camera.angles != angles, timeout=20000)
     hand.rest()
     turned = hand.picture()
     assert hand.at_sprite(one) == at
@@ -123,7 +117,7 @@ def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: 
     assert (np.abs(turned[box] - before[box]) > 12).any()
     zoom, far = camera.zoom, np.subtract(_xy(at), _xy(middle))
     hand.wheel(middle, -1)
-    assert camera.zoom < zoom
+    qtbot.waitUntil(lambda: camera.zoom < zoom, timeout=20000)
     hand.rest()
     factor = camera.zoom / zoom
     nearer = np.subtract(_xy(hand.at_sprite(one)), _xy(middle))
@@ -137,6 +131,7 @@ def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: 
     hand.drag(hand.at_sprite(one), QPoint(0, 40))
     hand.rest()
     assert not np.allclose(session.poses[one].rotation, held)
+    hand.picture()
     assert camera.angles == angles
 
     # Figure 5: studied alone, turned, left; the sprite is the last picture.
@@ -152,9 +147,10 @@ def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: 
     held, angles = stage.rotation_of(one).copy(), camera.angles
     hand.drag(middle, QPoint(60, 10))
     assert not np.allclose(stage.rotation_of(one), held)
+    hand.picture()
     assert camera.angles == angles
     hand.wheel(middle, 2)
-    assert camera.zoom > zoom
+    qtbot.waitUntil(lambda: camera.zoom > zoom, timeout=20000)
     last = stage.rotation_of(one).copy()
     hand.key(Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: states(session)[one] == "UNPACKED", timeout=20000)
@@ -170,4 +166,3 @@ def test_figures_1_4_and_5(make_napari_viewer_proxy: Callable[..., Any], qtbot: 
     hand.rest()
     assert set(states(session).values()) == {"PACKED"}
     np.testing.assert_array_equal(hand.picture(), start)
-    panel.end()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
+from widget_phantoms import add_bag, press, rest, stage_with, states
 
 import napari_unpack as nu
 from napari_unpack.widgets import notices
@@ -23,20 +23,6 @@ Viewers = Callable[..., Any]
 
 
 @pytest.fixture
-def viewer(make_napari_viewer_proxy: Viewers) -> Any:
-    made = make_napari_viewer_proxy(show=True)
-    made.window.resize(*SMALL)
-    return made
-
-
-@pytest.fixture
-def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
-    made = open_panel(viewer, qtbot)
-    yield made
-    made.end()
-
-
-@pytest.fixture
 def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
     _, expert = add_bag(viewer)
     stage_with(panel, qtbot, expert)
@@ -46,16 +32,8 @@ def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget
     return panel
 
 
-def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
-    stage = panel.workbench.stage
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
-    assert stage.settle(20.0)
-    qtbot.wait(60)
-
-
 def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
     qtbot.waitUntil(lambda: not panel.files.waiting.running, timeout=60000)
-    qtbot.wait(20)
 
 
 def shot(viewer: Any) -> Any:

@@ -1,15 +1,14 @@
 """Studying an object alone, by the panel's own controls: the cut, and what is inside it."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import canvas
 from pytestqt.qtbot import QtBot
-from widget_phantoms import SMALL, open_panel, press, stage_with, states
+from widget_phantoms import at_rest, press, stage_with, states
 
-Viewers = Callable[..., Any]
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 
 def tin() -> tuple[np.ndarray, np.ndarray]:
@@ -22,11 +21,8 @@ def tin() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def studied(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Any:
-    """Yield (viewer, panel, session, labels layer) with the tin studied alone."""
-    viewer = make_napari_viewer_proxy(show=True)
-    viewer.window.resize(*SMALL)
-    panel = open_panel(viewer, qtbot)
+def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Return (viewer, panel, session, labels layer) with the tin studied alone."""
     volume, labels = tin()
     viewer.add_image(volume, name="scan")
     mine = viewer.add_labels(labels, name="expert", visible=False)
@@ -36,15 +32,13 @@ def studied(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Any:
     assert stage.settle(60)
     panel.workbench.inspect(1)
     qtbot.waitUntil(lambda: panel.unpack.studied.isVisibleTo(panel), timeout=5000)
-    yield viewer, panel, session, mine
-    panel.end()
+    return viewer, panel, session, mine
 
 
 def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbot: QtBot) -> None:
     viewer, panel, session, _ = studied
     box, stage = panel.unpack.studied, panel.workbench.stage
-    qtbot.wait(700)
-    assert stage.settle(30)
+    at_rest(stage, qtbot)
     whole = canvas(viewer)
     box.cut.setValue(60)
     qtbot.waitUntil(lambda: session.study(1).cut is not None, timeout=5000)
@@ -54,16 +48,14 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     corners = session.boxes.corners(1, np.asarray(session.spacing)) @ -np.asarray(normal)
     reach = corners.max() - 0.6 * np.ptp(corners)
     assert float(-np.asarray(normal) @ np.asarray(point)) == pytest.approx(reach, abs=1e-6)
-    qtbot.wait(300)
-    assert stage.settle(30)
+    at_rest(stage, qtbot)
     cut = canvas(viewer)
     assert (np.abs(cut - whole).max(axis=-1) > 12).mean() > 0.02
 
     press(qtbot, box.plain)
     assert session.study(1).cut is None
     assert box.cut.value() == 0
-    qtbot.wait(300)
-    assert stage.settle(30)
+    at_rest(stage, qtbot)
     assert (np.abs(canvas(viewer) - whole).max(axis=-1) > 12).mean() < 0.005
 
 

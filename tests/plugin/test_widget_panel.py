@@ -16,14 +16,8 @@ Viewers = Callable[..., Any]
 
 @pytest.fixture
 def viewer(make_napari_viewer_proxy: Viewers) -> Any:
+    """Return a viewer that is not shown: nothing here draws."""
     return make_napari_viewer_proxy()
-
-
-@pytest.fixture
-def panel(viewer: Any, qtbot: QtBot) -> Any:
-    made = open_panel(viewer, qtbot)
-    yield made
-    made.end()
 
 
 def _said(since: int) -> list[str]:

@@ -1,6 +1,6 @@
 """The way through, by the panel's own buttons, in a real viewer that draws."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
-from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
+from widget_phantoms import SMALL, add_bag, open_panel, press, rest, stage_with, states
 
 from napari_unpack.layers import compat
 from napari_unpack.widgets.object_model import ID
@@ -16,27 +16,6 @@ from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
 Box = tuple[int, int, int, int]
-
-
-@pytest.fixture
-def viewer(make_napari_viewer_proxy: Viewers) -> Any:
-    made = make_napari_viewer_proxy(show=True)
-    made.window.resize(*SMALL)
-    return made
-
-
-@pytest.fixture
-def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
-    made = open_panel(viewer, qtbot)
-    yield made
-    made.end()
-
-
-def _settle(panel: UnpackingWidget, qtbot: QtBot) -> None:
-    stage = panel.workbench.stage
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
-    assert stage.settle(20.0)
-    qtbot.wait(50)
 
 
 def _pictures(viewer: Any, panel: UnpackingWidget) -> dict[str, NDArray[np.int16]]:
@@ -95,7 +74,7 @@ def test_segment_unpack_three_restore_one(
     assert all(step.reason == "" for step in (panel.color, panel.unpack, panel.objects))
     assert panel.segment.status == "6 objects"
 
-    _settle(panel, qtbot)
+    rest(panel, qtbot)
     start = _pictures(viewer, panel)
     size = start["packed"].shape[:2]
     background = start["transition"][0, 0]
@@ -103,7 +82,7 @@ def test_segment_unpack_three_restore_one(
 
     for _ in range(3):
         press(qtbot, panel.unpack.next)
-        _settle(panel, qtbot)
+        rest(panel, qtbot)
     out = [i for i, state in states(session).items() if state == "UNPACKED"]
     assert len(out) == 3
     assert panel.unpack.status == "3 in, 3 out"
@@ -112,10 +91,10 @@ def test_segment_unpack_three_restore_one(
     gone = _changed(start["packed"], unpacked["packed"])
     boxes = [_box_on_screen(session, i, size) for i in out]
     assert all(gone[t:b, left:r].sum() > 100 for t, b, left, r in boxes)
-    rest = gone.copy()
+    others = gone.copy()
     for top, bottom, left, right in boxes:
-        rest[max(top - 3, 0) : bottom + 3, max(left - 3, 0) : right + 3] = False
-    assert rest.sum() == 0
+        others[max(top - 3, 0) : bottom + 3, max(left - 3, 0) : right + 3] = False
+    assert others.sum() == 0
     assert not _changed(start["transition"], unpacked["transition"]).any()
     beside = _changed(start["sprites"], unpacked["sprites"])
     packed_area = _changed(np.broadcast_to(background, start["packed"].shape), start["packed"])
@@ -123,7 +102,7 @@ def test_segment_unpack_three_restore_one(
     assert not (beside & packed_area).any()
 
     press(qtbot, panel.unpack.back)
-    _settle(panel, qtbot)
+    rest(panel, qtbot)
     (returned,) = [i for i in out if states(session)[i] == "PACKED"]
     restored = _pictures(viewer, panel)
     back = _changed(unpacked["packed"], restored["packed"])
@@ -134,7 +113,7 @@ def test_segment_unpack_three_restore_one(
     assert panel.unpack.status == "4 in, 2 out"
 
     press(qtbot, panel.unpack.all_back)
-    _settle(panel, qtbot)
+    rest(panel, qtbot)
     again = _pictures(viewer, panel)
     for name in ("packed", "transition", "sprites"):
         # Windows of the packed picture that are cast anew may round a pixel otherwise.
@@ -254,7 +233,7 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
 ) -> None:
     _, expert = add_bag(viewer)
     session = stage_with(panel, qtbot, expert)
-    _settle(panel, qtbot)
+    rest(panel, qtbot)
 
     def resize(width: int) -> None:
         before = session.canvas_size
@@ -305,7 +284,7 @@ def test_table_and_slices_select_the_same(
 ) -> None:
     _, expert = add_bag(viewer)
     session = stage_with(panel, qtbot, expert)
-    _settle(panel, qtbot)
+    rest(panel, qtbot)
     viewer.dims.ndisplay = 2
     expert.visible = True
     viewer.reset_view()

@@ -1,33 +1,18 @@
 """What the third step says about who is free, and what it does when nobody is."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from widget_phantoms import SMALL, add_bag, open_panel, press, stage_with, states
+from widget_phantoms import add_bag, press, stage_with, states
 
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
-
-
-@pytest.fixture
-def viewer(make_napari_viewer_proxy: Viewers) -> Any:
-    made = make_napari_viewer_proxy(show=True)
-    made.window.resize(*SMALL)
-    return made
-
-
-@pytest.fixture
-def panel(viewer: Any, qtbot: QtBot) -> Iterator[UnpackingWidget]:
-    made = open_panel(viewer, qtbot)
-    yield made
-    made.end()
 
 
 def _marked_free(panel: UnpackingWidget) -> set[int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,14 +9,12 @@ import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
-from widget_phantoms import SMALL, open_panel, press, stage_with, states
+from widget_phantoms import press, stage_with, states
 
 from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.reveal_box import sentence
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-
-Viewers = Callable[..., Any]
 
 
 def nested() -> tuple[np.ndarray, np.ndarray]:
@@ -35,18 +32,14 @@ def nested() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def panel(make_napari_viewer_proxy: Viewers, qtbot: QtBot) -> Iterator[UnpackingWidget]:
-    viewer = make_napari_viewer_proxy(show=True)
-    viewer.window.resize(*SMALL)
+def panel(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
     volume, labels = nested()
-    made = open_panel(viewer, qtbot)
     expert = viewer.add_labels(labels, name="expert")
     viewer.add_image(volume, name="bag")
-    stage_with(made, qtbot, expert)
-    stage = made.workbench.stage
+    stage_with(panel, qtbot, expert)
+    stage = panel.workbench.stage
     stage.seconds, stage.recolor_at_rest = 0.2, False
-    yield made
-    made.end()
+    return panel
 
 
 def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(

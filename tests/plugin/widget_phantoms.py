@@ -61,6 +61,18 @@ def stage_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
     return panel.workbench.session
 
 
+def at_rest(stage: Any, qtbot: QtBot) -> None:
+    """Wait until nothing moves by itself any more and every picture is right."""
+    qtbot.waitUntil(lambda: not stage._projector._clock.running, timeout=60000)
+    assert stage.settle(60)
+
+
+def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    """Wait until the stage is at rest and the sections have heard of all that changed."""
+    at_rest(panel.workbench.stage, qtbot)
+    qtbot.waitUntil(lambda: not panel.workbench._timer.isActive(), timeout=20000)
+
+
 def states(session: Any) -> dict[int, str]:
     """Return the state's name of every object."""
     return {i: state.name for i, state in session.states.items()}

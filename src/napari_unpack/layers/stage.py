@@ -192,10 +192,12 @@ class Stage(Hands):
         for object_id in list(self.session.flights):
             self.session.land(object_id)
         if compat.native_canvas(self.viewer) is not None:
-            for layer in self.layers:
-                if layer in self.viewer.layers:
-                    layer.locked = False
-                    self.viewer.layers.remove(layer)
+            # At once, since napari collects all garbage after every removal.
+            with self.viewer.layers.batched_update():
+                for layer in self.layers:
+                    if layer in self.viewer.layers:
+                        layer.locked = False
+                        self.viewer.layers.remove(layer)
             borrowed.give_back(self.viewer)
         self.events.closed.emit()
 

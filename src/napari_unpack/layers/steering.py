@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from qtpy.QtCore import QCoreApplication, QEventLoop
@@ -15,6 +15,8 @@ from napari_unpack.layers.view_camera import napari_view
 
 GLIMPSE_SECONDS = 0.04
 """How long objects are moved one by one before the question goes to a worker."""
+
+IDLE_SECONDS = 0.002
 
 
 def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
@@ -48,6 +50,8 @@ def wait_until(settled: Callable[[], bool], seconds: float) -> bool:
             QCoreApplication.processEvents(flags, 20)
             if settled():
                 return True
+        # Workers need the interpreter, which an idle loop would hardly let go of.
+        sleep(IDLE_SECONDS)
     return False
 
 
