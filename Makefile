@@ -7,6 +7,9 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 OUTPUT ?= demo-output
 
+# Two tests run at a time; make test WORKERS= runs them one after another.
+WORKERS ?= -n 2 --dist worksteal
+
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
 
@@ -35,11 +38,11 @@ test: test-plain test-plugin
 
 test-plain: $(READY)
 	@echo "[test 1/2] algorithms, ray casting, shaders"
-	@PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest tests --ignore=tests/plugin
+	@PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest $(WORKERS) tests --ignore=tests/plugin
 
 test-plugin: $(READY)
 	@echo "[test 2/2] the plugin in a real viewer on a virtual screen"
-	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest tests/plugin
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(WORKERS) tests/plugin
 
 lint: $(READY)
 	@$(BIN)/ruff format --check .
