@@ -39,6 +39,23 @@ def modules_and_manifests_read_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def kernels_compiled() -> None:
+    """Compile what casts, which takes a slow machine minutes, before any test waits for it."""
+    from napari_unpack.session import Session
+    from napari_unpack.session.pictures import scene
+
+    for density in (np.uint16, np.float32):
+        volume, labels = phantom()
+        session = Session(volume.astype(density), labels, spacing=(1.5, 1.5, 1.5))
+        session.backend = "cpu"
+        session.recolor()
+        session.unpack(1)
+        session.restore(1)
+        session.unpack(1)
+        scene(session, session.overview(), (48, 64), backend="cpu")
+
+
 @pytest.fixture(autouse=True)
 def earlier_tests_out_of_the_collectors_way() -> None:
     """Keep the garbage collector off all that was there before a test.

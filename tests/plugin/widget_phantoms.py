@@ -64,7 +64,7 @@ def stage_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
 def at_rest(stage: Any, qtbot: QtBot) -> None:
     """Wait until nothing moves by itself any more and every picture is right."""
     qtbot.waitUntil(lambda: not stage._projector._clock.running, timeout=60000)
-    assert stage.settle(60)
+    assert stage.settle(120)
 
 
 def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
