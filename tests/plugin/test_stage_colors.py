@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import canvas
 
+from conftest import canvas
 from napari_unpack.appearance import Surroundings
 from napari_unpack.layers import hue_fade, studio
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import canvas
 
+from conftest import canvas
 from napari_unpack.layers import packed_painter
 
 

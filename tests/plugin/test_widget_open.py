@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import canvas
 from pytestqt.qtbot import QtBot
 from widget_phantoms import at_rest, press, stage_with, states
 
+from conftest import canvas
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 
