@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from conftest import phantom
 
+from conftest import phantom
 from napari_unpack.layers.distinct_colors import question
 from napari_unpack.widgets.distinct_colors import distinct_colors, restore_colors
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import canvas
 from vispy.gloo import gl
 
+from conftest import canvas
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
 
@@ -33,15 +33,21 @@ def flying(make_napari_viewer_proxy, bag, qtbot, calm) -> Iterator[Any]:
     labels = viewer.add_labels(bag[1].astype(np.int32), scale=SCALE, name="mine")
     stage = Stage(viewer, Session(*bag, spacing=SCALE), [image, labels])
     stage.events.message.connect(pytest.fail)
-    stage.seconds = 0.6
+    # So long that they are in the air until a test lands them.
+    stage.seconds = 600.0
     stage.open()
     assert stage.settle(90)
     stage.unpack(2)
-    qtbot.wait(60)
-    assert stage.flying
+    in_sight(stage, 2, qtbot)
     yield viewer, stage, image, labels
     stage.close()
     assert not stage.session.flights
+
+
+def in_sight(stage: Any, count: int, qtbot: Any) -> None:
+    """Wait until so many objects in the air are drawn."""
+    qtbot.waitUntil(lambda: len(stage.transition.shots) == count, timeout=60000)
+    assert stage.flying
 
 
 def land(stage: Any) -> None:
@@ -84,8 +90,7 @@ def test_sources_removed_slices_looked_at_and_a_layer_of_ours_removed(flying, qt
     assert out(stage.session) == 2
     assert not gl.glGetError()
     stage.restore(1)
-    qtbot.wait(40)
-    assert stage.flying
+    in_sight(stage, 1, qtbot)
     viewer.layers.remove("Transition")
     qtbot.wait(60)
     assert not stage.is_open
@@ -96,7 +101,7 @@ def test_sources_removed_slices_looked_at_and_a_layer_of_ours_removed(flying, qt
 def test_the_window_is_closed_in_mid_flight_of_everything(flying, qtbot) -> None:
     viewer, stage, _, _ = flying
     stage.unpack(5)
-    qtbot.wait(40)
+    in_sight(stage, 7, qtbot)
     viewer.close()
     qtbot.wait(150)
     stage.close()

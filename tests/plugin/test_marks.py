@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import canvas
 
+from conftest import canvas
 from napari_unpack.layers.marks import TOGETHER
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session

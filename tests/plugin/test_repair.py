@@ -12,6 +12,7 @@ from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 from widget_phantoms import press, stage_with
 
+from conftest import canvas
 from napari_unpack.layers import compat
 from napari_unpack.layers.painted_labels import PaintedLabels
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -70,14 +71,14 @@ def test_two_clicks_split_and_undo_joins(
     assert objects.next_click.isHidden()
     left, right = int(session.labels[12, 20, 16]), int(session.labels[12, 20, 44])
     assert {left, right} == {1, 4}
-    qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=5000)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=20000)
     assert np.array_equal(layer.data, session.labels)
     assert panel.workbench.stage.settle(30)
 
     panel.workbench.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)
-    qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=5000)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
     assert panel.workbench.stage.settle(30)
 
 
@@ -101,7 +102,7 @@ def test_clicks_in_a_slice_split_too(
 ) -> None:
     viewer.dims.ndisplay = 2
     viewer.dims.set_point(0, 12)
-    qtbot.wait(100)
+    canvas(viewer)
     press(qtbot, panel.objects.split)
     widget = compat.native_canvas(panel.workbench.stage.viewer).native
     camera = viewer.scene.camera
@@ -111,7 +112,6 @@ def test_clicks_in_a_slice_split_too(
         spot = QPoint(round(width / 2 + at[1]), round(height / 2 + at[0]))
         QTest.mouseMove(widget, spot + QPoint(1, 0))
         QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
-        qtbot.wait(60)
     qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
     assert session.labels[12, 20, 12] != session.labels[12, 20, 48]
 
@@ -122,10 +122,10 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
     objects = panel.objects
     objects.table.show_selection(frozenset({BELL, CUBE}))
     panel.workbench.select([BELL, CUBE])
-    qtbot.waitUntil(objects.merge.isEnabled, timeout=3000)
+    qtbot.waitUntil(objects.merge.isEnabled, timeout=20000)
     press(qtbot, objects.merge)
     qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
-    qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=5000)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=20000)
     assert panel.workbench.stage.settle(30)
     panel.workbench.undo()
     assert session.ids == (1, 2, 3)
@@ -161,7 +161,7 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     qtbot.waitUntil(lambda: 9 in session.ids, timeout=10000)
     assert np.array_equal(session.labels, layer.data)
     assert session.states[CUBE].name == "HIDDEN"
-    qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=5000)
+    qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=20000)
     panel.workbench.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -80,9 +82,13 @@ def test_sprites_glide_when_the_window_takes_another_shape(
         show(sprites)
 
     monkeypatch.setattr(stage._projector._small, "_show", watched)
+    # Every look at the clock is a twentieth of a glide later, however slow the machine.
+    looks = itertools.count()
+    clock = stage._projector._glides._clock
+    monkeypatch.setattr(clock, "now", lambda: next(looks) * SECONDS / 20)
     width = session.canvas_size[1]
     viewer.window.resize(1060, 560)
-    qtbot.waitUntil(lambda: session.canvas_size[1] > width, timeout=5000)
+    qtbot.waitUntil(lambda: session.canvas_size[1] > width, timeout=20000)
     assert stage.settle(30)
     one = max(out, key=lambda i: float(np.linalg.norm(session.poses[i].center - before[i])))
     whole = session.poses[one].center - before[one]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from conftest import canvas
 
 MIDDLE = {"position": (20.0, 24.0, 30.0), "normal": (0.0, 0.0, 1.0), "enabled": True}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import canvas
 
+from conftest import canvas
 from napari_unpack.layers import compat, studio
 from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.rendering import textures
@@ -110,7 +110,7 @@ def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
 def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> None:
     _, stage = by_gl
     (out,) = stage.unpack(1)
-    qtbot.waitUntil(lambda: isinstance(stage.transition.shots.get(out), LiveShot), timeout=5000)
+    qtbot.waitUntil(lambda: isinstance(stage.transition.shots.get(out), LiveShot), timeout=20000)
     qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
     assert stage.settle(30)
     assert set(stage.sprites.sprites) == {out}
@@ -120,8 +120,9 @@ def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> Non
 
 def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbot) -> None:
     viewer, stage = by_gl
+    size = stage.frame.size
     viewer.window.resize(620, 500)
-    qtbot.wait(50)
+    qtbot.waitUntil(lambda: stage.frame.size != size, timeout=20000)
     assert stage.settle(30)
     assert stage.packed.shot.size == stage.frame.size
     stage.frame_bag()

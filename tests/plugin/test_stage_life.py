@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import canvas
 
+from conftest import canvas
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
 
@@ -103,8 +103,9 @@ def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session,
     stage = Stage(viewer, session)
     stage.open()
     stage.settle(30)
+    stage.seconds = 600.0
     stage.unpack(2)
-    qtbot.wait(60)
+    qtbot.waitUntil(lambda: len(stage.transition.shots) == 2, timeout=60000)
     viewer.close()
     qtbot.wait(100)
     stage.close()

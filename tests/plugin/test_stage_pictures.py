@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import canvas
+from widget_phantoms import at_rest
 
+from conftest import canvas
 from napari_unpack.layers.shots import RESTING
 from napari_unpack.session import ObjectState
 
@@ -122,7 +123,7 @@ def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbo
     assert landed == [out]
     assert stage.settle(30)
     assert set(stage.sprites.sprites) == {out}
-    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=5000)
+    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=20000)
     unpacked = canvas(viewer)
     assert moved(at_rest, unpacked)
     stage.restore(1)
@@ -141,8 +142,7 @@ def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
     before = session.poses[out].rotation.copy()
     stage.inspect(out)
     assert stage.inspected == out
-    qtbot.wait(500)
-    stage.settle(30)
+    at_rest(stage, qtbot)
     height = stage.transition.shots[out].patch.rgba.shape[0]
     assert height > 0.35 * min(stage.frame.size)
     quarter = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])

@@ -37,11 +37,11 @@ def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
     _select(panel, [1, 2])
     press(qtbot, box.mark)
     assert session.good == {1, 2}
-    qtbot.waitUntil(lambda: _texts(panel, Column.NAME)[1].endswith("✓"), timeout=5000)
+    qtbot.waitUntil(lambda: _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
     assert not _texts(panel, Column.NAME)[3].endswith("✓")
     session.undo()
     assert session.good == frozenset()
-    qtbot.waitUntil(lambda: not _texts(panel, Column.NAME)[1].endswith("✓"), timeout=5000)
+    qtbot.waitUntil(lambda: not _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
 
 
 def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp_path):

@@ -10,7 +10,7 @@ from napari_unpack.widgets.waiting import Waiting
 
 
 def _run(qtbot: QtBot, job: Job, work: object) -> Outcome:
-    with qtbot.waitSignal(job.ended, timeout=5000) as heard:
+    with qtbot.waitSignal(job.ended, timeout=20000) as heard:
         job.start(work)
     return heard.args[0]
 
@@ -52,7 +52,7 @@ def test_cancelling_stops_the_work_at_its_next_report(qtbot: QtBot) -> None:
             progress(0.5, "for ever")
             started.set()
 
-    with qtbot.waitSignal(job.ended, timeout=5000) as heard:
+    with qtbot.waitSignal(job.ended, timeout=20000) as heard:
         job.start(work)
         qtbot.waitUntil(started.is_set)
         job.cancel()
@@ -76,11 +76,11 @@ def test_waiting_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> 
 
     waiting.begin(work)
     assert waiting.running
-    qtbot.waitUntil(lambda: waiting.told.text() == "halfway there", timeout=5000)
+    qtbot.waitUntil(lambda: waiting.told.text() == "halfway there", timeout=20000)
     assert not waiting.isHidden()
     with pytest.raises(RuntimeError):
         waiting.begin(work)
-    with qtbot.waitSignal(waiting.ended, timeout=5000) as heard:
+    with qtbot.waitSignal(waiting.ended, timeout=20000) as heard:
         waiting.cancel.click()
         assert waiting.told.text() == "Stopping"
         assert not waiting.cancel.isEnabled()

@@ -31,7 +31,7 @@ def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     stage.seconds, stage.recolor_at_rest = 0.1, False
     assert stage.settle(60)
     panel.workbench.inspect(1)
-    qtbot.waitUntil(lambda: panel.unpack.studied.isVisibleTo(panel), timeout=5000)
+    qtbot.waitUntil(lambda: panel.unpack.studied.isVisibleTo(panel), timeout=20000)
     return viewer, panel, session, mine
 
 
@@ -41,7 +41,7 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     at_rest(stage, qtbot)
     whole = canvas(viewer)
     box.cut.setValue(60)
-    qtbot.waitUntil(lambda: session.study(1).cut is not None, timeout=5000)
+    qtbot.waitUntil(lambda: session.study(1).cut is not None, timeout=20000)
     point, normal = session.study(1).cut
     # Straight across the view, three fifths of the way through.
     np.testing.assert_allclose(normal, -stage.rotation_of(1)[0], atol=1e-6)

@@ -29,7 +29,7 @@ def _refused(panel: UnpackingWidget, qtbot: QtBot) -> list[str]:
     before = len(notification_manager.records)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=30000)
-    qtbot.waitUntil(lambda: len(notification_manager.records) > before, timeout=5000)
+    qtbot.waitUntil(lambda: len(notification_manager.records) > before, timeout=20000)
     return _said(before)
 
 
@@ -176,11 +176,11 @@ def test_cancelling_leaves_everything_as_it_was(
     monkeypatch.setattr(segmentation, "segment", endless)
     add_bag(viewer)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: panel.segment.waiting.told.text() == "Cutting", timeout=5000)
-    qtbot.waitUntil(lambda: panel.segment.waiting.bar.value() == 225, timeout=5000)
+    qtbot.waitUntil(lambda: panel.segment.waiting.told.text() == "Cutting", timeout=20000)
+    qtbot.waitUntil(lambda: panel.segment.waiting.bar.value() == 225, timeout=20000)
     assert not panel.segment.waiting.isHidden()
     press(qtbot, panel.segment.waiting.cancel)
-    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=5000)
+    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
     assert panel.segment.waiting.isHidden()
     assert panel.workbench.stage is None
     assert [layer.name for layer in viewer.layers] == ["expert", "bag"]
@@ -198,7 +198,7 @@ def test_a_defect_is_not_dressed_up_as_a_message(
     add_bag(viewer)
     with qtbot.captureExceptions() as caught:
         press(qtbot, panel.segment.start)
-        qtbot.waitUntil(lambda: bool(caught), timeout=5000)
+        qtbot.waitUntil(lambda: bool(caught), timeout=20000)
     assert caught[0][0] is ZeroDivisionError
     assert panel.segment.start.isEnabled()
 
@@ -270,7 +270,7 @@ def test_the_simulated_bag_is_one_click_away(
         ],
     )
     press(qtbot, panel.segment.sample)
-    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=5000)
+    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=20000)
     assert panel.segment.volume_box.layer.name == "sample"
     assert panel.segment.start.isEnabled()
     assert panel.segment.start.text() == "Segment"

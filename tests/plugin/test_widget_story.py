@@ -1,6 +1,7 @@
 """The way through, by the panel's own buttons, in a real viewer that draws."""
 
 from collections.abc import Callable
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -150,17 +151,17 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     session = stage_with(panel, qtbot, expert)
     table = panel.objects.table
     session.select([2, 5])
-    qtbot.waitUntil(lambda: table.selected_ids() == [2, 5], timeout=2000)
+    qtbot.waitUntil(lambda: table.selected_ids() == [2, 5], timeout=20000)
     table.selectRow(2)
     assert session.selected == frozenset({3})
-    qtbot.waitUntil(panel.objects.isolate.isEnabled, timeout=2000)
+    qtbot.waitUntil(panel.objects.isolate.isEnabled, timeout=20000)
 
     press(qtbot, panel.objects.isolate)
     assert [i for i, s in states(session).items() if s == "HIDDEN"] == [1, 2, 4, 5, 6]
-    qtbot.waitUntil(lambda: panel.objects.status == "6, 5 hidden", timeout=2000)
+    qtbot.waitUntil(lambda: panel.objects.status == "6, 5 hidden", timeout=20000)
     table.eye_clicked.emit(1)
     assert states(session)[1] == "PACKED"
-    qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=2000)
+    qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=20000)
     press(qtbot, panel.objects.show_all)
     assert set(states(session).values()) == {"PACKED"}
     table.swatch_clicked.emit(4)
@@ -196,10 +197,10 @@ def test_keys_act_while_there_is_a_stage_and_are_given_back(
 
     hit(viewer, "N")
     hit(stage.packed, "N")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=200000)
     assert list(states(session).values()).count("UNPACKED") == 2
     hit(stage.sprites, "B")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=200000)
     assert list(states(session).values()).count("UNPACKED") == 1
     packed = [i for i, state in states(session).items() if state == "PACKED"]
     session.select(packed[:1])
@@ -224,7 +225,7 @@ def test_closing_the_dock_takes_the_stage_down(
     stage_with(panel, qtbot, expert)
     assert len(viewer.layers) == 5
     viewer.window.remove_dock_widget(panel)
-    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=5000)
+    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=20000)
     assert image.visible
 
 
@@ -238,8 +239,8 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
     def resize(width: int) -> None:
         before = session.canvas_size
         viewer.window.resize(width, SMALL[1])
-        qtbot.waitUntil(lambda: session.canvas_size != before, timeout=5000)
-        qtbot.wait(100)
+        qtbot.waitUntil(lambda: session.canvas_size != before, timeout=200000)
+        rest(panel, qtbot)
 
     def fits() -> bool:
         return session.camera.height == pytest.approx(session.overview().height, rel=0.01)
@@ -250,7 +251,7 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
     assert fits()
     viewer.scene.camera.zoom *= 1.5
     zoomed = viewer.scene.camera.zoom
-    qtbot.wait(100)
+    rest(panel, qtbot)
     resize(SMALL[0] - 180)
     assert viewer.scene.camera.zoom == pytest.approx(zoomed)
     assert not fits()
@@ -275,7 +276,7 @@ def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: Qt
     points = panel.color.editor.points
     assert points == list(session.transfer_function.points)
     panel.color.editor.edited.emit([(0.0, 0.0), (1000.0, 0.5)])
-    qtbot.waitUntil(lambda: len(session.transfer_function.points) == 2, timeout=2000)
+    qtbot.waitUntil(lambda: len(session.transfer_function.points) == 2, timeout=20000)
     assert panel.color.preset.currentText() == "My own curve"
 
 
@@ -288,7 +289,8 @@ def test_table_and_slices_select_the_same(
     viewer.dims.ndisplay = 2
     expert.visible = True
     viewer.reset_view()
-    qtbot.wait(500)
+    # Slices are the user's for a moment after a scroll; here the last one was long ago.
+    panel.workbench.stage._steps._clock = lambda: monotonic() + 60.0
     table = panel.objects.table
     rows = [table.model().index(row, 1) for row in range(table.model().rowCount())]
     table.selectRow(next(row for row, at in enumerate(rows) if at.data(ID) == 3))
@@ -296,12 +298,12 @@ def test_table_and_slices_select_the_same(
     assert session.selected == frozenset({3})
     assert viewer.dims.current_step[0] == 34
 
-    qtbot.wait(500)
+    viewer.screenshot(canvas_only=True, flash=False)
     widget, camera = compat.native_canvas(viewer).native, viewer.scene.camera
     way = (np.array([34, 34]) - np.asarray(camera.center)[-2:]) * camera.zoom
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     qtbot.mouseClick(
         widget, Qt.MouseButton.LeftButton, pos=middle + QPoint(round(way[1]), round(way[0]))
     )
-    qtbot.waitUntil(lambda: table.selected_ids() == [4], timeout=5000)
+    qtbot.waitUntil(lambda: table.selected_ids() == [4], timeout=20000)
     assert viewer.dims.current_step[0] == 34

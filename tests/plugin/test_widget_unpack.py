@@ -101,7 +101,7 @@ def test_where_nobody_is_free_the_setting_decides(
     panel.unpack.least.setChecked(True)
     assert panel.unpack.force.isHidden()
     press(qtbot, panel.unpack.next)
-    qtbot.waitUntil(lambda: len(notification_manager.records) == before + 2, timeout=2000)
+    qtbot.waitUntil(lambda: len(notification_manager.records) == before + 2, timeout=20000)
     assert "leaves" in notification_manager.records[-1].message
     assert sorted(states(session).values())[1] == "PACKED"
     assert set(states(session).values()) != {"PACKED"}
@@ -117,11 +117,11 @@ def test_inspect_is_also_the_way_back(viewer: Any, panel: UnpackingWidget, qtbot
     qtbot.waitUntil(lambda: not panel.workbench.stage.flying, timeout=10000)
     press(qtbot, panel.unpack.inspect)
     assert states(session)[out] == "INSPECTED"
-    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=2000)
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=20000)
     assert not panel.unpack.next.isEnabled()
     press(qtbot, panel.unpack.inspect)
     qtbot.waitUntil(lambda: states(session)[out] == "UNPACKED", timeout=10000)
-    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=2000)
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=20000)
 
 
 def test_restore_all_brings_everything_back(
@@ -136,4 +136,4 @@ def test_restore_all_brings_everything_back(
     qtbot.waitUntil(panel.unpack.all_back.isEnabled, timeout=10000)
     press(qtbot, panel.unpack.all_back)
     qtbot.waitUntil(lambda: set(states(session).values()) == {"PACKED"}, timeout=10000)
-    qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=2000)
+    qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=20000)

@@ -57,7 +57,7 @@ def stage_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
     panel.segment.labels_box.choose(labels)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.workbench.stage is not None, timeout=90000)
-    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=5000)
+    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
     return panel.workbench.session
 
 
