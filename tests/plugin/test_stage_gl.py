@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from conftest import canvas
+from napari_unpack.geometry.boxes import differing_box
 from napari_unpack.layers import compat, studio
 from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.rendering import textures
@@ -198,4 +199,50 @@ def test_auto_takes_gl_on_hardware_and_the_cpu_on_a_software_rasteriser(
     assert stage.casts_with == "cpu"
     monkeypatch.setattr(studio, "is_software_renderer", lambda name: name == "")
     stage.backend = "auto"
+    assert stage.settle(30)
     assert stage.casts_with == "gl"
+
+
+def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
+    staged, monkeypatch
+) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    wanted = canvas(viewer)
+    monkeypatch.setattr(studio, "BYTES_A_FRAME", 20_000)
+    monkeypatch.setattr(textures, "SLAB_BYTES", 20_000)
+    casting = stage._projector.studio
+    sent = []
+    stage.packed.on_draw, send = (
+        lambda: (send(), sent.append(casting.bytes_sent)),
+        (stage.packed.on_draw),
+    )
+    stage.backend = "gl"
+    assert stage.casts_with == "cpu"
+    assert stage.settle(60)
+    assert stage.casts_with == "gl"
+    session = stage.session
+    whole = session.labels.size * (1 + stage._projector.bag.known_crop().volume.itemsize)
+    assert casting.bytes_sent == whole
+    assert np.diff([0, *sent]).max() <= 20_000
+    assert np.abs(canvas(viewer) - wanted).mean() < 1.0
+
+
+def test_a_repair_sends_the_box_it_touched_and_keeps_the_picture_till_then(by_gl, session) -> None:
+    viewer, stage = by_gl
+    casting = stage._projector.studio
+    sent, uploads = casting.bytes_sent, casting.uploads
+    before, labels = canvas(viewer), session.display_labels
+    gone = session.boxes.ids[0]
+    session.delete(int(gone))
+    assert stage.settle(30)
+    box = differing_box(labels, session.display_labels)
+    assert casting.bytes_sent - sent == labels[box].size < labels.size / 4
+    assert casting.uploads == uploads + 1
+    assert stage.casts_with == "gl"
+    by_card = canvas(viewer)
+    assert np.abs(by_card - before).max() > 20
+    stage.backend = "cpu"
+    assert stage.settle(30)
+    difference = np.abs(by_card - canvas(viewer)).max(axis=2)
+    assert np.quantile(difference, 0.999) <= 2.0

@@ -110,3 +110,53 @@ def test_hiding_one_of_65535_objects_sends_one_row(gl):
     assert table.rows_uploaded == 257
     table.update(tints)
     assert table.rows_uploaded == 257
+
+
+def test_a_large_volume_is_sent_in_pieces(gl, monkeypatch):
+    from napari_unpack.rendering import textures
+
+    monkeypatch.setattr(textures, "SLAB_BYTES", 200)
+    rng = np.random.default_rng(0)
+    labels = rng.integers(0, 200, (9, 8, 7)).astype(np.uint16)
+    volume = rng.integers(0, 60000, labels.shape).astype(np.uint16)
+    store = VolumeStore(labels, volume, most=199)
+    frames, sent = 0, [0]
+    while not store.send(300):
+        frames += 1
+        sent.append(store.bytes_sent)
+    # One byte a label, two a density; a slab is one plane, 56 or 112 bytes.
+    assert store.bytes_sent == 3 * labels.size
+    assert max(np.diff(sent)) <= 300
+    assert frames >= 5
+    assert store.send(300)
+    here = store.here()
+    assert store.bytes_sent == 3 * labels.size
+    np.testing.assert_array_equal(np.rint(read_back(here.labels) * 255), labels)
+    np.testing.assert_allclose(read_back(here.density) * 65535, volume, atol=0.01)
+
+
+@pytest.mark.parametrize("largest", [None, 6])
+def test_a_repair_sends_the_box_it_touched_and_nothing_else(gl, largest):
+    rng = np.random.default_rng(1)
+    labels = rng.integers(0, 9, (12, 11, 10)).astype(np.uint16)
+    volume = labels * np.uint16(1000)
+    store = VolumeStore(labels, volume, largest)
+    before = store.here().bytes_sent
+    after = labels.copy()
+    after[3:8, 2:9, 5:6] = 77
+    store.set_labels(after, (slice(3, 8), slice(2, 9), slice(5, 6)), 77)
+    here = store.here()
+    assert here.bytes_sent - before == (5 * 7 * 1 if largest is None else 3 * 4 * 1)
+    whole = VolumeTextures(after, volume, largest)
+    np.testing.assert_array_equal(read_back(here.labels), read_back(whole.labels))
+
+
+def test_a_box_with_an_id_above_255_sends_all_labels_with_two_bytes(gl):
+    labels = np.ones((4, 5, 6), np.uint16)
+    store = VolumeStore(labels)
+    store.here()
+    after = labels.copy()
+    after[1, 1, 1] = 300
+    store.set_labels(after, (slice(1, 2), slice(1, 2), slice(1, 2)), 300)
+    assert store.here().labels.internalformat == "r16"
+    np.testing.assert_array_equal(np.rint(read_back(store.here().labels) * 65535), after)

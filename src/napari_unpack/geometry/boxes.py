@@ -8,6 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+Box = tuple[slice, slice, slice]
+"""A box of voxels, z y x."""
+
 
 @dataclass(frozen=True, eq=False)
 class LabelBoxes:
@@ -129,3 +132,29 @@ def _scan(labels, top):  # type: ignore[no-untyped-def]
                 upper[label, 1] = max(upper[label, 1], y + 1)
                 upper[label, 2] = max(upper[label, 2], x)
     return lower, upper, counts
+
+
+def differing_box(a: NDArray[np.generic], b: NDArray[np.generic]) -> Box | None:
+    """Return the smallest box outside which two volumes are the same.
+
+    Parameters
+    ----------
+    a, b : (Z, Y, X) ndarray
+        Of one shape.
+
+    Returns
+    -------
+    (slice, slice, slice) or None
+        None where they are the same everywhere.
+    """
+    planes = [z for z in range(len(a)) if not np.array_equal(a[z], b[z])]
+    if not planes:
+        return None
+    rows, columns = np.zeros(a.shape[1], np.bool_), np.zeros(a.shape[2], np.bool_)
+    for z in planes:
+        other = a[z] != b[z]
+        rows |= other.any(axis=1)
+        columns |= other.any(axis=0)
+    sides = (np.array(planes), np.flatnonzero(rows), np.flatnonzero(columns))
+    depth, height, width = (slice(int(side[0]), int(side[-1]) + 1) for side in sides)
+    return depth, height, width

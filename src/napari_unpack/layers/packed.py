@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from napari_unpack.geometry.view import Camera
@@ -22,6 +22,11 @@ class PackedLayer(PictureLayer):
     ----------
     name, spacing, box, **placement
         As for `PictureLayer`; the box is the volume's.
+
+    Attributes
+    ----------
+    on_draw : callable
+        Called whenever the canvas draws the layer, with its context current.
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -32,6 +37,7 @@ class PackedLayer(PictureLayer):
         self._cards: tuple[Card, ...] = ()
         self._cards_for: Camera | None = None
         self.dimming = 1.0
+        self.on_draw: Callable[[], None] = _nothing
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
@@ -66,6 +72,7 @@ class PackedLayer(PictureLayer):
         The picture moves with the camera while a new one is cast.
         """
         super().cards_at(frame)
+        self.on_draw()
         cards = self._bag_cards(frame)
         if self.backdrop is None:
             return cards
@@ -82,6 +89,10 @@ class PackedLayer(PictureLayer):
         if self._before is None:
             return self._cards
         return [replace(c, before=self._before.picture, mix=self._mix) for c in self._cards]
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 register(

@@ -86,7 +86,7 @@ class PackedPainter:
         self._finest: tuple[Frame, int] | None = None
         self._rays = float(FEWEST_RAYS)
         self._touched: set[int] = set()
-        self._crop: Crop | None = None
+        self._cache: PictureCache | None = None
         self._rest = QTimer()
         self._rest.setSingleShot(True)
         self._rest.setInterval(REST_MS)
@@ -100,13 +100,18 @@ class PackedPainter:
 
     def crop(self) -> Crop:
         """Return the whole volume as the kernels want it."""
-        if self._crop is None or self._crop.labels is not self._session.display_labels:
-            self._crop = PictureCache(self._session).whole()
-        return self._crop
+        cache = self._cache
+        if cache is None or cache.labels is not self._session.display_labels:
+            fresh = PictureCache(self._session)
+            if cache is not None and cache.volume is fresh.volume:
+                fresh.taking_over(cache)
+            fresh.whole()
+            self._cache = cache = fresh
+        return cache.whole()
 
     def known_crop(self) -> Crop:
         """Return the whole volume as last made ready, which may be of labels just repaired."""
-        return self._crop or self.crop()
+        return self.crop() if self._cache is None else self._cache.whole()
 
     def look(self, frame: Frame) -> None:
         """Take note of what the canvas shows now."""

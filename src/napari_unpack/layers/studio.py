@@ -34,6 +34,9 @@ FRINGE = 2
 
 BACKENDS = ("auto", "cpu", "gl")
 
+BYTES_A_FRAME = 16 * 2**20
+"""What is sent to the graphics card while the canvas draws one frame."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Known:
@@ -81,6 +84,7 @@ class Studio:
         self._broken = False
         self._crop: Crop | None = None
         self._store: VolumeStore | None = None
+        self._ready = self._sent = False
         self._programs = Programs()
         self._casters: dict[object, TintedCaster] = {}
         self._known: dict[object, _Known] = {}
@@ -89,25 +93,62 @@ class Studio:
     @property
     def active(self) -> bool:
         """Whether GL casts, as far as is known by now."""
-        if self.wanted == "cpu" or self._broken or self._crop is None or self._renderer is None:
-            return False
-        return self.wanted == "gl" or not is_software_renderer(self._renderer)
+        return self._serves and self._ready
+
+    @property
+    def waiting(self) -> bool:
+        """Whether GL is to cast and has not all of the volume or of its newest labels yet."""
+        return self._serves and not self._sent
 
     @property
     def uploads(self) -> int:
-        """Volume textures sent so far."""
+        """Volume textures, and boxes of labels, sent so far."""
         return 0 if self._store is None else self._store.uploads
+
+    @property
+    def bytes_sent(self) -> int:
+        """Of volume textures so far."""
+        return 0 if self._store is None else self._store.bytes_sent
+
+    @property
+    def _serves(self) -> bool:
+        if self.wanted == "cpu" or self._broken or self._crop is None or self._renderer is None:
+            return False
+        return self.wanted == "gl" or not is_software_renderer(self._renderer)
 
     def enter(self) -> None:
         """Look at the driver; to be called while the canvas draws."""
         if self._renderer is None:
             self._renderer = framebuffer.renderer()
 
+    def send(self) -> None:
+        """Send a piece of what the graphics card lacks; to be called while the canvas draws.
+
+        Until it has all of a volume the CPU goes on casting; until it has newer labels the
+        picture of those before stays.
+        """
+        if self._store is None or not self.waiting:
+            return
+        try:
+            self._sent = self._store.send(BYTES_A_FRAME)
+        except Exception as error:
+            self._break(error)
+        self._ready = self._ready or self._sent
+
     def supply(self, crop: Crop) -> None:
         """Take over the whole volume, made ready in a worker thread."""
-        if crop is not self._crop:
+        if crop is self._crop:
+            return
+        most, edit = int(crop.bricks.ids.max(initial=0)), crop.edit
+        if self._store is not None and edit is not None and edit.of() is self._crop:
+            if edit.box is not None:
+                self._store.set_labels(crop.labels, edit.box, most)
+                self._sent = False
+            self._known.clear()
+        else:
             self._free()
-            self._crop, self._store = crop, VolumeStore(crop.labels, crop.volume)
+            self._store = VolumeStore(crop.labels, crop.volume, most=most)
+        self._crop = crop
 
     def packed(
         self,
@@ -274,10 +315,7 @@ class Studio:
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:
-            self._broken = True
-            self._failed(
-                f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
-            )
+            self._break(error)
             return None
         if caster.passes > passes:
             done(perf_counter() - began)
@@ -285,6 +323,12 @@ class Studio:
             self._notice = self._store.notice
             self._told(self._notice)
         return picture
+
+    def _break(self, error: Exception) -> None:
+        self._broken = True
+        self._failed(
+            f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
+        )
 
     def _look(self, crop: Crop, key: object, tints: NDArray[np.float32], function: Any) -> _Known:
         known = self._known.get(key)
@@ -305,6 +349,7 @@ class Studio:
             caster.close()
         self._casters.clear()
         self._known.clear()
+        self._ready = self._sent = False
         if self._store is not None:
             self._store.delete()
             self._store = None

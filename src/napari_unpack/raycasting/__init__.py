@@ -5,6 +5,7 @@ from napari_unpack.raycasting.bricks import Bricks
 from napari_unpack.raycasting.object_ids import id_layers
 from napari_unpack.raycasting.occlusion import occlusion_counts
 from napari_unpack.raycasting.picking import by_contribution, contributions
+from napari_unpack.raycasting.relabelling import relabelled
 from napari_unpack.raycasting.tinted import tinted
 
 __all__ = [
@@ -14,5 +15,6 @@ __all__ = [
     "contributions",
     "id_layers",
     "occlusion_counts",
+    "relabelled",
     "tinted",
 ]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vispy.gloo.context import GLShared
 
 from napari_unpack.rendering.framebuffer import current_context
-from napari_unpack.rendering.textures import Density, VolumeTextures
+from napari_unpack.rendering.textures import Box, Density, VolumeTextures
 
 
 class VolumeStore:
@@ -23,6 +23,8 @@ class VolumeStore:
         Density.
     largest : int, optional
         Longest side of a texture, for tests; by default the driver's.
+    most : int, optional
+        The largest label, where it is known.
 
     Attributes
     ----------
@@ -35,15 +37,21 @@ class VolumeStore:
         labels: NDArray[np.uint16],
         volume: Density | None = None,
         largest: int | None = None,
+        most: int | None = None,
     ) -> None:
         self.version = 0
-        self._labels, self._volume, self._largest = labels, volume, largest
+        self._labels, self._volume, self._largest, self._most = labels, volume, largest, most
         self._made: WeakKeyDictionary[GLShared, VolumeTextures] = WeakKeyDictionary()
 
     @property
     def uploads(self) -> int:
-        """Textures sent so far, in all contexts."""
+        """Textures begun, and boxes of labels, so far, in all contexts."""
         return sum(textures.uploads for textures in self._made.values())
+
+    @property
+    def bytes_sent(self) -> int:
+        """Of all texels so far, in all contexts."""
+        return sum(textures.bytes_sent for textures in self._made.values())
 
     @property
     def notice(self) -> str | None:
@@ -51,10 +59,21 @@ class VolumeStore:
         return next((t.notice for t in self._made.values() if t.notice), None)
 
     def here(self) -> VolumeTextures:
-        """Return the textures of the current context, uploading them the first time."""
+        """Return the textures of the current context, sending all of them that waits."""
+        textures = self._textures()
+        textures.send()
+        return textures
+
+    def send(self, most_bytes: int) -> bool:
+        """Send some of what waits to the current context; return whether all is there."""
+        return self._textures().send(most_bytes)
+
+    def _textures(self) -> VolumeTextures:
         shared = current_context().shared
         if shared not in self._made:
-            self._made[shared] = VolumeTextures(self._labels, self._volume, self._largest)
+            self._made[shared] = VolumeTextures(
+                self._labels, self._volume, self._largest, self._most, at_once=False
+            )
         return self._made[shared]
 
     def delete(self) -> None:
@@ -63,14 +82,21 @@ class VolumeStore:
             textures.delete()
         self._made.clear()
 
-    def set_labels(self, labels: NDArray[np.uint16]) -> None:
+    def set_labels(
+        self, labels: NDArray[np.uint16], box: Box | None = None, most: int | None = None
+    ) -> None:
         """Take over other labels of the same shape; the density stays where it is.
 
-        Call it where a context is current if there is only one; others are sent on their turn.
+        They are sent when they are asked for in their context.
+
+        Parameters
+        ----------
+        labels, box, most
+            As for `VolumeTextures.set_labels`.
         """
         if labels.shape != self._labels.shape:
             raise ValueError(f"labels must be {self._labels.shape} as before, got {labels.shape}")
-        self._labels = labels
+        self._labels, self._most = labels, most
         self.version += 1
         for textures in self._made.values():
-            textures.set_labels(labels)
+            textures.set_labels(labels, box, most)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,10 @@ from napari_unpack.rendering.framebuffer import current_context
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
 Factor = tuple[int, int, int]
+Box = tuple[slice, slice, slice]
+
+SLAB_BYTES = 8 * 2**20
+"""What is sent to the graphics card at one go, unless a single plane is more."""
 
 FORMATS = {"uint8": ("r8", 255.0), "uint16": ("r16", 65535.0), "float32": ("r32f", 1.0)}
 """Texture format of each density type, and the density that a texel of 1.0 means."""
@@ -28,11 +33,18 @@ class VolumeTextures:
         Density; the ID passes need none.
     largest : int, optional
         Longest side of a texture; by default what the driver allows.
+    most : int, optional
+        The largest label, where it is known; it need not be looked for then.
+    at_once : bool
+        Send all now; else `send` does it piece by piece, as a large volume takes longer than a
+        window may stand still.
 
     Attributes
     ----------
     uploads : int
-        Textures sent so far.
+        Textures begun, and boxes of labels, so far.
+    bytes_sent : int
+        Of all texels so far.
     factor : (int, int, int)
         Voxels a texel along z, y, x; 1 unless the volume was too large.
     notice : str or None
@@ -50,6 +62,8 @@ class VolumeTextures:
         labels: NDArray[np.uint16],
         volume: Density | None = None,
         largest: int | None = None,
+        most: int | None = None,
+        at_once: bool = True,
     ) -> None:
         if labels.ndim != 3 or 0 in labels.shape:
             raise ValueError(f"labels must be a filled 3D array, got shape {labels.shape}")
@@ -57,16 +71,22 @@ class VolumeTextures:
             raise ValueError(f"volume must be {labels.shape} like labels, got {volume.shape}")
         if volume is not None and volume.dtype.name not in FORMATS:
             raise TypeError(f"volume must be one of {', '.join(FORMATS)}, got {volume.dtype}")
-        self.uploads = 0
+        self.uploads = self.bytes_sent = 0
         self.shape: tuple[int, ...] = labels.shape
         self.density: gloo.Texture3D | None = None
         self.density_scale = 1.0
-        texel = (2 if labels.max() > 255 else 1) if volume is None else volume.itemsize
+        most = int(labels.max()) if most is None else most
+        texel = (2 if most > 255 else 1) if volume is None else volume.itemsize
         self.factor = fitting_factor(labels.shape, largest or largest_side(), texel)
         self.grid = tuple(-(-n // f) for n, f in zip(labels.shape, self.factor, strict=True))
-        self.set_labels(labels)
+        self._waiting: deque[tuple[gloo.Texture3D, NDArray[np.generic], Box]] = deque()
+        self._begin_labels(labels, most)
         if volume is not None:
-            self._set_volume(volume)
+            internal, self.density_scale = FORMATS[volume.dtype.name]
+            self.density = self._begun(internal, "linear")
+            self._queue(self.density, volume, self._everything())
+        if at_once:
+            self.send()
 
     @property
     def notice(self) -> str | None:
@@ -83,43 +103,103 @@ class VolumeTextures:
         """What a texel of 1.0 means, 255 or 65535."""
         return 255.0 if self.labels.internalformat == "r8" else 65535.0
 
-    def set_labels(self, labels: NDArray[np.uint16]) -> None:
-        """Upload other labels of the same shape, after a split or a merge."""
+    @property
+    def complete(self) -> bool:
+        """Whether all has been sent."""
+        return not self._waiting
+
+    def send(self, most_bytes: float = np.inf) -> bool:
+        """Send what waits, at least one piece and no more than so many bytes; return `complete`."""
+        end = self.bytes_sent + most_bytes
+        while self._waiting:
+            texture, source, box = self._waiting[0]
+            part = self._texels(texture, source, box)
+            if self.bytes_sent + part.nbytes > end and end - self.bytes_sent < most_bytes:
+                break
+            self._waiting.popleft()
+            texture.set_data(part, offset=tuple(s.start for s in box))
+            context = current_context()
+            context.glir.associate(texture.glir)
+            # Sent now, so that the array need not live on in a queue.
+            context.flush_commands()
+            self.bytes_sent += part.nbytes
+        return self.complete
+
+    def set_labels(
+        self, labels: NDArray[np.uint16], box: Box | None = None, most: int | None = None
+    ) -> None:
+        """Have other labels of the same shape sent, after a split or a merge.
+
+        Parameters
+        ----------
+        labels : (Z, Y, X) ndarray of uint16
+        box : (slice, slice, slice), optional
+            Voxels outside which they are as before; by default all are sent.
+        most : int, optional
+            The largest label, where it is known.
+        """
         if labels.shape != self.shape:
             raise ValueError(f"labels must be {self.shape} as before, got {labels.shape}")
-        middles = [np.minimum(np.arange(0, n, f) + f // 2, n - 1) for n, f in self._axes()]
-        coarse = labels if self.factor == (1, 1, 1) else labels[np.ix_(*middles)]
-        small = coarse.max(initial=0) <= 255
-        array = coarse.astype(np.uint8) if small else np.ascontiguousarray(coarse, np.uint16)
-        self.labels = self._uploaded(array, "r8" if small else "r16", "nearest")
+        most = int(labels.max(initial=0)) if most is None else most
+        if box is None or (most > 255 and self.labels.internalformat == "r8"):
+            old = self.labels
+            self._waiting = deque(w for w in self._waiting if w[0] is not old)
+            self._begin_labels(labels, most)
+            old.delete()
+            return
+        # Pieces of the labels before that still wait are of these labels now.
+        self._waiting = deque(
+            (t, labels if t is self.labels else source, b) for t, source, b in self._waiting
+        )
+        self.uploads += 1
+        planes, rows, columns = (
+            slice(s.start // f, -(-s.stop // f)) for s, f in zip(box, self.factor, strict=True)
+        )
+        self._queue(self.labels, labels, (planes, rows, columns))
 
     def delete(self) -> None:
         """Free the textures."""
+        self._waiting.clear()
         self.labels.delete()
         if self.density is not None:
             self.density.delete()
 
-    def _axes(self) -> list[tuple[int, int]]:
-        return list(zip(self.shape, self.factor, strict=True))
+    def _everything(self) -> Box:
+        depth, height, width = self.grid
+        return slice(0, depth), slice(0, height), slice(0, width)
 
-    def _set_volume(self, volume: Density) -> None:
-        coarse = np.ascontiguousarray(_block_mean(volume, self.factor))
-        internal, self.density_scale = FORMATS[coarse.dtype.name]
-        self.density = self._uploaded(coarse, internal, "linear")
+    def _begin_labels(self, labels: NDArray[np.uint16], most: int) -> None:
+        self.labels = self._begun("r8" if most <= 255 else "r16", "nearest")
+        self._queue(self.labels, labels, self._everything())
 
-    def _uploaded(
-        self, array: NDArray[np.generic], internal: str, filtering: str
-    ) -> gloo.Texture3D:
-        texture = gloo.Texture3D(
-            array.shape, format="red", internalformat=internal, interpolation=filtering
-        )
-        texture.set_data(array)
-        context = current_context()
-        context.glir.associate(texture.glir)
-        # Sent now, so that the array need not live on in a queue.
-        context.flush_commands()
+    def _begun(self, internal: str, filtering: str) -> gloo.Texture3D:
         self.uploads += 1
-        return texture
+        return gloo.Texture3D(
+            self.grid, format="red", internalformat=internal, interpolation=filtering
+        )
+
+    def _queue(self, texture: gloo.Texture3D, source: NDArray[np.generic], box: Box) -> None:
+        planes, rows, columns = box
+        size = (rows.stop - rows.start) * (columns.stop - columns.start) * source.itemsize
+        thick = max(1, SLAB_BYTES // max(size, 1))
+        for first in range(planes.start, planes.stop, thick):
+            slab = slice(first, min(first + thick, planes.stop))
+            self._waiting.append((texture, source, (slab, rows, columns)))
+
+    def _texels(
+        self, texture: gloo.Texture3D, source: NDArray[np.generic], box: Box
+    ) -> NDArray[np.generic]:
+        """Return what a box of the grid shows: means of blocks of density, middles of labels."""
+        sides = list(zip(box, self.factor, self.shape, strict=True))
+        if texture is self.labels:
+            middles = [
+                np.minimum(np.arange(s.start, s.stop) * f + f // 2, n - 1) for s, f, n in sides
+            ]
+            part = source[box] if self.factor == (1, 1, 1) else source[np.ix_(*middles)]
+            small = texture.internalformat == "r8"
+            return np.ascontiguousarray(part, np.uint8 if small else np.uint16)
+        voxels = tuple(slice(s.start * f, min(s.stop * f, n)) for s, f, n in sides)
+        return np.ascontiguousarray(_block_mean(source[voxels], self.factor))  # type: ignore[arg-type]
 
 
 def largest_side() -> int:

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any, Protocol
-from weakref import WeakKeyDictionary
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix, Vector
-from napari_unpack.geometry.boxes import LabelBoxes, box_corners
+from napari_unpack.geometry.boxes import Box, LabelBoxes, box_corners, differing_box
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.geometry.transforms import translation
 from napari_unpack.imaging.arguments import checked_volume
-from napari_unpack.raycasting import Bricks
+from napari_unpack.raycasting import Bricks, relabelled
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
 
@@ -55,6 +55,22 @@ class Pictured(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Edit:
+    """In what a crop differs from one before it: some labels.
+
+    Parameters
+    ----------
+    of : weakref to Crop
+        The one before.
+    box : (slice, slice, slice) or None
+        Voxels outside which the labels are the same; None where all are.
+    """
+
+    of: ReferenceType[Crop]
+    box: Box | None
+
+
+@dataclass(frozen=True, eq=False)
 class Crop:
     """A box of a volume, ready to be cast.
 
@@ -72,6 +88,8 @@ class Crop:
         Middle of the object's box, world mm: the point that a pose places.
     corners : (8, 3) ndarray of float64
         Around all that can be seen of it, world mm.
+    edit : Edit, optional
+        What it was made from, if it was not made from nothing.
     """
 
     volume: Density
@@ -80,6 +98,7 @@ class Crop:
     voxel_from_world: Matrix
     center: Vector
     corners: NDArray[np.float64]
+    edit: Edit | None = None
 
     @property
     def nbytes(self) -> int:
@@ -108,10 +127,13 @@ class PictureCache:
         self._lock = Lock()
         self._density: Density | None = None
         self._whole: Crop | None = None
+        self._whole_before: Crop | None = None
 
     def taking_over(self, earlier: PictureCache) -> PictureCache:
-        """Keep the crops of another cache that other labels leave as they are; return self."""
+        """Keep what other labels leave as it is of a cache of the same volume; return self."""
         self._density = earlier._density
+        if np.array_equal(self._spacing, earlier._spacing):
+            self._whole_before = earlier._whole or earlier._whole_before
         with earlier._lock:
             kept = list(earlier._kept.items())
         for key, made in kept:
@@ -128,7 +150,13 @@ class PictureCache:
         return self
 
     def whole(self) -> Crop:
-        """Return the whole volume as a crop."""
+        """Return the whole volume as a crop; only bricks of changed labels are made anew."""
+        before, self._whole_before = self._whole_before, None
+        if self._whole is None and before is not None:
+            labels = np.ascontiguousarray(self.labels)
+            box = differing_box(before.labels, labels)
+            bricks = before.bricks if box is None else relabelled(before.bricks, labels, box)
+            self._whole = replace(before, labels=labels, bricks=bricks, edit=Edit(ref(before), box))
         if self._whole is None:
             shape = np.asarray(self.volume.shape)
             everything = tuple(slice(0, int(n)) for n in shape)
