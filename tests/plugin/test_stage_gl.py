@@ -119,6 +119,22 @@ def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> Non
     assert stage._projector.studio.uploads == 2
 
 
+def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:
+    viewer, stage = by_gl
+    caster = stage._projector.studio._casters["packed"]
+    cast, (height, width) = caster.rays_cast, caster.picture.size
+    stage.unpack(1)
+    stage.finish()
+    assert stage.settle(30)
+    assert 0 < caster.rays_cast - cast < 0.7 * height * width
+    partly = canvas(viewer)
+    caster.mark_dirty()
+    stage._projector.bag.recast()
+    assert stage.settle(30)
+    assert caster.rays_cast - cast > height * width
+    np.testing.assert_array_equal(canvas(viewer), partly)
+
+
 def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbot) -> None:
     viewer, stage = by_gl
     size = stage.frame.size

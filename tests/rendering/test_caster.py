@@ -153,3 +153,59 @@ def test_a_layer_that_moves_to_another_canvas_casts_there(gl, canvas, look, offs
 
 def test_a_window_of_one_pixel_is_drawn(caster, look):
     assert caster.cast(rays_of((1, 1)), look).size == (1, 1)
+
+
+@pytest.mark.parametrize("fov", [0, 30])
+def test_an_object_that_leaves_recasts_its_own_pixels_and_the_picture_is_as_if_all_were(
+    caster, look, fov
+):
+    rays = rays_of(direction=(0.3, 0.2, 1.0), fov=fov)
+    read = lambda c: [c._targets.get(rays.size).read(n).copy() for n in (0, 1)]  # noqa: E731
+    caster.cast(rays, look)
+    assert caster.rays_cast == 20 * 24
+    whole, asked = read(caster), []
+    fewer = replace(look, tints=look.tints * np.array([[1], [0], [1]], np.float32))
+    seen = [np.flatnonzero((whole[0][..., 3] > 0).any(axis=axis)) for axis in (1, 0)]
+    rows, cols = ((int(n.min()), int(n.max() - n.min() + 1)) for n in seen)
+
+    def where(ids):
+        asked.append(ids)
+        return cols[0], rows[0], cols[1], rows[1]
+
+    caster.cast(rays, fewer, where=where)
+    assert asked == [frozenset({1})]
+    assert caster.passes == 2
+    assert caster.rays_cast == 20 * 24 + rows[1] * cols[1] < 2 * 20 * 24
+    partly = read(caster)
+    caster.mark_dirty()
+    caster.cast(rays, fewer)
+    for found, wanted, before in zip(partly, read(caster), whole, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+        assert (found != before).any()
+
+
+def test_pixels_outside_the_window_are_kept_and_none_are_cast_for_what_is_out_of_view(caster, look):
+    rays = rays_of()
+    caster.cast(rays, look)
+    before = caster._targets.get(rays.size).read(0).copy()
+    red = replace(look, tints=np.ones((3, 4), np.float32))
+    caster.cast(rays, red, where=lambda ids: (10, 5, 4, 3))
+    after = caster._targets.get(rays.size).read(0)
+    changed = (after != before).any(axis=2)
+    assert changed.any()
+    changed[5:8, 10:14] = False
+    assert not changed.any()
+    cast = caster.rays_cast
+    caster.cast(rays, look, where=lambda ids: None)
+    assert caster.rays_cast == cast
+    np.testing.assert_array_equal(caster._targets.get(rays.size).read(0), after)
+
+
+def test_anything_but_a_tint_recasts_all(caster, look):
+    caster.cast(rays_of(), look)
+    where = lambda ids: (0, 0, 1, 1)  # noqa: E731
+    for number, changed in enumerate((replace(look, shading=None), look), start=2):
+        caster.cast(rays_of(), changed, where=where)
+        assert caster.rays_cast == number * 20 * 24
+    caster.cast(rays_of(direction=(1, 1, 0)), replace(look, tints=look.tints * 0), where=where)
+    assert caster.rays_cast == 4 * 20 * 24

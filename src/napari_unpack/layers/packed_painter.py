@@ -59,9 +59,9 @@ class PackedPainter:
     -----
     While the camera moves the picture has about 384 rays on its short side, as many as keep ten
     frames a second, then all of them once the camera rests. The picture before stays until the
-    next one is there. An object that leaves or comes back recasts its own window alone, but on
-    the graphics card all of it. New colours come in a short transition: on the CPU from the
-    picture before to the finished new one, on the graphics card by tints on their way.
+    next one is there. An object that leaves or comes back recasts its own window alone. New
+    colours come in a short transition: on the CPU from the picture before to the finished new
+    one, on the graphics card by tints on their way.
     """
 
     def __init__(

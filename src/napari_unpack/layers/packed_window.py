@@ -9,6 +9,7 @@ import numpy as np
 
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
+from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging import cast_tinted
 from napari_unpack.layers.shots import Shot
 from napari_unpack.session.picture_cache import Crop
@@ -77,21 +78,49 @@ def recast_objects(
 
 def _window(session: Any, shot: Shot, ids: Iterable[int]) -> tuple[int, int, int, int] | None:
     """Return the rectangle (row, col, height, width) that covers objects, cut to the patch."""
-    pivot_from_world = shot.camera.pivot_from_world()
-    low, high = np.array(shot.size), np.zeros(2, dtype=np.int64)
+    patch = shot.patch
+    part = patch.row, patch.col, *patch.rgba.shape[:2]
+    return window_of_objects(session, shot.camera, shot.size, part, ids)
+
+
+def window_of_objects(
+    session: Any,
+    camera: Camera,
+    size: tuple[int, int],
+    part: tuple[int, int, int, int],
+    ids: Iterable[int],
+) -> tuple[int, int, int, int] | None:
+    """Return where some objects may be seen in a part of a picture.
+
+    Parameters
+    ----------
+    session : Session
+    camera : Camera
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    part : (int, int, int, int)
+        First row, first column, height and width of the part.
+    ids : iterable of int
+
+    Returns
+    -------
+    (int, int, int, int) or None
+        First row, first column, height and width, of the whole picture; None for nowhere.
+    """
+    pivot_from_world = camera.pivot_from_world()
+    low, high = np.array(size), np.zeros(2, dtype=np.int64)
     for object_id in ids:
         row = session.boxes.index(object_id)
         corners = box_corners(
             session.boxes.lower[row] - 0.5 - FRINGE, session.boxes.upper[row] - 0.5 + FRINGE
         )
         pivot = transform_points(pivot_from_world, corners * session.spacing)
-        window = window_of(pivot, shot.camera, shot.size)
+        window = window_of(pivot, camera, size)
         if window is not None:
             low = np.minimum(low, window[:2])
             high = np.maximum(high, np.array(window[:2]) + window[2:])
-    first = np.array([shot.patch.row, shot.patch.col])
-    low = np.maximum(low, first)
-    high = np.minimum(high, first + shot.patch.rgba.shape[:2])
+    low = np.maximum(low, part[:2])
+    high = np.minimum(high, np.array(part[:2]) + part[2:])
     if (high <= low).any():
         return None
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])

@@ -18,12 +18,13 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.layers.live_shots import LiveShot, Window
 from napari_unpack.layers.moving import Moving
+from napari_unpack.layers.packed_window import window_of_objects
 from napari_unpack.rendering import framebuffer
 from napari_unpack.rendering.offscreen import is_software_renderer
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.store import VolumeStore
-from napari_unpack.rendering.tinted_pass import Look
-from napari_unpack.rendering.visuals.caster import TintedCaster
+from napari_unpack.rendering.tinted_pass import Look, PixelWindow
+from napari_unpack.rendering.visuals.caster import TintedCaster, Where
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.session.picture_cache import Crop
 from napari_unpack.session.picture_patch import window_of
@@ -109,6 +110,11 @@ class Studio:
     def bytes_sent(self) -> int:
         """Of volume textures so far."""
         return 0 if self._store is None else self._store.bytes_sent
+
+    @property
+    def rays_cast(self) -> int:
+        """Rays cast so far, for all pictures that are kept."""
+        return sum(caster.rays_cast for caster in self._casters.values())
 
     @property
     def _serves(self) -> bool:
@@ -288,7 +294,17 @@ class Studio:
             part = window.row, window.col, *window.size
             rays = rays_for(camera, size, spacing, affine, step, part)
             shown = self._session.transfer_function if function is None else function()
-            return self._cast(key, rays, tints(), done, clipping(), shown)
+
+            def where(ids: frozenset[int]) -> PixelWindow | None:
+                known = set(self._session.boxes.ids.tolist())
+                if moved is not None or not ids <= known:
+                    return 0, 0, part[3], part[2]
+                found = window_of_objects(self._session, camera, size, part, ids)
+                if found is None:
+                    return None
+                return found[1] - part[1], found[0] - part[0], found[3], found[2]
+
+            return self._cast(key, rays, tints(), done, clipping(), shown, where)
 
         return LiveShot(window, camera, size, develop)
 
@@ -300,6 +316,7 @@ class Studio:
         done: Callable[[float], None],
         clipping: NDArray[np.float64] | None,
         function: Any,
+        where: Where,
     ) -> Picture | None:
         if self._store is None or self._crop is None or not self.active:
             return None
@@ -311,7 +328,7 @@ class Studio:
         # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
         try:
             framebuffer.forget_complaints()
-            picture = caster.cast(rays, known.look, known.occupied, clipping=clipping)
+            picture = caster.cast(rays, known.look, known.occupied, False, clipping, where)
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:

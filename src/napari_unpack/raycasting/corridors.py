@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.raycasting.bricks import Strides
+from napari_unpack.raycasting.threads import over_bands
 
 LONGEST = 96
 """Layers of bricks that a corridor is followed."""
@@ -80,7 +81,12 @@ class Corridors:
         sign = 1 if forward[0] else -1
         ahead = np.ascontiguousarray(np.moveaxis(owners, axis, 0)[::sign])
         out = np.zeros(ahead.shape, np.uint8)
-        _follow(ahead, _spread(slopes), out)
+        spread = _spread(slopes)
+
+        def work(_: None, first: int, last: int) -> None:
+            _follow(ahead, spread, first, last, out)
+
+        over_bands(len(ahead), work, lambda: None)
         grid = np.ascontiguousarray(np.moveaxis(out[::sign], 0, axis))
         return cls(grid[None], np.zeros(8, np.int64), axis)
 
@@ -114,9 +120,9 @@ def _spread(slopes: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _follow(owners, spread, out):  # type: ignore[no-untyped-def]
+def _follow(owners, spread, first, last, out):  # type: ignore[no-untyped-def]
     depth, height, width = owners.shape
-    for z in range(depth):
+    for z in range(first, last):
         for y in range(height):
             for x in range(width):
                 own = owners[z, y, x]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
@@ -18,6 +19,9 @@ from napari_unpack.rendering.uniforms import Leaps, assign, plane_uniforms, ray_
 
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
 """No light at all: the transfer function's colours as they are."""
+
+PixelWindow = tuple[int, int, int, int]
+"""First column, first row, width and height of a part of a picture, as GL's scissors take it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +90,7 @@ class TintedPass:
         occupied: NDArray[np.bool_] | None = None,
         jitter: bool = False,
         clipping: ArrayLike | None = None,
+        window: PixelWindow | None = None,
     ) -> None:
         """Cast one picture.
 
@@ -105,6 +110,9 @@ class TintedPass:
             Start each ray at a hash of its pixel.
         clipping : (N, 2, 3) array_like, optional
             Planes (point, normal), voxels.
+        window : (int, int, int, int), optional
+            First column, first row, width and height of the pixels to cast; the others stay as
+            the target holds them.
         """
         if textures.density is None:
             raise ValueError("textures must hold a volume to draw a tinted picture")
@@ -138,5 +146,9 @@ class TintedPass:
             },
         )
         with target.drawing():
+            if window is not None:
+                gloo.set_state(scissor_test=True)
+                gloo.set_scissor(*window)
             program.draw("triangle_strip")
+            gloo.set_state(scissor_test=False)
         self.passes += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,10 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.framebuffer import Targets, current_context
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.store import VolumeStore
-from napari_unpack.rendering.tinted_pass import Look, TintedPass
+from napari_unpack.rendering.tinted_pass import Look, PixelWindow, TintedPass
 from napari_unpack.rendering.visuals.pictures import Picture
+
+Where = Callable[[frozenset[int]], PixelWindow | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +33,22 @@ class Inputs:
 
     def same_as(self, other: Inputs | None) -> bool:
         """Whether the other would give the same picture."""
-        if other is None:
-            return False
-        return all(_equal(a, b) for a, b in zip(self._parts(), other._parts(), strict=True))
+        return self.retinted(other) == frozenset()
+
+    def retinted(self, other: Inputs | None) -> frozenset[int] | None:
+        """Return the IDs whose tints alone tell the two apart; None where more does."""
+        if other is None or len(self.look.tints) != len(other.look.tints):
+            return None
+        if not all(_equal(a, b) for a, b in zip(self._parts(), other._parts(), strict=True)):
+            return None
+        changed = (self.look.tints != other.look.tints).any(axis=1)
+        return frozenset(np.flatnonzero(changed).tolist())
 
     def _parts(self) -> list[Any]:
         rays, look = self.rays, self.look
         return [
             *(rays.table, rays.size, rays.step, rays.near),
-            *(look.spacing, look.table, look.domain, look.tints, look.shading),
+            *(look.spacing, look.table, look.domain, look.shading),
             # Occupancy follows from the look and only saves time.
             *(
                 self.version,
@@ -64,6 +74,8 @@ class TintedCaster:
         The last picture, for a `Card`; the same object for life, its textures change.
     passes : int
         How often rays were cast.
+    rays_cast : int
+        How many rays.
 
     Notes
     -----
@@ -80,7 +92,7 @@ class TintedCaster:
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
         self._context: GLShared | None = None
-        self._earlier = 0
+        self._earlier = self.rays_cast = 0
         self._last: Inputs | None = None
 
     @property
@@ -104,6 +116,7 @@ class TintedCaster:
         occupied: NDArray[np.bool_] | None = None,
         jitter: bool = False,
         clipping: ArrayLike | None = None,
+        where: Where | None = None,
     ) -> Picture:
         """Return the picture of these inputs, casting rays unless it is the last one still.
 
@@ -111,6 +124,10 @@ class TintedCaster:
         ----------
         rays, look, occupied, jitter, clipping
             As in `TintedPass.draw`.
+        where : callable, optional
+            Given IDs, returns the pixels in which those objects may be seen, as
+            `TintedPass.draw` takes them, or None for no pixel. Where nothing but their tints has
+            changed the others are kept.
 
         Returns
         -------
@@ -127,7 +144,17 @@ class TintedCaster:
         if self._pass is None:
             self._pass = TintedPass(self._programs)
         target = self._targets.get(rays.size)
-        self._pass.draw(target, self.store.here(), rays, look, occupied, jitter, clipping)
+        window: PixelWindow | None = (0, 0, rays.size[1], rays.size[0])
+        retinted = inputs.retinted(self._last)
+        if retinted and where is not None and self.picture is not None:
+            window = where(retinted)
+        # Half a picture must not be taken for a whole one if a driver gives up.
+        self._last = None
+        if window is not None:
+            self._pass.draw(
+                target, self.store.here(), rays, look, occupied, jitter, clipping, window
+            )
+            self.rays_cast += window[2] * window[3]
         self._last = inputs
         if self.picture is None:
             self.picture = Picture(*target.textures)
