@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from screens import Screen
-from widget_phantoms import SMALL, open_panel
+from widget_phantoms import SMALL, add_bag, open_panel, stage_with
 
 SHAPE = (40, 48, 60)
 
@@ -136,6 +136,18 @@ def panel(viewer, qtbot) -> Iterator[Any]:
     made = open_panel(viewer, qtbot)
     yield made
     made.end()
+
+
+@pytest.fixture
+def expert(viewer) -> Any:
+    """Return the labels layer of the pile of balls, which is in the viewer."""
+    return add_bag(viewer)[1]
+
+
+@pytest.fixture
+def piled(panel, expert, qtbot) -> Any:
+    """Return the session of the pile of balls, on its stage by the panel."""
+    return stage_with(panel, qtbot, expert)
 
 
 def canvas(viewer) -> np.ndarray:

@@ -9,15 +9,7 @@ from widget_phantoms import at_rest, press, stage_with, states
 
 from conftest import canvas
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-
-
-def tin() -> tuple[np.ndarray, np.ndarray]:
-    """Return a tin (1) with two things of other densities in it, one label; a block (2) beside."""
-    volume, labels = np.zeros((20, 30, 40), np.float32), np.zeros((20, 30, 40), np.uint16)
-    labels[4:16, 5:25, 5:25], volume[4:16, 5:25, 5:25] = 1, 1000
-    volume[7:13, 8:14, 8:14], volume[7:13, 16:22, 16:22] = 3000, 3100
-    labels[4:16, 5:25, 25:35], volume[4:16, 5:25, 25:35] = 2, 1500
-    return volume, labels
+from tin import tin
 
 
 @pytest.fixture

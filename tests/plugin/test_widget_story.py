@@ -145,29 +145,27 @@ def test_labels_that_are_there_already_are_used_as_they_are(
 
 
 def test_the_table_and_the_session_select_hide_and_name_together(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     table = panel.objects.table
-    session.select([2, 5])
+    piled.select([2, 5])
     qtbot.waitUntil(lambda: table.selected_ids() == [2, 5], timeout=20000)
     table.selectRow(2)
-    assert session.selected == frozenset({3})
+    assert piled.selected == frozenset({3})
     qtbot.waitUntil(panel.objects.isolate.isEnabled, timeout=20000)
 
     press(qtbot, panel.objects.isolate)
-    assert [i for i, s in states(session).items() if s == "HIDDEN"] == [1, 2, 4, 5, 6]
+    assert [i for i, s in states(piled).items() if s == "HIDDEN"] == [1, 2, 4, 5, 6]
     qtbot.waitUntil(lambda: panel.objects.status == "6, 5 hidden", timeout=20000)
     table.eye_clicked.emit(1)
-    assert states(session)[1] == "PACKED"
+    assert states(piled)[1] == "PACKED"
     qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=20000)
     press(qtbot, panel.objects.show_all)
-    assert set(states(session).values()) == {"PACKED"}
+    assert set(states(piled).values()) == {"PACKED"}
     table.swatch_clicked.emit(4)
-    assert [i for i, s in states(session).items() if s == "PACKED"] == [4]
+    assert [i for i, s in states(piled).items() if s == "PACKED"] == [4]
     panel.workbench.undo()
-    assert set(states(session).values()) == {"PACKED"}
+    assert set(states(piled).values()) == {"PACKED"}
 
     menu = panel.objects.menu()
     texts = {action.text(): action.isEnabled() for action in menu.actions()}
@@ -197,10 +195,10 @@ def test_keys_act_while_there_is_a_stage_and_are_given_back(
 
     hit(viewer, "N")
     hit(stage.packed, "N")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=200000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
     assert list(states(session).values()).count("UNPACKED") == 2
     hit(stage.sprites, "B")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=200000)
+    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
     assert list(states(session).values()).count("UNPACKED") == 1
     packed = [i for i, state in states(session).items() if state == "PACKED"]
     session.select(packed[:1])
@@ -230,20 +228,18 @@ def test_closing_the_dock_takes_the_stage_down(
 
 
 def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     rest(panel, qtbot)
 
     def resize(width: int) -> None:
-        before = session.canvas_size
+        before = piled.canvas_size
         viewer.window.resize(width, SMALL[1])
-        qtbot.waitUntil(lambda: session.canvas_size != before, timeout=200000)
+        qtbot.waitUntil(lambda: piled.canvas_size != before, timeout=20000)
         rest(panel, qtbot)
 
     def fits() -> bool:
-        return session.camera.height == pytest.approx(session.overview().height, rel=0.01)
+        return piled.camera.height == pytest.approx(piled.overview().height, rel=0.01)
 
     resize(SMALL[0] - 180)
     assert fits()
@@ -257,34 +253,30 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
     assert not fits()
 
 
-def test_settings_reach_the_stage(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
+def test_settings_reach_the_stage(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
     stage = panel.workbench.stage
     panel.unpack.speed.setValue(20)
     assert stage.seconds == 2.0
     panel.unpack.direction.setCurrentText("Up (−y)")
-    assert tuple(session.direction) == (0.0, -1.0, 0.0)
+    assert tuple(piled.direction) == (0.0, -1.0, 0.0)
     panel.unpack.direction.setCurrentText("Towards me")
-    assert session.direction is None
+    assert piled.direction is None
     panel.color.mode.setCurrentText("Vivid")
-    assert session.tint_mode == "hsv"
+    assert piled.tint_mode == "hsv"
     panel.color.preset.setCurrentText("Metal")
     panel.color.preset.activated.emit(panel.color.preset.currentIndex())
-    assert session.transfer_function.points[-1][0] == 12000
+    assert piled.transfer_function.points[-1][0] == 12000
     panel.color.curve.toggle.setChecked(True)
     points = panel.color.editor.points
-    assert points == list(session.transfer_function.points)
+    assert points == list(piled.transfer_function.points)
     panel.color.editor.edited.emit([(0.0, 0.0), (1000.0, 0.5)])
-    qtbot.waitUntil(lambda: len(session.transfer_function.points) == 2, timeout=20000)
+    qtbot.waitUntil(lambda: len(piled.transfer_function.points) == 2, timeout=20000)
     assert panel.color.preset.currentText() == "My own curve"
 
 
 def test_table_and_slices_select_the_same(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    viewer: Any, panel: UnpackingWidget, piled: Any, expert: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     rest(panel, qtbot)
     viewer.dims.ndisplay = 2
     expert.visible = True
@@ -295,7 +287,7 @@ def test_table_and_slices_select_the_same(
     rows = [table.model().index(row, 1) for row in range(table.model().rowCount())]
     table.selectRow(next(row for row, at in enumerate(rows) if at.data(ID) == 3))
     # Ball 3 is about (34, 34, 14), less what ball 5 keeps of its box: nothing at its middle.
-    assert session.selected == frozenset({3})
+    assert piled.selected == frozenset({3})
     assert viewer.dims.current_step[0] == 34
 
     viewer.screenshot(canvas_only=True, flash=False)

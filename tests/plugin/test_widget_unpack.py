@@ -7,7 +7,7 @@ import numpy as np
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from widget_phantoms import add_bag, press, stage_with, states
+from widget_phantoms import press, stage_with, states
 
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -30,10 +30,8 @@ def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, free: set[int])
 
 
 def test_the_free_objects_are_counted_and_marked_for_every_direction(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     # Balls 1 and 3 stand at x = 14, 2 and 4 behind them at x = 34. Ball 5 lies on all four, its
     # rim just behind those of 1 and 3: voxel column (20, 26) is 9.8 from its centre and 10.0
     # from that of 1. It hides 6. Upwards 5 and 6 lie free, side by side.
@@ -46,24 +44,22 @@ def test_the_free_objects_are_counted_and_marked_for_every_direction(
     panel.workbench.stage.seconds = 0.1
     panel.workbench.unpack([5])
     qtbot.waitUntil(lambda: _marked_free(panel) == {1, 3, 6}, timeout=10000)
-    assert states(session)[5] == "UNPACKED"
+    assert states(piled)[5] == "UNPACKED"
     assert panel.unpack.news.text() == "3 of 5 are free now."
 
 
 def test_unpacking_what_is_blocked_says_who_stands_in_front(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    session.rename(1, "Bottle")
-    session.rename(2, "Shoe")
+    piled.rename(1, "Bottle")
+    piled.rename(2, "Shoe")
     before = len(notification_manager.records)
     panel.workbench.unpack([2])
     (notice,) = notification_manager.records[before:]
     assert "Shoe cannot leave" in notice.message
     assert "Bottle" in notice.message
-    assert set(states(session).values()) == {"PACKED"}
+    assert set(states(piled).values()) == {"PACKED"}
 
 
 def test_where_nobody_is_free_the_setting_decides(
@@ -107,33 +103,29 @@ def test_where_nobody_is_free_the_setting_decides(
     assert set(states(session).values()) != {"PACKED"}
 
 
-def test_inspect_is_also_the_way_back(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
+def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
     panel.workbench.stage.seconds = 0.1
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(panel.unpack.inspect.isEnabled, timeout=10000)
-    (out,) = [i for i, state in states(session).items() if state != "PACKED"]
+    (out,) = [i for i, state in states(piled).items() if state != "PACKED"]
     qtbot.waitUntil(lambda: not panel.workbench.stage.flying, timeout=10000)
     press(qtbot, panel.unpack.inspect)
-    assert states(session)[out] == "INSPECTED"
+    assert states(piled)[out] == "INSPECTED"
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=20000)
     assert not panel.unpack.next.isEnabled()
     press(qtbot, panel.unpack.inspect)
-    qtbot.waitUntil(lambda: states(session)[out] == "UNPACKED", timeout=10000)
+    qtbot.waitUntil(lambda: states(piled)[out] == "UNPACKED", timeout=10000)
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=20000)
 
 
 def test_restore_all_brings_everything_back(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
     panel.workbench.stage.seconds = 0.1
     panel.unpack.count.setValue(4)
     assert panel.unpack.several.text() == "Unpack 4"
     press(qtbot, panel.unpack.several)
     qtbot.waitUntil(panel.unpack.all_back.isEnabled, timeout=10000)
     press(qtbot, panel.unpack.all_back)
-    qtbot.waitUntil(lambda: set(states(session).values()) == {"PACKED"}, timeout=10000)
+    qtbot.waitUntil(lambda: set(states(piled).values()) == {"PACKED"}, timeout=10000)
     qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=20000)

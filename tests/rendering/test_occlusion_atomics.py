@@ -4,15 +4,13 @@ import os
 
 import numpy as np
 import pytest
+from crowded_bags import assert_counted_as_by_the_cpu
 
-from napari_unpack import raycasting
 from napari_unpack.geometry.rays import cast_rays, voxel_from_world
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import gl_backend, occlusion_atomics
 from napari_unpack.rendering.occlusion_atomics import RayTooCrowdedError
 from napari_unpack.rendering.programs import compiled
-
-COUNTERS = ("samples", "hits", "occluded_hits", "occluded_samples", "exact_samples")
 
 
 @pytest.fixture
@@ -26,21 +24,7 @@ def atomics(gl):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_one_pass_counts_what_the_cpu_counts(atomics, seed):
-    rng = np.random.default_rng(seed)
-    shape, spacing = (14, 17, 20), (1.3, 1.0, 0.8) if seed % 2 else (1.0, 1.0, 1.0)
-    labels = rng.integers(0, 8, (7, 9, 10)).repeat(2, 0).repeat(2, 1).repeat(2, 2)
-    labels = np.ascontiguousarray(labels[:14, :17, :20]).astype(np.uint16) * 30
-    visible = np.zeros(211, bool)
-    visible[[30, 60, 90, 150, 210]] = True
-    camera = View(direction=tuple(rng.normal(size=3))).camera(shape, spacing)
-    rays = cast_rays(camera, (24, 26), voxel_from_world(spacing), 0.61)
-    wanted = raycasting.occlusion_counts(labels, rays, visible)
-    bricks = raycasting.Bricks.of(labels) if seed % 3 else None
-    found = gl_backend.occlusion_counts(labels, rays, visible, bricks, method="atomics")
-    np.testing.assert_array_equal(found.ids, wanted.ids)
-    np.testing.assert_array_equal(found.blocks, wanted.blocks)
-    for name in COUNTERS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
+    assert_counted_as_by_the_cpu(seed, method="atomics")
 
 
 def crowd():

@@ -1,13 +1,8 @@
 import numpy as np
 import pytest
+from crowded_bags import assert_counted_as_by_the_cpu
 
-from napari_unpack import raycasting
-from napari_unpack.geometry.rays import cast_rays, voxel_from_world
-from napari_unpack.geometry.view import View
-from napari_unpack.rendering import gl_backend
 from napari_unpack.rendering.occlusion_pass import counts_of_runs
-
-COUNTERS = ("samples", "hits", "occluded_hits", "occluded_samples", "exact_samples")
 
 
 def test_runs_worked_out_by_hand():
@@ -40,20 +35,4 @@ def test_no_run_at_all_counts_nothing():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_counts_match_the_cpu_where_rays_are_clear_of_voxel_faces(gl, seed):
-    rng = np.random.default_rng(seed)
-    shape, spacing = (14, 17, 20), (1.3, 1.0, 0.8) if seed % 2 else (1.0, 1.0, 1.0)
-    # Blocks of 2 voxels in 8 kinds: rays meet far more than the six runs of one pass.
-    labels = rng.integers(0, 8, (7, 9, 10)).repeat(2, 0).repeat(2, 1).repeat(2, 2)
-    labels = np.ascontiguousarray(labels[:14, :17, :20]).astype(np.uint16) * 30
-    visible = np.zeros(211, bool)
-    visible[[30, 60, 90, 150, 210]] = True
-    camera = View(direction=tuple(rng.normal(size=3))).camera(shape, spacing)
-    rays = cast_rays(camera, (24, 26), voxel_from_world(spacing), 0.61)
-    wanted = raycasting.occlusion_counts(labels, rays, visible)
-    bricks = raycasting.Bricks.of(labels) if seed % 3 else None
-    found = gl_backend.occlusion_counts(labels, rays, visible, bricks)
-    np.testing.assert_array_equal(found.ids, wanted.ids)
-    np.testing.assert_array_equal(found.blocks, wanted.blocks)
-    # None of these views has a sample within float32's reach of a voxel face (test_parity.py).
-    for name in COUNTERS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
+    assert_counted_as_by_the_cpu(seed)

@@ -15,17 +15,9 @@ from napari_unpack.session.opening import opened, parts_by_density
 from napari_unpack.session.pictures import object_patch, packed_patch
 from napari_unpack.session.record import record_of, session_from
 from napari_unpack.session.study import Study, facts_of
+from tin import tin
 
 SPACING = (2.0, 1.0, 1.0)
-
-
-def tin() -> tuple[np.ndarray, np.ndarray]:
-    """A tin (1) with two things of other densities in it, one label; a block (2) touching it."""
-    volume, labels = np.zeros((20, 30, 40), np.float32), np.zeros((20, 30, 40), np.uint16)
-    labels[4:16, 5:25, 5:25], volume[4:16, 5:25, 5:25] = 1, 1000
-    volume[7:13, 8:14, 8:14], volume[7:13, 16:22, 16:22] = 3000, 3100
-    labels[4:16, 5:25, 25:35], volume[4:16, 5:25, 25:35] = 2, 1500
-    return volume, labels
 
 
 @pytest.fixture
