@@ -14,6 +14,8 @@ from napari_unpack.segmentation.merging import absorb_small, fill_cavities
 from napari_unpack.segmentation.pipeline import split_parts
 from napari_unpack.segmentation.ranking import rank_labels
 
+CUTS = "ours, cuts and oracle"
+
 
 def with_all(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield what a user gets from Segment."""
@@ -27,7 +29,7 @@ def without_network(volume: NDArray[Any], spacing: Any) -> Found:
 
 def as_the_paper(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield recursive cuts judged by the oracle, the method of the paper."""
-    yield "ours, cuts and oracle", segment(volume, spacing, method="cuts").labels
+    yield CUTS, segment(volume, spacing, method="cuts").labels
 
 
 def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
@@ -41,6 +43,6 @@ def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
 OURS = (
     ("ours, nothing learned", unlearned),
     ("ours, no network", without_network),
-    ("ours, cuts and oracle", as_the_paper),
+    (CUTS, as_the_paper),
     ("ours", with_all),
 )
