@@ -108,6 +108,11 @@ def interpolate(v, f, low, scale, top, entries):  # type: ignore[no-untyped-def]
         f[PART + i] = u - np.float32(n)
 
 
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _four(v, j):  # type: ignore[no-untyped-def]
+    return np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
+
+
 @njit(cache=True, nogil=True, fastmath=FLOAT, error_model="numpy")
 def light(  # type: ignore[no-untyped-def]
     v, f, lz, ly, lx, hz, hy, hx, steepness, ambient, diffuse, specular, gleam, entries
@@ -124,21 +129,10 @@ def light(  # type: ignore[no-untyped-def]
         ez, ey, ex = one - fz, one - fy, one - fx
         w00, w01, w10, w11 = ez * ey, ez * fy, fz * ey, fz * fy
         j = QUADS + 4 * i
-        a0, a1, a2, a3 = (
-            np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
-        )  # fmt: skip
-        j += QUAD
-        b0, b1, b2, b3 = (
-            np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
-        )  # fmt: skip
-        j += QUAD
-        c0, c1, c2, c3 = (
-            np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
-        )  # fmt: skip
-        j += QUAD
-        d0, d1, d2, d3 = (
-            np.float32(v[j]), np.float32(v[j + 1]), np.float32(v[j + 2]), np.float32(v[j + 3])
-        )  # fmt: skip
+        a0, a1, a2, a3 = _four(v, j)
+        b0, b1, b2, b3 = _four(v, j + QUAD)
+        c0, c1, c2, c3 = _four(v, j + 2 * QUAD)
+        d0, d1, d2, d3 = _four(v, j + 3 * QUAD)
         # Blend the four rows first, then take the difference along x.
         gx = ex * (w00 * (a2 - a0) + w01 * (b2 - b0) + w10 * (c2 - c0) + w11 * (d2 - d0)) + fx * (
             w00 * (a3 - a1) + w01 * (b3 - b1) + w10 * (c3 - c1) + w11 * (d3 - d1)
