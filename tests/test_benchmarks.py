@@ -14,6 +14,7 @@ from benchmarks.__main__ import main
 from benchmarks.packing import pack
 from benchmarks.row import Row, ms
 from benchmarks.rows import ORDER, chosen
+from benchmarks.segmentation import keeping
 from benchmarks.segmentation.bags import Case
 from benchmarks.segmentation.report import Report, markdown, scored
 
@@ -78,3 +79,25 @@ def test_the_segmentation_report_takes_each_method_at_its_best_setting() -> None
     assert by_kind.loc["rod"].tolist() == [2, 0.0, 1.0]
     assert by_kind.loc["box"].tolist() == [2, 1.0, 1.0]
     assert "| rod | 2 | 0.00 | 1.00 |" in markdown(by_kind, "kind")
+
+
+def test_scores_are_kept_and_not_measured_again(monkeypatch, tmp_path) -> None:
+    labels = np.repeat([1, 2], 8).reshape(1, 1, -1)
+    kinds = pd.Series(["box", "rod"], index=[1, 2])
+    case = Case("one", labels, labels, (1.0, 1.0, 1.0), kinds, kinds)
+    asked = []
+
+    def finder(volume, spacing):
+        asked.append(1)
+        yield "truth", labels
+
+    monkeypatch.setattr(keeping, "KEPT", tmp_path / "kept")
+    monkeypatch.setattr(keeping, "FINDERS", {"truth": finder, "none": lambda v, s: iter(())})
+    monkeypatch.setattr(keeping, "cases", lambda *where: iter([case]))
+    task = keeping.Task("first", 1, ("truth", "none"))
+    first, second = keeping.measured(task), keeping.measured(task)
+    assert len(asked) == 1
+    assert [kept for _, _, kept in first + second] == [False, False, True, True]
+    assert first[0][1].totals == second[0][1].totals
+    pd.testing.assert_frame_equal(first[0][1].objects, second[0][1].objects, check_names=False)
+    assert first[1][1].totals == second[1][1].totals == []
