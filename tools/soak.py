@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import psutil
 from napari.utils.notifications import notification_manager
-from qtpy.QtCore import QCoreApplication, QtMsgType, qInstallMessageHandler
+from qtpy.QtCore import QCoreApplication, QEvent, QtMsgType, qInstallMessageHandler
 from qtpy.QtWidgets import QApplication
 
 WARM_UP = 1 / 3
@@ -204,6 +204,8 @@ class Hand:
         for widget in QApplication.allWidgets():
             if type(widget).__name__ == "NapariQtNotification":
                 widget.close()
+        # Without a main loop of Qt nobody else carries out what was put off.
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
         notification_manager.records.clear()
 
     def put_away(self) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -92,12 +93,27 @@ def pixel_scale(viewer: Any) -> float:
     return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
 
 
-def when_window_closes(viewer: Any, callback: Callable[[], None]) -> None:
-    """Call back when the viewer's window is taken down."""
+def when_window_closes(viewer: Any, callback: Callable[[], None]) -> Callable[[], None]:
+    """Call back when the viewer's window is taken down; return what calls that off.
+
+    The window keeps whoever owns the callback alive until then.
+    """
     window = getattr(unwrap(viewer), "window", None)
     qt_window = getattr(window, "_qt_window", None)
-    if qt_window is not None:
-        qt_window.destroyed.connect(lambda *_: callback())
+    if qt_window is None:
+        return lambda: None
+
+    def destroyed(*_: Any) -> None:
+        callback()
+
+    qt_window.destroyed.connect(destroyed)
+
+    def call_off() -> None:
+        # Nothing is left to call off where the window has gone.
+        with suppress(RuntimeError, TypeError):
+            qt_window.destroyed.disconnect(destroyed)
+
+    return call_off
 
 
 class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]

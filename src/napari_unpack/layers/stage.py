@@ -298,7 +298,7 @@ class Stage(Hands):
         for signal, slot in self._wires():
             signal.connect(slot)
         self.viewer.layers.events.removed.connect(self._on_removed)
-        compat.when_window_closes(self.viewer, self.close)
+        self._stays_open = compat.when_window_closes(self.viewer, self.close)
         followed = self.session if self.around is None else self.around
         self._steps = SliceSteps(self.viewer, followed, self.packed)
         self._pointer = Pointer(self.viewer, self)
@@ -310,6 +310,7 @@ class Stage(Hands):
         for signal, slot in self._wires():
             signal.disconnect(slot, missing_ok=True)
         self.viewer.layers.events.removed.disconnect(self._on_removed)
+        self._stays_open()
         if self._pointer is not None:
             self._pointer.close()
             self._pointer = None

@@ -68,7 +68,9 @@ def opened(session: Any, object_id: int) -> Any:
     shown = np.where(inside, volume, np.zeros((), volume.dtype))
     table = pd.DataFrame({"name": told}, index=pd.Index(ids, name="id"))
     inner = Session(shown, parts, session.spacing, table)
-    inner.transfer_function = session.transfer_function_of(object_id)
+    inner.transfer_function = (
+        session.study(object_id).transfer_function or session.transfer_function
+    )
     inner.history.clear()
     return inner
 

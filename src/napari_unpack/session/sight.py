@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
 from napari_unpack.imaging import interference_in
 from napari_unpack.session.checks import checked_ids, checked_planes
+from napari_unpack.session.faint import surely_seen, veil, veiled
 from napari_unpack.session.state import ObjectState
 from napari_unpack.session.study import Study
 from napari_unpack.session.tinting import SessionTints
@@ -54,6 +55,7 @@ class SessionSight(SessionTints):
     locked_hues: frozenset[int] = frozenset()
     hue_margin = 0.4
     _colored = False
+    _veils: tuple[object, dict[int, TransferFunction]] = (None, {})
     _surroundings: Surroundings | None = None
 
     @property
@@ -104,9 +106,29 @@ class SessionSight(SessionTints):
         return self._situation.studies.get(object_id, _NO_STUDY)
 
     def transfer_function_of(self, object_id: int) -> TransferFunction:
-        """Return the transfer function an object is shown with outside the bag."""
+        """Return the transfer function an object is shown with outside the bag.
+
+        Its own, or the master's; where that would show next to nothing of it, with a veil: who
+        takes something out of a bag expects to see it leave.
+        """
         own = self.study(object_id).transfer_function
-        return self._situation.transfer_function if own is None else own
+        return self._veiled(object_id) if own is None else own
+
+    def _veiled(self, object_id: int) -> TransferFunction:
+        shown, boxes = self._situation.transfer_function, self.boxes
+        key = (self._edition, shown)
+        if self._veils[0] != key:
+            self._veils = key, {}
+        known = self._veils[1]
+        if object_id not in known:
+            row, facts = boxes.index(object_id), self._facts.loc[object_id]
+            edges = boxes.upper[row] - boxes.lower[row]
+            least = 0.0
+            if not surely_seen(int(boxes.counts[row]), edges, facts["mean_density"], shown):
+                part = boxes.slices(object_id)
+                least = veil(self.labels[part] == object_id, self.volume[part], shown)
+            known[object_id] = veiled(shown, least) if least else shown
+        return known[object_id]
 
     def set_study(self, object_id: int, study: Study | None) -> None:
         """Give an object an opacity or a cut of its own; None takes both away.

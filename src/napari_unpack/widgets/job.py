@@ -101,9 +101,13 @@ class Job(QObject):
                 last = now
                 self.progressed.emit(float(fraction), str(text))
 
+        # napari keeps every worker it has had: what the work holds, whole sessions, must go.
+        todo = [(work, report)]
+
         def run() -> Outcome:
+            begun, told = todo.pop()
             try:
-                return Outcome(result=work(report))
+                return Outcome(result=begun(told))
             except Exception as error:
                 return Outcome(error=error)
 

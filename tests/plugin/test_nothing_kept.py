@@ -1,0 +1,48 @@
+"""What is over is let go of: stages that were closed, and what finished jobs worked on."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+
+from napari_unpack.layers.stage import Stage
+from napari_unpack.widgets.job import Job
+
+
+class Heavy:
+    """Something that a job works on."""
+
+    def work(self, _progress: object) -> int:
+        return 3
+
+
+def test_a_closed_stage_and_its_session_are_let_go_of_while_the_window_lives(
+    make_napari_viewer_proxy, bag, qtbot
+) -> None:
+    from napari_unpack.session import Session
+
+    viewer = make_napari_viewer_proxy(show=True)
+    stage = Stage(viewer, Session(*bag))
+    stage.open()
+    assert stage.settle(60)
+    kept = weakref.ref(stage), weakref.ref(stage.session)
+    stage.close()
+    del stage
+
+    def gone() -> bool:
+        # Threads and Qt's queue let go of their last piece of work in their own time.
+        gc.collect()
+        return [one() for one in kept] == [None, None]
+
+    qtbot.waitUntil(gone, timeout=20000)
+
+
+def test_a_finished_job_keeps_nothing_of_what_it_worked_on(make_napari_viewer_proxy, qtbot) -> None:
+    make_napari_viewer_proxy()
+    job, heavy = Job(), Heavy()
+    kept = weakref.ref(heavy)
+    with qtbot.waitSignal(job.ended, timeout=20000):
+        job.start(heavy.work)
+    del heavy
+    gc.collect()
+    assert kept() is None

@@ -1,0 +1,71 @@
+"""Objects the transfer function hardly shows: alone they are seen all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from napari_unpack import Session, TransferFunction
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.session.faint import FAINT, VEILED, surely_seen, veil
+from napari_unpack.session.pictures import sprite_patch
+from napari_unpack.session.study import Study
+
+FAINT_SHEET, SOLID = 1, 2
+SHOWN = TransferFunction([(0, 0.0), (100, 0.0), (1000, 0.5)])
+
+
+def bag() -> Session:
+    volume, labels = np.zeros((2, 24, 24, 24), np.uint16)
+    labels[4:6, 3:20, 3:20], labels[10:20, 4:18, 4:18] = FAINT_SHEET, SOLID
+    volume[labels == FAINT_SHEET], volume[labels == SOLID] = 110, 900
+    session = Session(volume, labels)
+    session.backend = "cpu"
+    session.transfer_function = SHOWN
+    return session
+
+
+def seen(session: Session, object_id: int) -> float:
+    """Return the opacity in the middle of the object's sprite."""
+    patch = sprite_patch(session, object_id, Pose(np.zeros(3), np.eye(3)), 2.0, 1.0, "cpu")
+    alpha = patch.rgba[..., 3]
+    return float(np.median(alpha[alpha > 0])) if alpha.size else 0.0
+
+
+def test_what_is_hardly_seen_leaves_under_a_veil_and_nothing_else_changes() -> None:
+    session = bag()
+    assert session.transfer_function_of(SOLID) is session.transfer_function
+    assert seen(session, FAINT_SHEET) > 0.2
+    assert session.transfer_function == SHOWN
+    session.transfer_function = TransferFunction([(0, 0.0), (50, 0.3), (1000, 0.5)])
+    assert session.transfer_function_of(FAINT_SHEET) is session.transfer_function
+
+
+def test_an_opacity_of_its_own_is_left_alone() -> None:
+    session = bag()
+    session.set_study(FAINT_SHEET, Study(SHOWN))
+    assert session.transfer_function_of(FAINT_SHEET) == SHOWN
+    assert seen(session, FAINT_SHEET) < 0.05
+
+
+def test_the_veil_gives_the_opacity_it_promises() -> None:
+    mask = np.ones((3, 40, 40), bool)
+    thick = np.mean([3, 40, 40])
+    least = veil(mask, np.full(mask.shape, 100.0), SHOWN)
+    np.testing.assert_allclose(1 - (1 - least) ** thick, VEILED, atol=1e-9)
+    assert veil(mask, np.full(mask.shape, 1000.0), SHOWN) == 0.0
+    assert veil(mask, np.full(mask.shape, np.nan), SHOWN) > 0.0
+
+
+def test_whoever_is_passed_over_without_a_look_needs_no_veil() -> None:
+    rng = np.random.default_rng(4)
+    passed = 0
+    for _ in range(300):
+        mask = rng.random(rng.integers(1, 9, 3)) < rng.uniform(0.2, 1.0)
+        mask.flat[0] = True
+        level = rng.uniform(0, 1000)
+        density = np.full(mask.shape, level)
+        if surely_seen(int(mask.sum()), np.array(mask.shape), level, SHOWN):
+            passed += 1
+            assert veil(mask, density, SHOWN) == 0.0
+    assert passed > 50
+    assert 0 < FAINT < VEILED
