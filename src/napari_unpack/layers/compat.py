@@ -14,6 +14,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from napari.layers import Layer
@@ -107,11 +108,15 @@ def when_window_closes(viewer: Any, callback: Callable[[], None]) -> Callable[[]
         callback()
 
     qt_window.destroyed.connect(destroyed)
+    # Whoever keeps what calls it off must not keep the window.
+    known = ref(qt_window)
 
     def call_off() -> None:
         # Nothing is left to call off where the window has gone.
-        with suppress(RuntimeError, TypeError):
-            qt_window.destroyed.disconnect(destroyed)
+        there = known()
+        if there is not None:
+            with suppress(RuntimeError, TypeError):
+                there.destroyed.disconnect(destroyed)
 
     return call_off
 

@@ -27,8 +27,9 @@ def veil(mask: NDArray[np.bool_], density: NDArray[np.generic], shown: TransferF
 
     Notes
     -----
-    Opacity along a ray through n voxels of opacity a is 1 - (1 - a)^n; n is taken as the mean
-    over the three axes of voxels met by a ray that meets the object at all.
+    Opacity along a ray through n voxels of opacity a is 1 - (1 - a)^n; n is taken as the voxels
+    met by a ray that meets the object at all, on average, along the axis where they are fewest:
+    an object is held with its broad side to the viewer.
     """
     voxels = np.nan_to_num(np.asarray(density[mask], dtype=np.float64))
     if not len(voxels):
@@ -64,12 +65,10 @@ def surely_seen(
     if not np.isfinite(mean_density):
         return False
     # A box is no narrower than what is in it: the object is at least so thick.
-    thickness = float(
-        np.mean(voxels / np.array([edges[1] * edges[2], edges[0] * edges[2], edges[0] * edges[1]]))
-    )
+    thickness = voxels * int(edges.min()) / float(np.prod(edges.astype(float)))
     opacity = float(shown.opacity_at(mean_density))
     return bool(1.0 - (1.0 - opacity) ** max(thickness, 1.0) >= 2 * FAINT)
 
 
 def _thickness(mask: NDArray[np.bool_], voxels: int) -> float:
-    return float(np.mean([voxels / np.count_nonzero(mask.any(axis=axis)) for axis in range(3)]))
+    return float(min(voxels / np.count_nonzero(mask.any(axis=axis)) for axis in range(3)))
