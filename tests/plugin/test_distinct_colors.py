@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from napari.layers import Labels
 
 from conftest import phantom
 from napari_unpack.layers.distinct_colors import question
@@ -23,11 +24,13 @@ def viewer(make_napari_viewer_proxy):
 
 
 def colored(viewer, qtbot) -> None:
-    worker = distinct_colors(viewer)
+    """Have a layer coloured; hears of it from the layer, since the work may end at once."""
     done = []
-    worker.finished.connect(lambda: done.append(True))
+    for layer in viewer.layers:
+        if isinstance(layer, Labels):
+            layer.events.colormap.connect(lambda _event: done.append(True))
+    assert distinct_colors(viewer) is not None
     qtbot.waitUntil(lambda: bool(done), timeout=60000)
-    qtbot.wait(20)
 
 
 def hue(layer, object_id) -> float:
