@@ -18,6 +18,7 @@ from napari_unpack.segmentation.affinity import PAIR_FEATURES, Affinity, Parts, 
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.fragments import Ties
+from napari_unpack.segmentation.linkage import Bar
 from napari_unpack.segmentation.materials import MaterialScale, log_density
 from napari_unpack.segmentation.merging import absorb_small
 from napari_unpack.segmentation.region import FEWEST
@@ -180,10 +181,15 @@ def join_seen(
     -------
     (Z, Y, X) ndarray of int32
     """
-    trained = judge or default_judge()
+    trained, usual = judge or default_judge(), Bar()
 
     def chance(one: int, two: int, row: NDArray[np.float64]) -> float:
-        return float(trained.probability(measured.features(one, two, row)[None])[0])
+        told = measured.features(one, two, row)
+        cells = float(min(measured.sums[one, 0], measured.sums[two, 0])) / 8
+        # Alone, the judge takes all the clothes of a real bag for one thing.
+        if told[FEATURES.index("belonging")] < usual.height(cells):
+            return 0.0
+        return float(trained.probability(told[None])[0])
 
     return agglomerate(measured, chance).astype(np.int32)[labels]
 
