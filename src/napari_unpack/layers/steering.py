@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from time import monotonic, sleep
 from typing import Any
 
@@ -17,6 +18,9 @@ GLIMPSE_SECONDS = 0.04
 """How long objects are moved one by one before the question goes to a worker."""
 
 IDLE_SECONDS = 0.002
+
+LONGER_SECONDS = 1.0
+"""How long a worker goes on so before it asks about everybody."""
 
 
 def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
@@ -86,6 +90,10 @@ def know_who_leaves(
         return
     looking(True)
     try:
+        if question is not None:
+            glimpse = jobs.do("queue", "glimpse", partial(question.answer, LONGER_SECONDS))
+            if glimpse is not None and session.accept_glimpse(glimpse):
+                return
         # What was asked at rest may be the same.
         jobs.wait("queue")
         whole = session.occlusion_question()
