@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from phantoms import box
 
+from napari_unpack.segmentation import joining
 from napari_unpack.segmentation.affinity import Affinity
 from napari_unpack.segmentation.fragments import Ties
 from napari_unpack.segmentation.joining import FEATURES, default_judge, join_seen, seen_parts
@@ -66,15 +67,29 @@ def test_only_the_proportions_of_voxels_count():
         np.testing.assert_allclose(fine.sums[:, 3], coarse.sums[:, 3])
 
 
-def test_the_judge_decides_who_is_joined():
+def judge_of_belonging(bias):
     width = len(FEATURES)
     weight = np.zeros((width, 1))
     weight[FEATURES.index("belonging")] = 20.0
-    judge = Affinity(np.full(width, 0.5), np.ones(width), (weight,), (np.zeros(1),), FEATURES)
+    return Affinity(np.full(width, 0.5), np.ones(width), (weight,), (np.array([bias]),), FEATURES)
+
+
+def test_the_judge_decides_who_is_joined(monkeypatch):
+    monkeypatch.setattr(joining, "SURE", 1.0)
     labels, parts = measured()
-    joined = join_seen(labels, parts, judge)
+    joined = join_seen(labels, parts, judge_of_belonging(0.0))
     # 2 and 3 belong together by 0.9, 1 and 2 by 0.29; 1 and both by less than a half.
     assert joined[10, 10, 25] == joined[10, 10, 40] != joined[10, 10, 8]
+
+
+@pytest.mark.parametrize(("sure", "together"), [(0.5, True), (0.8, False)])
+def test_where_the_network_is_sure_the_judge_is_not_asked(monkeypatch, sure, together):
+    monkeypatch.setattr(joining, "SURE", sure)
+    labels, parts = measured()
+    joined = join_seen(labels, parts, judge_of_belonging(-1000.0))
+    # 0.9 lies by more than 0.5 and less than 0.8 above the bar for so few cells, about 0.2.
+    assert (joined[10, 10, 25] == joined[10, 10, 40]) == together
+    assert joined[10, 10, 8] not in (joined[10, 10, 25], joined[10, 10, 40])
 
 
 def test_the_judge_that_ships_knows_these_features():

@@ -37,6 +37,10 @@ FEATURES = (
 )
 
 
+SURE = 0.1
+"""So far above the usual bar of `linkage` the network joins two whatever the judge says."""
+
+
 @dataclass
 class SeenParts(Parts):
     """Parts with what the network says between and within them.
@@ -186,10 +190,10 @@ def join_seen(
     def chance(one: int, two: int, row: NDArray[np.float64]) -> float:
         told = measured.features(one, two, row)
         cells = float(min(measured.sums[one, 0], measured.sums[two, 0])) / 8
-        # Alone, the judge takes all the clothes of a real bag for one thing.
-        if told[FEATURES.index("belonging")] < usual.height(cells):
-            return 0.0
-        return float(trained.probability(told[None])[0])
+        # Where the network is sure, shapes that the judge has never seen do not matter.
+        beyond = told[FEATURES.index("belonging")] - usual.height(cells) - SURE
+        believed = 0.5 + min(beyond, 0.5) if beyond > 0 else 0.0
+        return max(float(trained.probability(told[None])[0]), believed)
 
     return agglomerate(measured, chance).astype(np.int32)[labels]
 
