@@ -20,6 +20,7 @@ from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.packed_painter import PackedPainter
 from napari_unpack.layers.picking import pick_packed
+from napari_unpack.layers.sending import Sending
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.sprite_glide import Glides
 from napari_unpack.layers.sprite_painter import SpritePainter
@@ -67,11 +68,10 @@ class Projector:
         self.frame: Frame | None = None
         self._drawn, self._landed = drawn, landed
         self._packed_ids: frozenset[int] = frozenset()
-        self._relabelled = self._sending = False
-        packed.on_draw = self._send_piece
         self._jobs, self._failed = jobs, failed
         self.studio = Studio(session, self._gl_failed, failed)
         self.bag = PackedPainter(session, jobs, packed, self.studio)
+        self._sending = Sending(self.studio, packed, self._caster_changed, self.bag.refine)
         self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
         self._small = SpritePainter(session, jobs, sprites.show, _caster)
         self._glides = Glides(self._show_sprites, lambda: self.bag.fade.allowed)
@@ -82,8 +82,8 @@ class Projector:
     @property
     def settled(self) -> bool:
         """Whether every picture at rest is full and right."""
-        sending = self._sending or (self.studio.waiting and self.packed.visible)
-        return not sending and self.bag.settled and self._small.settled and self._glides.settled
+        pictures = self.bag.settled and self._small.settled and self._glides.settled
+        return pictures and not self._sending.busy
 
     @property
     def flying(self) -> bool:
@@ -104,7 +104,7 @@ class Projector:
         """Choose who casts, "auto", "cpu" or "gl"."""
         before, self.studio.wanted = self.studio.active, backend
         self._caster_changed(before)
-        self._send_on()
+        self._sending.go_on()
 
     def look(self, frame: Frame) -> None:
         """Follow the canvas, which is being drawn."""
@@ -266,7 +266,7 @@ class Projector:
         """Show nothing new."""
         self._clock.stop()
         self._glides.close()
-        self.packed.on_draw = _nothing
+        self._sending.close()
         self.bag.close()
         self.studio.close()
         self.frame = None
@@ -312,34 +312,11 @@ class Projector:
         before = self.studio.active
         self.studio.supply(crop)
         self._caster_changed(before)
-        self._send_on()
+        self._sending.go_on()
 
     def _supply_new(self, crop: Crop) -> None:
         self._supply(crop)
-        self._relabelled = self.studio.waiting and self.studio.active
-        if not self._relabelled:
-            self.bag.refine()
-
-    def _send_on(self) -> None:
-        if self.studio.waiting:
-            self.packed.repaint()
-
-    def _send_piece(self) -> None:
-        """Send a piece of the volumes; the canvas is being drawn, so what follows waits."""
-        if self.studio.waiting:
-            before, self._sending = self.studio.active, True
-            self.studio.send()
-            QTimer.singleShot(0, lambda: self._piece_sent(before))
-
-    def _piece_sent(self, before: bool) -> None:
-        self._sending = False
-        if self.frame is None:
-            return
-        self._caster_changed(before)
-        self._send_on()
-        if self._relabelled and not self.studio.waiting:
-            self._relabelled = False
-            self.bag.refine()
+        self._sending.refine_when_sent()
 
     def _caster_changed(self, before: bool) -> None:
         if self.studio.active != before:
@@ -394,10 +371,6 @@ class Projector:
 def mark(sprites: SpriteLayer, selected: Iterable[int], pointed: int) -> None:
     """Outline the sprites of selected objects and of the one under the mouse."""
     sprites.choose(frozenset(selected) | ({pointed} - {0}))
-
-
-def _nothing() -> None:
-    """Do nothing."""
 
 
 def _caster() -> str:
