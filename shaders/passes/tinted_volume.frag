@@ -7,6 +7,7 @@
 // in:  lib/ray.glsl, lib/density.glsl, ...; lengths in voxels (x y z) and mm as said there
 //      u_tints        straight RGBA by ID (lib/label_lookup.glsl);  u_tint_rows its height
 //      u_spacing      mm a voxel, x y z;  u_reference: min(spacing), mm
+//      u_run          samples from one asking of bricks to the next; 0: as far as they are alike
 //      u_jitter       1: samples start at a hash of the pixel;  SHADED: a define, with light
 // out: [0] premultiplied RGBA   [1] t in mm where A first reached 1/2, NO_DEPTH where never
 // cpu twin: raycasting/tinted.py (tinted), raycasting/marching.py (march)
@@ -28,6 +29,7 @@ uniform float u_tint_rows;
 uniform vec3 u_spacing;
 uniform float u_reference;
 uniform float u_jitter;
+uniform float u_run;
 
 void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
@@ -42,45 +44,49 @@ void main() {
     vec4 sum = vec4(0.0);
     float depth = NO_DEPTH;
     float k = range.x;
-    float skip_from = u_skip > 0.5 ? k : range.y;
-    // Loops inside a loop rather than branches: neighbouring rays leap together, sample together
-    // and shade together. Software rasterisers run both sides of every branch.
+    // Bricks are asked once a run, not before every sample, and its loops test last but for the
+    // outermost: software rasterisers pass through the body of a loop that tests first once more
+    // than it runs, and through both sides of every branch. Samples of a run that lie in bricks
+    // beyond add nothing, as the bricks are those of all that can be seen.
     while (k < range.y) {
-        float t = 0.0;
-        vec3 p = vec3(0.0);
-        vec4 entry = vec4(0.0);
-        while (k < range.y && entry.a <= 0.0) {
-            while (k < range.y && k >= skip_from) {
+        float stop = range.y;
+        if (u_skip > 0.5) {
+            float away = 0.0;
+            do {
                 vec3 voxel = floor(origin + (k + phase) * u_step * direction + 0.5);
-                float away = brick_distance(voxel);
-                skip_from = leap(away, voxel, k, origin, direction, phase);
-                k = away > 0.0 ? skip_from : k;
-            }
-            if (k < range.y) {
-                t = (k + phase) * u_step;
-                p = origin + t * direction;
-                k += 1.0;
-                vec4 tint = table_row(u_tints, u_tint_rows, label_at(floor(p + 0.5)));
-                entry = transfer(density_at(p)) * tint;
-            }
+                away = brick_distance(voxel);
+                float until = leap(away, voxel, k, origin, direction, phase);
+                k = away > 0.0 ? until : k;
+                stop = u_run > 0.0 ? k + u_run : until;
+            } while (away > 0.0 && k < range.y);
         }
-        if (entry.a > 0.0) {
-            float a = min(entry.a, 1.0);
-            if (plain < 0.5)
-                a = 1.0 - pow(1.0 - a, exponent);
+        float end = min(stop, range.y);
+        // All pixels leave with u_run together: llvmpipe of Mesa 22 takes values out of a loop
+        // that tests last from its last pass, also for pixels that had left before.
+        float left = u_run > 0.0 ? u_run : end - k;
+        do {
+            float t = (k + phase) * u_step;
+            vec3 p = origin + t * direction;
+            vec4 tint = table_row(u_tints, u_tint_rows, label_at(floor(p + 0.5)));
+            vec4 entry = transfer(density_at(p)) * tint;
+            if (k < end && entry.a > 0.0) {
+                float a = min(entry.a, 1.0);
+                if (plain < 0.5)
+                    a = 1.0 - pow(1.0 - a, exponent);
 #ifdef SHADED
-            vec2 light = light_of(gradient_at(p) * u_reference / u_spacing, along);
+                vec2 light = light_of(gradient_at(p) * u_reference / u_spacing, along);
 #else
-            vec2 light = vec2(u_light.x + u_light.y, 0.0);
+                vec2 light = vec2(u_light.x + u_light.y, 0.0);
 #endif
-            float weight = (1.0 - sum.a) * a;
-            float before = sum.a;
-            sum += weight * vec4(min(entry.rgb * light.x + light.y, 1.0), 1.0);
-            if (before < 0.5 && sum.a >= 0.5)
-                depth = t;
-            if (sum.a >= OPAQUE)
-                k = range.y;
-        }
+                float weight = (1.0 - sum.a) * a;
+                float before = sum.a;
+                sum += weight * vec4(min(entry.rgb * light.x + light.y, 1.0), 1.0);
+                if (before < 0.5 && sum.a >= 0.5)
+                    depth = t;
+            }
+            k = sum.a >= OPAQUE ? range.y : k + 1.0;
+            left -= 1.0;
+        } while (left > 0.0);
     }
     gl_FragData[0] = sum;
     gl_FragData[1] = vec4(depth);

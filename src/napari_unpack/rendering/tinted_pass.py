@@ -11,7 +11,8 @@ from vispy import gloo
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.rendering.framebuffer import Target
+from napari_unpack.rendering.framebuffer import Target, renderer
+from napari_unpack.rendering.offscreen import is_software_renderer
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.tables import IdTable, TransferTable
 from napari_unpack.rendering.textures import VolumeTextures
@@ -19,6 +20,11 @@ from napari_unpack.rendering.uniforms import Leaps, assign, plane_uniforms, ray_
 
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
 """No light at all: the transfer function's colours as they are."""
+
+RUN = 6.0
+"""Samples that a software rasteriser takes before it asks for empty bricks again.
+
+Eight pixels go there in step, and wait where one goes on alone; on hardware they do not."""
 
 PixelWindow = tuple[int, int, int, int]
 """First column, first row, width and height of a part of a picture, as GL's scissors take it."""
@@ -80,6 +86,7 @@ class TintedPass:
         self.tints = IdTable()
         self._table = TransferTable()
         self.leaps = Leaps()
+        self._run: float | None = None
 
     def draw(
         self,
@@ -125,6 +132,8 @@ class TintedPass:
         scale = textures.density_scale
         floor = max(light.gradient_floor * (high - low), 1e-12)
         shaded = light.diffuse > 0 or light.specular > 0
+        if self._run is None:
+            self._run = RUN if is_software_renderer(renderer()) else 0.0
         program = self._programs.here("tinted_volume.frag", {"SHADED": 1} if shaded else {})
         assign(
             program,
@@ -143,6 +152,7 @@ class TintedPass:
                 "u_light": (light.ambient, light.diffuse, light.specular, light.shininess),
                 "u_steepness": scale / floor,
                 "u_jitter": float(jitter),
+                "u_run": self._run,
             },
         )
         with target.drawing():
