@@ -6,6 +6,7 @@ import dask.array
 import numpy as np
 import pytest
 import zarr
+from mouse import move
 from napari.layers import Labels
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
@@ -51,7 +52,7 @@ def click(panel: UnpackingWidget, voxel: tuple[int, int, int], qtbot: QtBot) -> 
     world = np.array(voxel) * stage.session.spacing
     row, col = stage.frame.camera.project(world, stage.frame.size)
     widget = compat.native_canvas(stage.viewer).native
-    QTest.mouseMove(widget, QPoint(round(col) + 1, round(row)))
+    move(widget, QPoint(round(col) + 1, round(row)))
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(round(col), round(row)))
     qtbot.wait(60)
 
@@ -110,7 +111,7 @@ def test_clicks_in_a_slice_split_too(
     for x in (12, 48):
         at = (np.array([20, x]) - np.asarray(camera.center)[-2:]) * camera.zoom
         spot = QPoint(round(width / 2 + at[1]), round(height / 2 + at[0]))
-        QTest.mouseMove(widget, spot + QPoint(1, 0))
+        move(widget, spot + QPoint(1, 0))
         QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
     qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
     assert session.labels[12, 20, 12] != session.labels[12, 20, 48]

@@ -6,6 +6,7 @@ from time import monotonic
 
 import numpy as np
 import pytest
+from mouse import drag, move
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 from widget_phantoms import at_rest
@@ -32,15 +33,6 @@ def packed_point(stage, session, object_id) -> QPoint:
     return QPoint(round(col), round(row))
 
 
-def drag(widget, start: QPoint, way: QPoint, qtbot) -> None:
-    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
-    for part in (0.3, 0.6, 1.0):
-        QTest.mouseMove(widget, start + QPoint(round(way.x() * part), round(way.y() * part)))
-        # napari hears of at most one movement in 5 ms.
-        qtbot.wait(20)
-    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + way)
-
-
 def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) -> None:
     viewer, stage = staged
     stage.recolor_at_rest = False
@@ -52,8 +44,8 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     front = next(i for i in session.unpackable() if i != out)
     at_front = packed_point(stage, session, front)
 
-    QTest.mouseMove(widget, at_front + QPoint(1, 1))
-    QTest.mouseMove(widget, at_front)
+    move(widget, at_front + QPoint(1, 1))
+    move(widget, at_front)
     name = str(session.objects["name"][front])
     qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=20000)
 
@@ -113,8 +105,8 @@ def test_slices_name_and_select_what_is_under_the_mouse(
     # Object 5 is a ball about voxel (10, 36, 36); the camera looks at the slice's middle.
     way = (np.array([36, 36]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
     there = middle + QPoint(round(way[1]), round(way[0]))
-    QTest.mouseMove(widget, there + QPoint(2, 2))
-    QTest.mouseMove(widget, there)
+    move(widget, there + QPoint(2, 2))
+    move(widget, there)
     name = str(session.objects["name"][5])
     qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=20000)
     assert viewer.status is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from mouse import LEFT, drag
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, QPointF, Qt
@@ -15,8 +16,6 @@ from widget_phantoms import add_bag, at_rest, stage_with, states
 
 from napari_unpack.layers import compat
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-
-LEFT = Qt.MouseButton.LeftButton
 
 
 class Hand:
@@ -37,11 +36,7 @@ class Hand:
         QTest.keyClick(self.widget, key, held)
 
     def drag(self, start: QPoint, way: QPoint) -> None:
-        QTest.mousePress(self.widget, LEFT, pos=start)
-        for part in (0.3, 0.7, 1.0):
-            QTest.mouseMove(self.widget, start + QPoint(*(round(v * part) for v in _xy(way))))
-            self.qtbot.wait(20)
-        QTest.mouseRelease(self.widget, LEFT, pos=start + way)
+        drag(self.widget, start, way, self.qtbot)
 
     def wheel(self, at: QPoint, clicks: int) -> None:
         where = QPointF(at)

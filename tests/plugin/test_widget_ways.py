@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mouse import LEFT, drag, move
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
@@ -81,7 +82,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     start = QPoint(200, 200)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
     for part in (20, 50, 90):
-        QTest.mouseMove(widget, start + QPoint(part, 0))
+        move(widget, start + QPoint(part, 0), LEFT)
         qtbot.wait(20)
     assert len(stage.overlays.arrow.cards_at(stage.frame)) == 6
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + QPoint(90, 0))
@@ -138,8 +139,8 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     before, slot = session.poses[out], session._situation.out[out].slot
     row, col = stage.frame.camera.pixels(before.center, stage.frame.size)
     at = QPoint(round(col), round(row))
-    QTest.mouseMove(widget, at + QPoint(1, 1))
-    QTest.mouseMove(widget, at)
+    move(widget, at + QPoint(1, 1))
+    move(widget, at)
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
     home = session.camera.project(session.boxes.center(out, session.spacing), stage.frame.size)
     patch = stage.overlays.ghost._seen.shot.patch
@@ -149,11 +150,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
 
     angles, casts = stage.viewer.scene.camera.angles, stage._projector._small.casts
     shift = Qt.KeyboardModifier.ShiftModifier
-    QTest.mousePress(widget, Qt.MouseButton.LeftButton, shift, pos=at)
-    for part in (0.4, 1.0):
-        QTest.mouseMove(widget, at + QPoint(round(-30 * part), round(40 * part)))
-        qtbot.wait(30)
-    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, shift, pos=at + QPoint(-30, 40))
+    drag(widget, at, QPoint(-30, 40), qtbot, shift)
     qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
     moved = stage.frame.camera.pixels(session.poses[out].center, stage.frame.size)
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
@@ -162,7 +159,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     assert stage._projector._small.casts == casts
     panel.workbench.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
-    QTest.mouseMove(widget, QPoint(3, 3))
+    move(widget, QPoint(3, 3))
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=100000)
 
 
