@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def fits(method: str, family: str) -> bool:
     """Return whether a method is worth its time: cuts take minutes a volume."""
-    return method != CUTS or family in ("first", "second")
+    return method != CUTS or family == "first"
 
 
 def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]]) -> None:
