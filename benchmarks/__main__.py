@@ -53,7 +53,9 @@ def main(arguments: list[str] | None = None) -> int:
     if options.write:
         DOCUMENT.write_text(
             "# Measurements\n\n`make bench` made this table; `python -m benchmarks --write` "
-            f"renews it. {_machine()}.\n\n{table.markdown(done)}" + plots.section(scenes.figures)
+            f"renews it. {_machine()}. How well segmentation does, by kind of object and beside\n"
+            f"its peers, is in segmentation.md; what limits the casters in profiles.md.\n\n"
+            f"{table.markdown(done)}" + plots.section(scenes.figures)
         )
     return 1 if broken else 0
 
