@@ -103,11 +103,12 @@ class Fields:
             self._refuse(name, wanted, value)
         return found
 
-    def ids(self, name: str, known: frozenset[int]) -> tuple[int, ...]:
-        """Return known object IDs, each once."""
+    def ids(self, name: str, known: frozenset[int] | None = None) -> tuple[int, ...]:
+        """Return object IDs, each once; known ones, unless `known` is None."""
         values = self.items(name)
-        whole = all(isinstance(i, int) and not isinstance(i, bool) for i in values)
-        if not whole or not known.issuperset(values) or len(set(values)) != len(values):
+        whole = all(isinstance(i, int) and not isinstance(i, bool) and i > 0 for i in values)
+        ours = whole and (known is None or known.issuperset(values))
+        if not ours or len(set(values)) != len(values):
             self._refuse(name, "IDs of objects in the labels, each once", values)
         return tuple(values)
 

@@ -113,7 +113,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     session.seconds = fields.positive("seconds")
     session.view = view_from(fields.part("view"))
     session._camera = camera_from(fields.part("camera"))
-    session.log.extend(_log(fields, known))
+    session.log.extend(_log(fields))
     session._situation = situation_from(fields.part("situation"), session, known)
     session._tell_states(known)
     session.select(fields.ids("selected", known))
@@ -126,11 +126,12 @@ def given_labels(session: Session) -> NDArray[Any]:
     return np.asarray(session.labels if given is None else given[session.labels])
 
 
-def _log(fields: Fields, known: frozenset[int]) -> list[LogEntry]:
+def _log(fields: Fields) -> list[LogEntry]:
+    # Who left may have been deleted or merged since.
     return [
         LogEntry(
             entry.text("event"),
-            entry.ids("ids", known),
+            entry.ids("ids"),
             entry.integer("packed"),
             entry.number("ratio"),
             entry.number("seconds"),

@@ -133,7 +133,8 @@ class Session(SessionSteps):
             chosen = set(checked_ids(n_or_ids, self._known, "n_or_ids"))
             wanted = [i for i in seen if i in chosen]
         mates = {mate for i in wanted for mate in situation.out[i].group}
-        back = [i for i in seen if i in mates]
+        # A hidden one of a group returns with it, and stays hidden.
+        back = [i for i in reversed(situation.out) if i in mates]
         if not back:
             self.events.message.emit("There is nothing to restore.")
             return ()
