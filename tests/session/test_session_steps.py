@@ -10,6 +10,7 @@ from bags import hooked, session_of, stack_of_plates
 
 from napari_unpack.session import ObjectState
 from napari_unpack.session.pictures import scene
+from napari_unpack.session.record import given_labels, record_of, session_from
 
 
 def out(session):
@@ -54,6 +55,27 @@ def test_a_group_is_one_step():
     assert session.go_to(99) == 2
     assert session.go_to(1) == 1
     assert out(session) == [1, 2]
+
+
+def test_a_group_returns_whole_though_one_of_it_is_hidden():
+    session = session_of(hooked())
+    session.go_to(1)
+    session.hide([2])
+    assert sorted(session.restore(1)) == [1, 2]
+    assert session.step == 0
+    assert session.states[2] is ObjectState.HIDDEN
+    assert session.states[1] is ObjectState.PACKED
+
+
+def test_a_session_opens_whose_log_names_an_object_since_deleted():
+    session = session_of(stack_of_plates())
+    session.unpack(1)
+    session.restore(1)
+    session.accept_repair(session.delete_question([1]).answer())
+    record = record_of(session)
+    again = session_from(record, session.volume, given_labels(session))
+    assert again.log[0].ids == (1,)
+    assert 1 not in again.ids
 
 
 def test_scrubbing_is_one_step_of_undo_and_back_at_the_start_all_is_packed_as_before():
