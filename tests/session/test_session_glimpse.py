@@ -58,7 +58,9 @@ def test_the_first_found_is_the_first_of_the_whole_answer_and_free(seed) -> None
         packed = [i for i in whole if session.states[i].name == "PACKED"]
         assert packed
         if len(glimpse.groups[0]) == 1:
-            there = np.where(np.isin(session.labels, list(glimpse.packed)), session.labels, 0)
+            there = np.where(
+                np.isin(session.labels, list(glimpse.question.packed)), session.labels, 0
+            )
             assert glimpse.groups[0][0] in free_by_sweep(
                 there, session.unpack_direction, session.spacing
             )

@@ -21,29 +21,17 @@ class Glimpse:
 
     Parameters
     ----------
-    direction : (3,) ndarray of float64
-        D, unit vector in world.
-    packed : frozenset of int
-        Objects that were in the bag.
-    wanted : frozenset of int, optional
-        Those asked about; None where it was about whoever is next.
+    question : GlimpseQuestion
+        What was asked.
     groups : tuple of tuple of int
         Who can leave, in the order of the queue.
     seconds : float
         What it took.
-    terms : tuple
-        The rules it was asked with.
-    edition : int
-        Of the labels.
     """
 
-    direction: Vector
-    packed: frozenset[int]
-    wanted: frozenset[int] | None
+    question: GlimpseQuestion
     groups: tuple[Group, ...]
     seconds: float
-    terms: tuple[object, ...]
-    edition: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +40,12 @@ class GlimpseQuestion:
 
     Parameters
     ----------
-    direction, packed, wanted, terms, edition
-        See `Glimpse`.
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    packed : frozenset of int
+        Objects in the bag.
+    wanted : frozenset of int, optional
+        Those asked about; None where it is about whoever is next.
     order : tuple of int
         Whom to ask about, one after the other.
     count : int
@@ -62,6 +54,10 @@ class GlimpseQuestion:
         Objects in a group.
     ready : callable
         Makes ready and returns what `leading_groups` asks for blockers.
+    terms : tuple
+        The rules it is asked with.
+    edition : int
+        Of the labels.
     """
 
     direction: Vector
@@ -106,15 +102,7 @@ class GlimpseQuestion:
                 found.append(next(groups))
         except (StopIteration, TimeoutError):
             return None
-        return Glimpse(
-            self.direction,
-            self.packed,
-            self.wanted,
-            tuple(found),
-            clock() - start,
-            self.terms,
-            self.edition,
-        )
+        return Glimpse(self, tuple(found), clock() - start)
 
 
 class SessionGlimpses(SessionInquiry):
@@ -169,7 +157,8 @@ class SessionGlimpses(SessionInquiry):
 
     def accept_glimpse(self, glimpse: Glimpse) -> bool:
         """Keep an answer for the command that follows; return False where it is out of date."""
-        fits = glimpse.edition == self._edition and glimpse.terms == self._terms
+        asked = glimpse.question
+        fits = asked.edition == self._edition and asked.terms == self._terms
         if not fits or not self._shows(glimpse, self._situation):
             return False
         self._glimpse = glimpse
@@ -178,17 +167,18 @@ class SessionGlimpses(SessionInquiry):
     def _seen(self, situation: Situation, count: int) -> Glimpse | None:
         """Return the glimpse of who is next, if it holds and so many are in it."""
         known = self._glimpse
-        if known is None or known.wanted is not None or not self._shows(known, situation):
+        if known is None or known.question.wanted is not None or not self._shows(known, situation):
             return None
         return known if sum(map(len, known.groups)) >= count else None
 
     def _seen_free(self, situation: Situation, wanted: frozenset[int]) -> Glimpse | None:
         """Return the glimpse that tells of chosen objects that each of them is free."""
         known = self._glimpse
-        if known is None or known.wanted != wanted or not self._shows(known, situation):
+        if known is None or known.question.wanted != wanted or not self._shows(known, situation):
             return None
         return known
 
     def _shows(self, glimpse: Glimpse, situation: Situation) -> bool:
-        same = abs(glimpse.direction - self.unpack_direction).max() <= 1e-6
-        return bool(same) and glimpse.packed == self._packed(situation)
+        asked = glimpse.question
+        same = abs(asked.direction - self.unpack_direction).max() <= 1e-6
+        return bool(same) and asked.packed == self._packed(situation)
