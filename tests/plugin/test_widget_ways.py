@@ -162,6 +162,14 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     move(widget, QPoint(3, 3))
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=100000)
 
+    move(widget, at)
+    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
+    # Sent home by a key while the mouse lies still: nothing is left of the ghost.
+    panel.workbench.restore()
+    assert stage.settle(60)
+    assert session.states[out].name == "PACKED"
+    assert not stage.overlays.ghost.cards_at(stage.frame)
+
 
 @pytest.mark.parametrize(
     ("direction", "words"),

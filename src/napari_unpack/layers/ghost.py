@@ -68,6 +68,11 @@ class Ghost:
         self._leader = Stroke(LEADER, 1.0)
         self._clock = Clock(self._tick, perf_counter)
 
+    @property
+    def settled(self) -> bool:
+        """Whether it neither comes nor goes."""
+        return not self._clock.running
+
     def point_at(self, object_id: int) -> None:
         """Show the ghost of an object that is outside, or fade out for 0."""
         if object_id not in self._session.poses:
@@ -77,6 +82,12 @@ class Ghost:
         self._wanted = object_id
         self._cast()
         self._start()
+
+    def changed(self) -> None:
+        """Fade out where the object has left its place beside the bag, the mouse unmoved."""
+        states = self._session.states
+        if self._wanted not in states or states[self._wanted].name != "UNPACKED":
+            self.point_at(0)
 
     def look(self, frame: Frame) -> None:
         """Follow the canvas."""

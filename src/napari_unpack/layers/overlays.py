@@ -46,8 +46,8 @@ class Overlays:
 
     @property
     def settled(self) -> bool:
-        """Whether all marks are drawn."""
-        return not self.painter.waiting
+        """Whether all marks are drawn, and no ghost comes or goes."""
+        return self.ghost.settled and not self.painter.waiting
 
     def look(self, frame: Frame) -> None:
         """Follow the canvas."""
@@ -57,6 +57,7 @@ class Overlays:
     def changed(self) -> None:
         """Follow who is in the bag, and who can leave it."""
         self.painter.renew()
+        self.ghost.changed()
         self.renew()
 
     def unearth(self, buried: int, leaving: frozenset[int]) -> None:

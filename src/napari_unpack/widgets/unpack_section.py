@@ -312,7 +312,8 @@ class UnpackSection(Section):
         which = "the least blocked"
         if least is not None:
             object_id, ratio = least
-            which = f"{session.objects['name'][object_id]}, {100 * ratio:.0f} % hidden,"
+            share = f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
+            which = f"{session.objects['name'][object_id]}, {share} hidden,"
         said = (
             f"Every object is blocked this way; {which} leaves next."
             if session.take_least_occluded
