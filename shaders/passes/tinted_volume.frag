@@ -8,16 +8,25 @@
 //      u_tints        straight RGBA by ID (lib/label_lookup.glsl);  u_tint_rows its height
 //      u_spacing      mm a voxel, x y z;  u_reference: min(spacing), mm
 //      u_run          samples from one asking of bricks to the next; 0: as far as they are alike
-//      u_jitter       1: samples start at a hash of the pixel;  SHADED: a define, with light
+//      u_jitter       1: samples start at a hash of the pixel
+//      SHADED         a define, with light;  VOXELS: a define, density from lib/voxel_buffer.glsl
 // out: [0] premultiplied RGBA   [1] t in mm where A first reached 1/2, NO_DEPTH where never
 // cpu twin: raycasting/tinted.py (tinted), raycasting/marching.py (march)
 // test:     tests/rendering/test_parity.py
 
+#ifdef VOXELS
+#extension GL_EXT_gpu_shader4 : require
+#extension GL_ARB_shading_language_420pack : require
+#endif
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"
 #include "lib/label_lookup.glsl"
+#ifdef VOXELS
+#include "lib/voxel_buffer.glsl"
+#else
 #include "lib/density.glsl"
 #include "lib/gradient.glsl"
+#endif
 #include "lib/transfer_function.glsl"
 #include "lib/light.glsl"
 #include "lib/no_depth.glsl"
@@ -44,6 +53,11 @@ void main() {
     vec4 sum = vec4(0.0);
     float depth = NO_DEPTH;
     float k = range.x;
+#ifdef VOXELS
+    ivec3 size = ivec3(u_shape);
+    ivec3 last = size - 1;
+    ivec3 stride = ivec3(1, size.x, size.x * size.y);
+#endif
     // Bricks are asked once a run, not before every sample, and its loops test last but for the
     // outermost: software rasterisers pass through the body of a loop that tests first once more
     // than it runs, and through both sides of every branch. Samples of a run that lie in bricks
@@ -68,13 +82,24 @@ void main() {
             float t = (k + phase) * u_step;
             vec3 p = origin + t * direction;
             vec4 tint = table_row(u_tints, u_tint_rows, label_at(floor(p + 0.5)));
-            vec4 entry = transfer(density_at(p)) * tint;
+#ifdef VOXELS
+            vec4 around = gradient_and_density_at(p, last, stride);
+            float density = around.w;
+#else
+            float density = density_at(p);
+#endif
+            vec4 entry = transfer(density) * tint;
             if (k < end && entry.a > 0.0) {
                 float a = min(entry.a, 1.0);
                 if (plain < 0.5)
                     a = 1.0 - pow(1.0 - a, exponent);
 #ifdef SHADED
-                vec2 light = light_of(gradient_at(p) * u_reference / u_spacing, along);
+#ifdef VOXELS
+                vec3 gradient = around.xyz;
+#else
+                vec3 gradient = gradient_at(p);
+#endif
+                vec2 light = light_of(gradient * u_reference / u_spacing, along);
 #else
                 vec2 light = vec2(u_light.x + u_light.y, 0.0);
 #endif

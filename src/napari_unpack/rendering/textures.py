@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.voxel_buffer import VoxelBuffer, serves_best
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
 Factor = tuple[int, int, int]
 Box = tuple[slice, slice, slice]
+Held: TypeAlias = "gloo.Texture3D | VoxelBuffer"
 
 SLAB_BYTES = 8 * 2**20
 """What is sent to the graphics card at one go, unless a single plane is more."""
@@ -35,6 +38,9 @@ class VolumeTextures:
         Longest side of a texture; by default what the driver allows.
     most : int, optional
         The largest label, where it is known; it need not be looked for then.
+    as_buffer : bool, optional
+        Hold density as a buffer of voxels; by default where a software rasteriser draws, and
+        the volume needs no coarser grid.
     at_once : bool
         Send all now; else `send` does it piece by piece, as a large volume takes longer than a
         window may stand still.
@@ -64,6 +70,7 @@ class VolumeTextures:
         largest: int | None = None,
         most: int | None = None,
         at_once: bool = True,
+        as_buffer: bool | None = None,
     ) -> None:
         if labels.ndim != 3 or 0 in labels.shape:
             raise ValueError(f"labels must be a filled 3D array, got shape {labels.shape}")
@@ -73,17 +80,23 @@ class VolumeTextures:
             raise TypeError(f"volume must be one of {', '.join(FORMATS)}, got {volume.dtype}")
         self.uploads = self.bytes_sent = 0
         self.shape: tuple[int, ...] = labels.shape
-        self.density: gloo.Texture3D | None = None
+        self.density: Held | None = None
         self.density_scale = 1.0
         most = int(labels.max()) if most is None else most
         texel = (2 if most > 255 else 1) if volume is None else volume.itemsize
         self.factor = fitting_factor(labels.shape, largest or largest_side(), texel)
         self.grid = tuple(-(-n // f) for n, f in zip(labels.shape, self.factor, strict=True))
-        self._waiting: deque[tuple[gloo.Texture3D, NDArray[np.generic], Box]] = deque()
+        self._waiting: deque[tuple[Held, NDArray[np.generic], Box]] = deque()
         self._begin_labels(labels, most)
         if volume is not None:
             internal, self.density_scale = FORMATS[volume.dtype.name]
-            self.density = self._begun(internal, "linear")
+            if as_buffer is None:
+                as_buffer = self.factor == (1, 1, 1) and serves_best(self.shape)
+            if as_buffer:
+                self.uploads += 1
+                self.density = VoxelBuffer(self.shape, volume.dtype.name)
+            else:
+                self.density = self._begun(internal, "linear")
             self._queue(self.density, volume, self._everything())
         if at_once:
             self.send()
@@ -178,7 +191,7 @@ class VolumeTextures:
             self.grid, format="red", internalformat=internal, interpolation=filtering
         )
 
-    def _queue(self, texture: gloo.Texture3D, source: NDArray[np.generic], box: Box) -> None:
+    def _queue(self, texture: Held, source: NDArray[np.generic], box: Box) -> None:
         planes, rows, columns = box
         size = (rows.stop - rows.start) * (columns.stop - columns.start) * source.itemsize
         thick = max(1, SLAB_BYTES // max(size, 1))
@@ -186,9 +199,7 @@ class VolumeTextures:
             slab = slice(first, min(first + thick, planes.stop))
             self._waiting.append((texture, source, (slab, rows, columns)))
 
-    def _texels(
-        self, texture: gloo.Texture3D, source: NDArray[np.generic], box: Box
-    ) -> NDArray[np.generic]:
+    def _texels(self, texture: Held, source: NDArray[np.generic], box: Box) -> NDArray[np.generic]:
         """Return what a box of the grid shows: means of blocks of density, middles of labels."""
         sides = list(zip(box, self.factor, self.shape, strict=True))
         if texture is self.labels:

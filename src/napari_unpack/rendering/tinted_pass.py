@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,8 @@ from napari_unpack.rendering.offscreen import is_software_renderer
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.tables import IdTable, TransferTable
 from napari_unpack.rendering.textures import VolumeTextures
-from napari_unpack.rendering.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.uniforms import Leaps, Uniforms, assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.voxel_buffer import VoxelBuffer
 
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
 """No light at all: the transfer function's colours as they are."""
@@ -134,14 +136,20 @@ class TintedPass:
         shaded = light.diffuse > 0 or light.specular > 0
         if self._run is None:
             self._run = RUN if is_software_renderer(renderer()) else 0.0
-        program = self._programs.here("tinted_volume.frag", {"SHADED": 1} if shaded else {})
+        density = textures.density
+        voxels: AbstractContextManager[None] = nullcontext()
+        defines = {"SHADED": 1} if shaded else {}
+        uniforms: Uniforms = {"u_density": density}
+        if isinstance(density, VoxelBuffer):
+            defines, uniforms, voxels = defines | {"VOXELS": 1}, {}, density.bound()
+        program = self._programs.here("tinted_volume.frag", defines)
         assign(
             program,
             ray_uniforms(rays, textures)
             | plane_uniforms(clipping)
             | self.leaps.uniforms(occupied)
+            | uniforms
             | {
-                "u_density": textures.density,
                 "u_tints": self.tints.update(look.tints),
                 "u_tint_rows": float(self.tints.rows),
                 "u_table": self._table.update(look.table),
@@ -155,7 +163,7 @@ class TintedPass:
                 "u_run": self._run,
             },
         )
-        with target.drawing():
+        with voxels, target.drawing():
             if window is not None:
                 gloo.set_state(scissor_test=True)
                 gloo.set_scissor(*window)
