@@ -2,20 +2,21 @@
 // both need, each read once, where seven filtered samples (lib/density.glsl, lib/gradient.glsl)
 // read 56 and work out their places anew each time. llvmpipe takes 0.75 of the time for a frame.
 //
-//   density     trilinear in the cell [i, i + 1]^3 around p
-//   gradient    the same blend of the voxels' own central differences, per voxel, halved: what
-//               differences of the interpolated density one voxel to both sides amount to
+//   density = trilinear blend of the cell [i, i + 1]^3 around p
+//   gradient = the same blend of the voxels' central differences, which is the central
+//              difference of the interpolated density one voxel to both sides
 //
-// in:  u_voxels       x fastest, in the units of the density texture; bound by hand, for vispy
-//                     knows no such samplers
-//      p              voxels, x y z; voxels beyond the edge are those at the edge
-// out: gradient, density
+// in:  u_voxels       x fastest, in the density texture's unit (rendering/voxel_buffer.py)
+//      p              voxels, x y z; beyond the edge are the voxels at the edge
+//      last, stride   of the volume: its last voxel, and how far apart neighbours lie; handed in,
+//                     for no driver takes them out of a loop
+// out: gradient per voxel, density
 // cpu twin: raycasting/chunks.py (interpolate, light)
 // test:     tests/rendering/test_probes.py
 
 #include "lib/ray_box.glsl"
 
-layout(binding = 15) uniform samplerBuffer u_voxels;
+uniform samplerBuffer u_voxels;
 
 float voxel(int at) {
     return texelFetchBuffer(u_voxels, at).r;

@@ -16,7 +16,6 @@
 
 #ifdef VOXELS
 #extension GL_EXT_gpu_shader4 : require
-#extension GL_ARB_shading_language_420pack : require
 #endif
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"

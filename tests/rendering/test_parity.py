@@ -7,12 +7,14 @@ agree within 2/255 on the same rays, depths to one step's rounding.
 
 import numpy as np
 import pytest
+from vispy import gloo
 
 from napari_unpack import raycasting
 from napari_unpack.geometry.rays import cast_rays, voxel_from_world
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
-from napari_unpack.rendering import gl_backend
+from napari_unpack.rendering import gl_backend, textures
+from napari_unpack.rendering.voxel_buffer import VoxelBuffer
 
 CLEAR = 2e-4
 SIZE = (30, 36)
@@ -67,7 +69,7 @@ class Case:
 
 
 @pytest.mark.parametrize("seed", range(50))
-def test_object_id_and_tinted_shaders_match_the_cpu_ray_caster(gl, seed):
+def test_object_id_shaders_match_the_cpu_ray_caster(gl, seed):
     case = Case(seed)
     clear = case.clear()
     assert clear.mean() > 0.5
@@ -79,10 +81,25 @@ def test_object_id_and_tinted_shaders_match_the_cpu_ray_caster(gl, seed):
     np.testing.assert_array_equal(found[:, clear], wanted[:, clear])
     np.testing.assert_array_equal(skipped[:, clear], wanted[:, clear])
 
+
+@pytest.fixture(params=[True, False], ids=["voxels", "filtered"])
+def density_held(request, gl, monkeypatch):
+    """Density as a buffer of voxels, as for software rasterisers, or as a 3D texture."""
+    monkeypatch.setattr(textures, "serves_best", lambda _: request.param)
+    yield VoxelBuffer if request.param else gloo.Texture3D
+    gl_backend.forget()
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_tinted_shaders_match_the_cpu_ray_caster(density_held, seed):
+    case = Case(seed)
+    clear = case.clear()
     look = (case.table, case.domain, case.tints, case.shading)
     arguments = (case.volume, case.labels, case.rays, case.spacing, *look)
     image, depth = raycasting.tinted(*arguments)
     found, found_depth = gl_backend.tinted(*arguments, bricks=case.bricks)
+    held = gl_backend._bench().textures(case.labels, case.volume).density
+    assert isinstance(held, density_held)
     assert image[..., 3].max() > 0.02
     assert np.abs(found - image)[clear].max() <= 2 / 255
     reached = np.isfinite(depth) & np.isfinite(found_depth)
@@ -90,7 +107,7 @@ def test_object_id_and_tinted_shaders_match_the_cpu_ray_caster(gl, seed):
     grazing = np.abs(image[..., 3] - 0.5) < 2 / 255
     same = np.isfinite(depth) == np.isfinite(found_depth)
     assert same[clear & ~grazing].all()
-    late = np.abs(found_depth - depth, where=reached, out=np.zeros(SIZE)) > 1e-3
+    late = np.abs(np.subtract(found_depth, depth, where=reached, out=np.zeros(SIZE))) > 1e-3
     assert (late & clear).mean() < 0.005
 
 

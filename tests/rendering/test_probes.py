@@ -1,7 +1,10 @@
 """Single GLSL functions over many inputs, against numpy."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
@@ -10,15 +13,17 @@ from napari_unpack.rendering.programs import linked
 from napari_unpack.rendering.shader_source import load, read
 from napari_unpack.rendering.textures import VolumeTextures
 from napari_unpack.rendering.uniforms import assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.voxel_buffer import VoxelBuffer
 
 FULL_SCREEN = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]], dtype=np.float32)
 
 
-def probe(include, expression, inputs, uniforms, declarations=""):
+def probe(include, expression, inputs, uniforms, declarations="", head="", held=None):
     """Evaluate a GLSL expression of vec4 a, b for every row of `inputs` (N, 1 or 2, 4)."""
     from vispy import gloo
 
     body = f"""
+{head}
 #include "lib/{include}"
 uniform sampler2D u_inputs;
 uniform float u_count;
@@ -37,7 +42,7 @@ void main() {{
     texture = gloo.Texture2D(table, internalformat="rgba32f", interpolation="nearest")
     assign(program, {"u_inputs": texture, "u_count": float(len(inputs)), **uniforms})
     target = Target((len(inputs), 1))
-    with target.drawing():
+    with nullcontext() if held is None else held.bound(program), target.drawing():
         program.draw("triangle_strip")
     return target.read()[:, 0]
 
@@ -81,7 +86,7 @@ def ramp(gl):
     """A 4 x 5 x 6 volume with density 1000 z + 100 y + 10 x, and its uniforms."""
     z, y, x = np.mgrid[:4, :5, :6]
     volume = (1000 * z + 100 * y + 10 * x).astype(np.uint16)
-    textures = VolumeTextures(np.ones((4, 5, 6), np.uint16), volume)
+    textures = VolumeTextures(np.ones((4, 5, 6), np.uint16), volume, as_buffer=False)
     uniforms = ray_uniforms(Rays(np.zeros((6, 3)), (1, 1), 1.0), textures)
     return uniforms | {"u_density": textures.density}
 
@@ -97,6 +102,34 @@ def test_the_gradient_of_a_ramp_is_its_slope(ramp):
     inside = np.random.default_rng(1).uniform(1.0, 2.0, (50, 3))
     found = probe("gradient.glsl", "vec4(gradient_at(a.xyz), 0.0)", rows(inside), ramp)
     np.testing.assert_allclose(found[:, :3] * 65535, [[10, 100, 1000]] * 50, atol=0.6)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
+def test_voxels_of_a_buffer_give_density_and_gradient_also_at_the_edges(gl, kind):
+    rng = np.random.default_rng(5)
+    shape = (4, 5, 6)
+    volume = rng.integers(0, 250, shape).astype(kind)
+    held = VoxelBuffer(shape, kind)
+    held.set_data(volume[:1], (0, 0, 0))
+    held.set_data(volume[1:], (1, 0, 0))
+    # Edge voxels, half a voxel beyond them, and anywhere between.
+    points = rng.uniform(-0.5, np.array(shape) - 0.51, (400, 3))
+    points[:100] = np.rint(points[:100])
+    points[100:110] = -0.5
+    expression = "gradient_and_density_at(a.xyz, ivec3(5, 4, 3), ivec3(1, 6, 30))"
+    textures = VolumeTextures(np.ones(shape, np.uint16))
+    uniforms = ray_uniforms(Rays(np.zeros((6, 3)), (1, 1), 1.0), textures)
+    head = "#extension GL_EXT_gpu_shader4 : require"
+    found = probe(
+        "voxel_buffer.glsl", expression, rows(points[:, ::-1]), uniforms, head=head, held=held
+    )
+    scale = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}[kind]
+    ends = np.eye(3)
+    at = lambda p: map_coordinates(volume.astype(float), p.T, order=1, mode="nearest")  # noqa: E731
+    np.testing.assert_allclose(found[:, 3] * scale, at(points), atol=2e-2)
+    for axis in range(3):
+        wanted = (at(points + ends[2 - axis]) - at(points - ends[2 - axis])) / 2
+        np.testing.assert_allclose(found[:, axis] * scale, wanted, atol=2e-2)
 
 
 def test_the_transfer_function_is_linear_between_entries_and_clamped(gl):

@@ -1,15 +1,20 @@
+from ctypes import c_void_p
+
 import numpy as np
 import pytest
 
 from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tables import IdTable
 from napari_unpack.rendering.textures import VolumeTextures, fitting_factor
+from napari_unpack.rendering.voxel_buffer import VoxelBuffer
 
 
 def read_back(texture):
     from OpenGL import GL
     from vispy.gloo.context import get_current_canvas
 
+    if isinstance(texture, VoxelBuffer):
+        return read_buffer(texture)
     parser = get_current_canvas().context.shared.parser
     GL.glBindTexture(GL.GL_TEXTURE_3D, parser.get_object(texture.id).handle)
     out = np.empty(texture.shape[:3], np.float32)
@@ -20,9 +25,24 @@ def read_back(texture):
     return out
 
 
-def test_a_small_volume_stays_as_it_is(gl):
+def read_buffer(held):
+    """Return what a shader would read, 0 to 1."""
+    from OpenGL import GL
+    from OpenGL.raw.GL.VERSION.GL_1_5 import glGetBufferSubData
+    from vispy.gloo.context import get_current_canvas
+
+    parser = get_current_canvas().context.shared.parser
+    out = np.empty(held.shape, held.kind)
+    GL.glBindBuffer(GL.GL_TEXTURE_BUFFER, parser.get_object(held._buffer.id).handle)
+    glGetBufferSubData(GL.GL_TEXTURE_BUFFER, 0, out.nbytes, out.ctypes.data_as(c_void_p))
+    GL.glBindBuffer(GL.GL_TEXTURE_BUFFER, 0)
+    return out.astype(np.float64) / (np.iinfo(held.kind).max if out.dtype.kind == "u" else 1.0)
+
+
+@pytest.mark.parametrize("as_buffer", [True, False])
+def test_a_small_volume_stays_as_it_is(gl, as_buffer):
     labels = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
-    textures = VolumeTextures(labels, labels * 1000)
+    textures = VolumeTextures(labels, labels * 1000, as_buffer=as_buffer)
     assert (textures.factor, textures.grid, textures.notice) == ((1, 1, 1), (3, 4, 5), None)
     assert textures.labels.internalformat == "r8"
     np.testing.assert_array_equal(np.rint(read_back(textures.labels) * 255), labels)
@@ -112,9 +132,11 @@ def test_hiding_one_of_65535_objects_sends_one_row(gl):
     assert table.rows_uploaded == 257
 
 
-def test_a_large_volume_is_sent_in_pieces(gl, monkeypatch):
+@pytest.mark.parametrize("as_buffer", [True, False])
+def test_a_large_volume_is_sent_in_pieces(gl, monkeypatch, as_buffer):
     from napari_unpack.rendering import textures
 
+    monkeypatch.setattr(textures, "serves_best", lambda _: as_buffer)
     monkeypatch.setattr(textures, "SLAB_BYTES", 200)
     rng = np.random.default_rng(0)
     labels = rng.integers(0, 200, (9, 8, 7)).astype(np.uint16)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from napari_unpack.rendering.offscreen import is_software_renderer
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.tables import IdTable, TransferTable
 from napari_unpack.rendering.textures import VolumeTextures
-from napari_unpack.rendering.uniforms import Leaps, Uniforms, assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 from napari_unpack.rendering.voxel_buffer import VoxelBuffer
 
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
@@ -137,18 +137,16 @@ class TintedPass:
         if self._run is None:
             self._run = RUN if is_software_renderer(renderer()) else 0.0
         density = textures.density
-        voxels: AbstractContextManager[None] = nullcontext()
-        defines = {"SHADED": 1} if shaded else {}
-        uniforms: Uniforms = {"u_density": density}
-        if isinstance(density, VoxelBuffer):
-            defines, uniforms, voxels = defines | {"VOXELS": 1}, {}, density.bound()
+        buffered = isinstance(density, VoxelBuffer)
+        defines = {name: 1 for name, on in (("SHADED", shaded), ("VOXELS", buffered)) if on}
         program = self._programs.here("tinted_volume.frag", defines)
+        voxels = density.bound(program) if isinstance(density, VoxelBuffer) else nullcontext()
         assign(
             program,
             ray_uniforms(rays, textures)
             | plane_uniforms(clipping)
             | self.leaps.uniforms(occupied)
-            | uniforms
+            | ({} if buffered else {"u_density": density})
             | {
                 "u_tints": self.tints.update(look.tints),
                 "u_tint_rows": float(self.tints.rows),

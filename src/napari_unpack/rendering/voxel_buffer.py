@@ -14,15 +14,9 @@ from napari_unpack.rendering.framebuffer import current_context, renderer
 from napari_unpack.rendering.offscreen import is_software_renderer
 
 UNIT = 15
-"""Texture unit of the volume; the twin of `binding` in shaders/lib/voxel_buffer.glsl.
+"""Texture unit of the volume: vispy counts those of its own from 0, and every driver has 16."""
 
-vispy counts the units of its own textures from 0; every driver has 16."""
-
-EXTENSIONS = (
-    "GL_EXT_gpu_shader4",
-    "GL_ARB_shading_language_420pack",
-    "GL_ARB_texture_buffer_object",
-)
+EXTENSIONS = ("GL_EXT_gpu_shader4", "GL_ARB_texture_buffer_object")
 """What lib/voxel_buffer.glsl is written in, beyond GLSL 1.20."""
 
 
@@ -65,8 +59,8 @@ class VoxelBuffer:
         self._buffer.set_subdata(np.ascontiguousarray(part).ravel(), first)
 
     @contextmanager
-    def bound(self) -> Iterator[None]:
-        """Have shaders read it at `UNIT` inside the `with`; commands must be flushed there."""
+    def bound(self, program: gloo.Program) -> Iterator[None]:
+        """Have a program read it as `u_voxels` inside the `with`; to be flushed there."""
         from OpenGL import GL
 
         formats = {"uint8": GL.GL_R8, "uint16": GL.GL_R16, "float32": GL.GL_R32F}
@@ -79,6 +73,9 @@ class VoxelBuffer:
         GL.glBindTexture(GL.GL_TEXTURE_BUFFER, name)
         GL.glTexBuffer(GL.GL_TEXTURE_BUFFER, formats[self.kind], handle)
         GL.glActiveTexture(GL.GL_TEXTURE0)
+        # gloo's own assignment knows no such sampler.
+        unit = np.array([UNIT], np.int32)
+        program.glir.command("UNIFORM", program.id, "u_voxels", "int", unit)
         try:
             yield
         finally:
