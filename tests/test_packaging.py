@@ -50,7 +50,8 @@ def test_the_wheel_has_every_module_and_every_shader(built: Path) -> None:
     names = set(_names_in_wheel(built))
     modules = {
         "napari_unpack/" + p.relative_to(ROOT / "src/napari_unpack").as_posix()
-        for p in (ROOT / "src/napari_unpack").rglob("*.py")
+        for p in (ROOT / "src/napari_unpack").rglob("*.py*")
+        if p.suffix in (".py", ".pyi")
     }
     shaders = {
         "napari_unpack/shaders/" + p.relative_to(ROOT / "shaders").as_posix()

@@ -87,8 +87,8 @@ class Labelled(Protocol):
         """(Z, Y, X) density."""
 
     @property
-    def labels(self) -> NDArray[np.integer]:
-        """(Z, Y, X) true objects, 0 background."""
+    def labels(self) -> NDArray[np.integer] | None:
+        """(Z, Y, X) true objects, 0 background; a volume without them is refused."""
 
     @property
     def spacing(self) -> tuple[float, float, float]:

@@ -1,0 +1,29 @@
+from .appearance import TransferFunction, assign_hues, interference
+from .geometry.view import View
+from .imaging import object_id_layers, occlusion_ratios, pick, render
+from .io import movie, open_session, save_session
+from .segmentation import Oracle, score, score_by, score_objects, segment, train
+from .session import Session
+from .simulation import simulate_bag
+
+__all__ = [
+    "Oracle",
+    "Session",
+    "TransferFunction",
+    "View",
+    "assign_hues",
+    "interference",
+    "movie",
+    "object_id_layers",
+    "occlusion_ratios",
+    "open_session",
+    "pick",
+    "render",
+    "save_session",
+    "score",
+    "score_by",
+    "score_objects",
+    "segment",
+    "simulate_bag",
+    "train",
+]
