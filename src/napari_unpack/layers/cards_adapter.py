@@ -40,10 +40,11 @@ class CardsAdapter(PictureAdapter):
     def __init__(self, layer: PictureLayer, **kwargs: Any) -> None:
         super().__init__(layer, CardsNode(), **kwargs)
         self.node.before_draw = self._before_draw
+        layer.frame_now = self._frame
         self.when_closed(self._let_go)
 
     def _before_draw(self, visual: Any) -> None:
-        frame = self._frame() if self.in_3d else None
+        frame = self._frame()
         cards = () if frame is None else tuple(self.layer.cards_at(frame))
         # Assigning asks for another draw; this one shows them already.
         with visual.events.update.blocker():
@@ -52,7 +53,7 @@ class CardsAdapter(PictureAdapter):
                 visual.clip_from_pivot = frame.clip_from_pivot
 
     def _frame(self) -> Frame | None:
-        view = self._view()
+        view = self._view() if self.in_3d else None
         if view is None or min(view.size) < 1:
             return None
         scene_from_world = matrix_of(self.node.transform) @ flip_matrix(
@@ -79,6 +80,7 @@ class CardsAdapter(PictureAdapter):
 
     def _let_go(self) -> None:
         self.node.before_draw = None
+        del self.layer.frame_now
 
 
 def _ndc_from_pixels(size: tuple[float, float]) -> Matrix:

@@ -89,6 +89,11 @@ def native_canvas(viewer: Any) -> Any | None:
     return getattr(canvas, "_scene_canvas", None)
 
 
+def is_drawing(canvas: Any) -> bool:
+    """Return whether a vispy canvas is being drawn, during which it asks for no redraw."""
+    return bool(getattr(canvas, "_drawing", False))
+
+
 def pixel_scale(viewer: Any) -> float:
     """Return the device pixels of a logical pixel of a viewer's canvas."""
     return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
@@ -152,6 +157,8 @@ class PictureLayer(Layer):
 
     frame_changed = Signal(object)
     words = ""
+    frame_now: Callable[[], Any] = staticmethod(lambda: None)
+    """Returns what the canvas would show if it were drawn now, a `view_camera.Frame` or None."""
 
     def __init__(
         self,

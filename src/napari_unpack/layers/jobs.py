@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any
 
 from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, Signal
@@ -24,6 +25,8 @@ class _Lane:
     pool: ThreadPoolExecutor
     running: _Job | None = None
     waiting: dict[str, _Job] = field(default_factory=dict)
+    done: list[_Job] = field(default_factory=list)
+    """Whose results are on their way to the main thread."""
 
 
 class _Post(QObject):  # type: ignore[misc]
@@ -43,7 +46,8 @@ class Jobs:
     Notes
     -----
     A request replaces one of the same key that still waits. A job that already runs is finished
-    and its result delivered; whoever asked decides whether it is stale.
+    and its result delivered; whoever asked decides whether it is stale. A lane goes on with what
+    waits while the main thread is busy drawing; results come in the order of the jobs.
     """
 
     def __init__(self, lanes: tuple[str, ...], failed: Callable[[str], None]) -> None:
@@ -52,6 +56,7 @@ class Jobs:
             for name in lanes
         }
         self._failed = failed
+        self._lock = Lock()
         self._closed = False
         self._post = _Post()
         self._post.finished.connect(self._on_finished, Qt.ConnectionType.QueuedConnection)
@@ -59,14 +64,18 @@ class Jobs:
     @property
     def busy(self) -> bool:
         """Whether anything runs or waits."""
-        return any(lane.running or lane.waiting for lane in self._lanes.values())
+        with self._lock:
+            return any(lane.running or lane.waiting or lane.done for lane in self._lanes.values())
 
     def has(self, key: str) -> bool:
-        """Return whether a job of this key runs or waits."""
-        return any(
-            (lane.running is not None and lane.running.key == key) or key in lane.waiting
-            for lane in self._lanes.values()
-        )
+        """Return whether a job of this key runs, waits, or has not been delivered."""
+        with self._lock:
+            return any(
+                key in lane.waiting
+                or any(job.key == key for job in lane.done)
+                or (lane.running is not None and lane.running.key == key)
+                for lane in self._lanes.values()
+            )
 
     def ask(
         self, lane: str, key: str, work: Callable[[], Any], then: Callable[[Any], None]
@@ -84,8 +93,9 @@ class Jobs:
         """
         if self._closed:
             return
-        self._lanes[lane].waiting[key] = _Job(lane, key, work, then)
-        self._start(lane)
+        with self._lock:
+            self._lanes[lane].waiting[key] = _Job(lane, key, work, then)
+            self._start(self._lanes[lane])
 
     def do(self, lane: str, key: str, work: Callable[[], Any]) -> Any:
         """Have work done in a lane and return its result, drawing meanwhile.
@@ -125,18 +135,20 @@ class Jobs:
 
     def drop(self, key: str) -> None:
         """Forget what waits under a key."""
-        for lane in self._lanes.values():
-            lane.waiting.pop(key, None)
+        with self._lock:
+            for lane in self._lanes.values():
+                lane.waiting.pop(key, None)
 
     def close(self) -> None:
         """Forget everything; what runs is finished and its result thrown away."""
-        self._closed = True
-        for lane in self._lanes.values():
-            lane.waiting.clear()
-            lane.pool.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._closed = True
+            for lane in self._lanes.values():
+                lane.waiting.clear()
+                lane.pool.shutdown(wait=False, cancel_futures=True)
 
-    def _start(self, name: str) -> None:
-        lane = self._lanes[name]
+    def _start(self, lane: _Lane) -> None:
+        # Under the lock.
         if lane.running is not None or not lane.waiting or self._closed:
             return
         job = lane.running = lane.waiting.pop(next(iter(lane.waiting)))
@@ -148,17 +160,21 @@ class Jobs:
             result = job.work()
         except Exception as caught:
             error = caught
-        if not self._closed:
-            self._post.finished.emit(job, result, error)
+        with self._lock:
+            if self._closed:
+                return
+            lane = self._lanes[job.lane]
+            lane.running = None
+            lane.done.append(job)
+            self._start(lane)
+        self._post.finished.emit(job, result, error)
 
     def _on_finished(self, job: _Job, result: Any, error: Exception | None) -> None:
         if self._closed:
             return
-        self._lanes[job.lane].running = None
-        try:
-            if error is None:
-                job.then(result)
-            else:
-                self._failed(f"{job.key}: {error}")
-        finally:
-            self._start(job.lane)
+        with self._lock:
+            self._lanes[job.lane].done.remove(job)
+        if error is None:
+            job.then(result)
+        else:
+            self._failed(f"{job.key}: {error}")

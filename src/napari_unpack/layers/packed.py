@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from time import monotonic
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.backdrop import Backdrop
@@ -27,12 +28,17 @@ class PackedLayer(PictureLayer):
     ----------
     on_draw : callable
         Called whenever the canvas draws the layer, with its context current.
+    drawn : bool
+        Whether the canvas has drawn what is shown.
+    drawn_at : float
+        When it was drawn last, s of `time.monotonic`.
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._shot: Shot | LiveShot | None = None
         self._before: Shot | None = None
         self._mix = 1.0
+        self.drawn, self.drawn_at = False, 0.0
         self.backdrop: Backdrop | None = None
         self._cards: tuple[Card, ...] = ()
         self._cards_for: Camera | None = None
@@ -45,13 +51,25 @@ class PackedLayer(PictureLayer):
         """What is shown."""
         return self._shot
 
-    def show(self, shot: Shot | LiveShot | None, before: Shot | None = None) -> None:
-        """Show another picture, at once or with `mix` from one that it covers."""
-        self._shot, self._cards_for = shot, None
+    def show(
+        self, shot: Shot | LiveShot | None, before: Shot | None = None, resting: bool = True
+    ) -> None:
+        """Show another picture, at once or with `mix` from one that it covers.
+
+        While the bag is turned, not `resting`, the small picture in the layer list waits: it
+        costs half a redraw.
+        """
+        self._shot, self._cards_for, self.drawn = shot, None, False
         self._before, self._mix = before, 1.0 if before is None else 0.0
+        if resting:
+            self.come_to_rest()
+        self.repaint()
+
+    def come_to_rest(self) -> None:
+        """Show what is shown in the layer list too."""
+        shot = self._shot
         if shot is not None and self.frame is not None and shot.size == self.frame.size:
             self.set_picture(shot.thumbnail)
-        self.repaint()
 
     def mix(self, part: float) -> None:
         """Show so much of the new picture, the rest of the one before; 1 forgets that one."""
@@ -73,6 +91,7 @@ class PackedLayer(PictureLayer):
         """
         super().cards_at(frame)
         self.on_draw()
+        self.drawn, self.drawn_at = True, monotonic()
         cards = self._bag_cards(frame)
         if self.backdrop is None:
             return cards

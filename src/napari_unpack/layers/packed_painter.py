@@ -23,7 +23,7 @@ from napari_unpack.session.picture_cache import Crop, PictureCache
 from napari_unpack.session.pictures import packed_patch
 
 FEWEST_RAYS = 384
-FRAME_SECONDS = 0.085
+FRAME_SECONDS = 0.07
 GL_FRAME_SECONDS = 0.012
 GL_RAYS_STEP = 32
 """On the graphics card the rays change in such steps, so that few frame buffers are made."""
@@ -90,7 +90,12 @@ class PackedPainter:
         self._rest = QTimer()
         self._rest.setSingleShot(True)
         self._rest.setInterval(REST_MS)
-        self._rest.timeout.connect(self._ask_fine)
+        self._rest.timeout.connect(self._come_to_rest)
+
+    @property
+    def turning(self) -> bool:
+        """Whether a picture for the canvas is being cast on the processor, the last one drawn."""
+        return self._layer.drawn and not self._studio.active and self._jobs.has("packed")
 
     @property
     def settled(self) -> bool:
@@ -188,10 +193,18 @@ class PackedPainter:
         else:
             self._layer.mix(part)
 
-    def _show(self, shot: Shot | LiveShot | None, before: Shot | None = None) -> None:
+    def _show(
+        self, shot: Shot | LiveShot | None, before: Shot | None = None, resting: bool = True
+    ) -> None:
         if before is None and isinstance(shot, Shot):
             self.fade.stop()
-        self._layer.show(shot, before)
+        self._layer.show(shot, before, resting)
+
+    def _come_to_rest(self) -> None:
+        if self._is_fine():
+            self._layer.come_to_rest()
+        else:
+            self._ask_fine()
 
     def _is_fine(self) -> bool:
         return self._finest == (self._frame, self._state) and not self._touched
@@ -247,8 +260,7 @@ class PackedPainter:
         self._shot = shot
         if whole and frame is self._frame and state == self._state:
             self._finest = (frame, state)
-            self._rest.stop()
-        self._show(shot)
+        self._show(shot, resting=False)
 
     def _ask_fine(self) -> None:
         frame, state = self._frame, self._state

@@ -91,6 +91,12 @@ class Projector:
         return self._director.flying
 
     @property
+    def turning(self) -> bool:
+        """Whether a picture of the bag alone is waited for, and nothing else moves."""
+        moves = self._director.active(self._clock.now()) or not self._glides.settled
+        return self.packed.visible and self.bag.turning and not (moves or self.bag.fade.running)
+
+    @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
         one = self._director.inspection

@@ -99,7 +99,7 @@ class SpritePainter:
         self._publish()
 
     def _key(self, object_id: int, pose: Pose, fine: float) -> tuple[Any, ...]:
-        tint = self._session.solo_tints(object_id)[object_id].tobytes()
+        tint = self._session.tint_alone(object_id).tobytes()
         study = self._session.study(object_id)
         return pose.rotation.tobytes(), pose.scale, tint, fine, study, self._state
 

@@ -17,6 +17,7 @@ from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.own_context import guard
+from napari_unpack.layers.pacing import Pacing
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
@@ -303,8 +304,11 @@ class Stage(Hands):
         self._steps = SliceSteps(self.viewer, followed, self.packed)
         self._pointer = Pointer(self.viewer, self)
         self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
+        canvas, projector = compat.native_canvas(self.viewer), self._projector
+        self._pacing = Pacing(canvas, self.packed, lambda: projector.turning, projector.bag.look)
 
     def _disconnect(self) -> None:
+        self._pacing.close()
         self._cutting.close()
         self._steps.close()
         for signal, slot in self._wires():

@@ -141,6 +141,10 @@ class Bricks:
         return out
 
 
+OUTSIDE = -2
+"""The owner of bricks outside the volume, for `_stride`: it differs from nobody."""
+
+
 @dataclass(frozen=True, eq=False)
 class Strides:
     """How many bricks ahead look alike, for every octant of directions that a picture has.
@@ -217,9 +221,13 @@ def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.ui
     A cube of edge d is alike if those of edge d - 1 at its seven neighbours ahead are.
     """
     flip = tuple(slice(None, None, 1 if f else -1) for f in forward)
-    out = np.zeros(owners.shape, np.uint8)
-    _stride(np.ascontiguousarray(owners[flip]), out)
-    return np.ascontiguousarray(out[flip])
+    # One more brick ahead of all, so that the loop need not ask where the volume ends.
+    inside = tuple(slice(0, n) for n in owners.shape)
+    ahead = np.full([n + 1 for n in owners.shape], OUTSIDE, np.int32)
+    ahead[inside] = owners[flip]
+    out = np.full(ahead.shape, 254, np.uint8)
+    _stride(ahead, out)
+    return np.ascontiguousarray(out[inside][flip])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -325,17 +333,17 @@ def _owners(starts, ids, visible, out):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def _stride(owners, out):  # type: ignore[no-untyped-def]
     depth, height, width = owners.shape
-    for z in range(depth - 1, -1, -1):
-        for y in range(height - 1, -1, -1):
-            for x in range(width - 1, -1, -1):
+    for z in range(depth - 2, -1, -1):
+        for y in range(height - 2, -1, -1):
+            for x in range(width - 2, -1, -1):
                 own = owners[z, y, x]
                 if own < 0:
+                    out[z, y, x] = 0
                     continue
-                best = 255
-                for a in range(z, min(z + 2, depth)):
-                    for b in range(y, min(y + 2, height)):
-                        for c in range(x, min(x + 2, width)):
-                            if a > z or b > y or c > x:
-                                alike = owners[a, b, c] == own
-                                best = min(best, int(out[a, b, c]) + 1 if alike else 1)
-                out[z, y, x] = best
+                least = 254
+                for corner in range(1, 8):
+                    a, b, c = z + (corner >> 2), y + (corner >> 1 & 1), x + (corner & 1)
+                    other = owners[a, b, c]
+                    alike = other == own or other == OUTSIDE
+                    least = min(least, np.int64(out[a, b, c]) if alike else 0)
+                out[z, y, x] = least + 1

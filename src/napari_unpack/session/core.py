@@ -116,6 +116,7 @@ class SessionCore:
         self._changes = 0
         self._states: tuple[int, dict[int, ObjectState]] = (-1, {})
         self._tints: tuple[int, NDArray[np.float32]] = (-1, np.zeros((0, 4), np.float32))
+        self._tints_alone: tuple[int, dict[int, NDArray[np.float32]]] = (-1, {})
         self._slots: tuple[object, Slots] | None = None
 
     def _hold(self, contents: Contents) -> None:

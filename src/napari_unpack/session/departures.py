@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ class Bag:
         """Middle of the box around all objects, world mm."""
         return (self.lower + self.upper) / 2
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Radius of the sphere about `center` that holds every object's box, mm."""
         low = (self.boxes.lower - 0.5) * self.spacing - self.center

@@ -72,14 +72,26 @@ class SessionTints(SessionCore):
         Its alpha is above 1 where the object's typical density is so faint under the master
         transfer function that it could not be made out on its own.
         """
+        table = np.zeros((self._top + 1, 4), np.float32)
+        table[object_id] = self.tint_alone(object_id)
+        return table
+
+    def tint_alone(self, object_id: int) -> NDArray[np.float32]:
+        """Return the (4,) float32 row of an object in its `solo_tints`; kept until a change."""
+        if self._tints_alone[0] != self._changes:
+            self._tints_alone = self._changes, {}
+        known = self._tints_alone[1]
+        if object_id not in known:
+            known[object_id] = self._tint_alone(object_id)
+        return known[object_id]
+
+    def _tint_alone(self, object_id: int) -> NDArray[np.float32]:
         situation = self._situation
-        hue = situation.hues[object_id]
-        table = tints_of({object_id: hue}, self._top, mode=self.tint_mode)
-        density = float(self._facts.at[object_id, "mean_density"])
+        tint = tints_of({1: situation.hues[object_id]}, 1, mode=self.tint_mode)[1]
         study = situation.studies.get(object_id)
         own = None if study is None else study.transfer_function
-        if own is not None:
-            return table
-        opacity = float(situation.transfer_function.opacity_at(density))
-        table[object_id, 3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
-        return table
+        if own is None:
+            density = float(self._facts.at[object_id, "mean_density"])
+            opacity = float(situation.transfer_function.opacity_at(density))
+            tint[3] = np.clip(LEGIBLE / max(opacity, 1e-6), 1.0, MOST_GAIN)
+        return tint

@@ -1,0 +1,117 @@
+"""While the bag is turned the canvas is drawn once a picture, and for all else at once."""
+
+from __future__ import annotations
+
+from threading import Event
+
+import numpy as np
+import pytest
+from qtpy.QtWidgets import QApplication
+
+from napari_unpack.layers import pacing
+from napari_unpack.layers.compat import native_canvas
+from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.packed_painter import PackedPainter
+from napari_unpack.layers.view_camera import same_camera
+
+
+@pytest.fixture
+def casting(staged, monkeypatch):
+    """Return (viewer, stage, allowed, drawn): casts of a moving camera wait for `allowed`."""
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    assert stage.settle(30)
+    allowed, cast, drawn = Event(), PackedPainter._cast, []
+
+    def wait(self, frame, size, step):
+        assert allowed.wait(30)
+        return cast(self, frame, size, step)
+
+    monkeypatch.setattr(PackedPainter, "_cast", wait)
+    monkeypatch.setattr(pacing, "LONGEST_MS", 20_000)
+    native_canvas(viewer).events.draw.connect(lambda _: drawn.append(stage.packed.shot))
+    yield viewer, stage, allowed, drawn
+    allowed.set()
+
+
+def turn(viewer, degrees: float) -> None:
+    a, b, c = viewer.scene.camera.angles
+    viewer.scene.camera.angles = a, b + degrees, c
+    for _ in range(4):
+        QApplication.processEvents()
+
+
+def test_turned_on_it_waits_for_the_picture_which_is_of_the_newest_camera(casting) -> None:
+    viewer, stage, allowed, drawn = casting
+    turn(viewer, 5)
+    assert len(drawn) == 1
+    for _ in range(6):
+        turn(viewer, 5)
+    assert len(drawn) == 1
+    before = stage.packed.shot
+    allowed.set()
+    assert stage.settle(30)
+    assert drawn[-1] is stage.packed.shot is not before
+    assert same_camera(stage.packed.shot.camera, stage.packed.frame_now().camera)
+
+
+def test_the_picture_after_next_is_begun_without_a_redraw(casting, qtbot) -> None:
+    viewer, stage, allowed, drawn = casting
+    turn(viewer, 5)
+    turn(viewer, 5)
+    newest = stage.packed.frame_now().camera
+    assert not same_camera(newest, stage.frame.camera)
+    cameras = []
+    stage.packed.show, show = (
+        lambda shot, *a, **k: (cameras.append(shot.camera), show(shot, *a, **k)),
+        stage.packed.show,
+    )
+    allowed.set()
+    qtbot.waitUntil(lambda: len(cameras) > 1, timeout=30_000)
+    assert any(same_camera(camera, newest) for camera in cameras)
+
+
+def test_a_pan_a_zoom_and_a_selection_are_drawn_at_once(casting, session) -> None:
+    viewer, stage, _, drawn = casting
+    turn(viewer, 5)
+    camera = viewer.scene.camera
+    for change in (
+        lambda: setattr(camera, "zoom", camera.zoom * 1.1),
+        lambda: setattr(camera, "center", tuple(np.array(camera.center) + 2.0)),
+        lambda: stage.sprites.dim(0.5),
+    ):
+        before = len(drawn)
+        change()
+        for _ in range(4):
+            QApplication.processEvents()
+        assert len(drawn) > before
+
+
+def test_it_waits_no_longer_than_it_may(casting, qtbot, monkeypatch) -> None:
+    viewer, _, _, drawn = casting
+    turn(viewer, 5)
+    monkeypatch.setattr(pacing, "LONGEST_MS", 300)
+    turn(viewer, 5)
+    qtbot.waitUntil(lambda: len(drawn) > 1, timeout=10_000)
+
+
+def test_a_closed_stage_leaves_the_canvas_its_own_redraws(casting) -> None:
+    viewer, stage, allowed, _ = casting
+    turn(viewer, 5)
+    allowed.set()
+    stage.close()
+    assert "update" not in vars(native_canvas(viewer))
+
+
+def test_a_lane_goes_on_while_results_wait_for_the_main_thread(qtbot) -> None:
+    jobs = Jobs(("one",), lambda text: None)
+    second, results = Event(), []
+    jobs.ask("one", "a", lambda: 1, results.append)
+    jobs.ask("one", "b", lambda: second.set() or 2, results.append)
+    # No events are handled here: nobody has taken the first result.
+    assert second.wait(10)
+    assert results == []
+    assert jobs.has("a")
+    qtbot.waitUntil(lambda: results == [1, 2], timeout=10_000)
+    assert not jobs.busy
+    jobs.close()
