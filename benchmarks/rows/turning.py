@@ -54,7 +54,8 @@ def measure(scenes: Scenes) -> list[Row]:
         Row(
             WHAT,
             WORK,
-            f"{pictures:.1f} fresh pictures a second ({redraws:.0f} redraws), {rays:.0f} rays on the short side",
+            f"{pictures:.1f} fresh pictures a second ({redraws:.0f} redraws), "
+            f"{rays:.0f} rays on the short side",
             'paper: "20 fps"',
             goal=GOAL,
             met=pictures >= 10,

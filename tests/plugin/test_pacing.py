@@ -55,17 +55,20 @@ def test_turned_on_it_waits_for_the_picture_which_is_of_the_newest_camera(castin
     assert same_camera(stage.packed.shot.camera, stage.packed.frame_now().camera)
 
 
-def test_the_picture_after_next_is_begun_without_a_redraw(casting, qtbot) -> None:
-    viewer, stage, allowed, drawn = casting
+def test_the_picture_after_next_is_begun_without_a_redraw(casting, qtbot, monkeypatch) -> None:
+    viewer, stage, allowed, _ = casting
     turn(viewer, 5)
     turn(viewer, 5)
     newest = stage.packed.frame_now().camera
     assert not same_camera(newest, stage.frame.camera)
     cameras = []
-    stage.packed.show, show = (
-        lambda shot, *a, **k: (cameras.append(shot.camera), show(shot, *a, **k)),
-        stage.packed.show,
-    )
+    show = stage.packed.show
+
+    def shown(shot, *rest, **kwargs):
+        cameras.append(shot.camera)
+        show(shot, *rest, **kwargs)
+
+    monkeypatch.setattr(stage.packed, "show", shown)
     allowed.set()
     qtbot.waitUntil(lambda: len(cameras) > 1, timeout=30_000)
     assert any(same_camera(camera, newest) for camera in cameras)
