@@ -345,5 +345,5 @@ def _stride(owners, out):  # type: ignore[no-untyped-def]
                     a, b, c = z + (corner >> 2), y + (corner >> 1 & 1), x + (corner & 1)
                     other = owners[a, b, c]
                     alike = (other == own) | (other == OUTSIDE)
-                    least = min(least, np.int64(out[a, b, c]) if alike else 0)
+                    least = min(least, int(out[a, b, c]) if alike else 0)
                 out[z, y, x] = least + 1
