@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.flooding import flood
+from napari_unpack.segmentation.neighbours import find_neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +76,13 @@ def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -
     -------
     (Z, Y, X) ndarray of int32
     """
-    contacts = measure_contacts(labels, spacing)
-    touching = contacts.area.copy()
-    touching[:, 0] = 0
-    owner = np.arange(len(touching))
-    for name in np.argsort(contacts.volume[1:], kind="stable") + 1:
-        if contacts.volume[name] >= smallest:
-            break
-        other = int(np.argmax(touching[name]))
-        owner[name] = other if touching[name, other] > 0 and _root(owner, other) != name else 0
+    found = find_neighbours(labels, spacing)
+    most, volume = found.most_touched(), found.voxels * float(np.prod(spacing))
+    owner = np.arange(len(most))
+    order = np.argsort(volume[1:], kind="stable") + 1
+    for name in order[volume[order] < smallest].tolist():
+        other = int(most[name])
+        owner[name] = other if _root(owner, other) != name else 0
     return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
 
 
@@ -115,16 +114,14 @@ def absorb_fringes(
     The blurred edge of a dense thing, where noise carries some voxels over a density step and
     leaves others, is a lace of voxels around it.
     """
-    contacts = measure_contacts(labels, spacing)
+    found = find_neighbours(labels, spacing)
     face = float(np.prod(spacing)) ** (2 / 3)
-    voxels = contacts.volume / float(np.prod(spacing))
-    lace = contacts.surface > ragged * face * np.maximum(voxels, 1)
-    touching = contacts.area.copy()
-    touching[:, 0] = 0
+    voxels, most = found.voxels, found.most_touched()
+    lace = found.surface > ragged * face * np.maximum(voxels, 1)
     values = np.nan_to_num(density.reshape(-1).astype(np.float32))
     mean = np.bincount(labels.reshape(-1), values, len(lace)) / np.maximum(voxels, 1)
     # A thin wire in cloth is all surface too, but denser than what it lies in.
-    lace &= (touching.max(axis=1) > 0) & (mean[touching.argmax(axis=1)] > 1.1 * mean)
+    lace &= (most > 0) & (mean[most] > 1.1 * mean)
     lace[0] = False
     if not lace.any():
         return labels
@@ -168,30 +165,30 @@ def fill_cavities(
     if opens.all():
         return labels
     names = np.where(opens, 0, np.cumsum(~opens))
-    area = _hole_contacts(labels, names[holes].astype(np.int32), top, int(names.max()), spacing)
-    total = np.maximum(area.sum(axis=1), 1e-9)
-    best = area.argmax(axis=1)
-    owner = np.where(area[np.arange(len(area)), best] >= share * total, best, 0)
-    owner[0] = 0
+    keys, area = _hole_contacts(labels, names[holes].astype(np.int32), top, spacing)
+    hole, label = np.divmod(keys, top + 1)
+    total = np.bincount(hole, area, count + 1)
+    owner = np.zeros(count + 1, np.int64)
+    # The largest contact of each hole comes last.
+    order = np.lexsort((-label, area, hole))
+    owner[hole[order]] = np.where(area >= share * total[hole], label, 0)[order]
     return np.where(labels > 0, labels, owner[names].astype(np.int32)[holes])
 
 
 def _hole_contacts(
-    labels: NDArray[np.int32],
-    holes: NDArray[np.int32],
-    top: int,
-    count: int,
-    spacing: Spacing,
-) -> NDArray[np.float64]:
-    """Return the (holes + 1, labels + 1) areas between cavities and objects, mm^2."""
-    area = np.zeros((count + 1) * (top + 1))
+    labels: NDArray[np.int32], holes: NDArray[np.int32], top: int, spacing: Spacing
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return hole * (top + 1) + label of all that touch, rising, and over how much, mm^2."""
+    found, faces = [], []
     for axis, face in enumerate(np.prod(spacing) / np.array(spacing)):
         hole, label = np.moveaxis(holes, axis, 0), np.moveaxis(labels, axis, 0)
         for one, two in ((hole[:-1], label[1:]), (hole[1:], label[:-1])):
             touch = (one > 0) & (two > 0)
-            pairs = one[touch].astype(np.int64) * (top + 1) + two[touch]
-            area += face * np.bincount(pairs, minlength=len(area))
-    return area.reshape(count + 1, top + 1)
+            found.append(one[touch].astype(np.int64) * (top + 1) + two[touch])
+            faces.append(np.full(len(found[-1]), face))
+    keys, where = np.unique(np.concatenate(found), return_inverse=True)
+    area = np.bincount(where, np.concatenate(faces), len(keys))
+    return keys.astype(np.int64), area.astype(np.float64)
 
 
 def _root(owner: NDArray[np.int64], k: int) -> int:

@@ -1,0 +1,56 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from napari_unpack.segmentation.merging import absorb_small
+from napari_unpack.segmentation.neighbours import find_neighbours
+
+MM = (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("spacing", [MM, (3.0, 1.0, 0.5)])
+def test_contacts_are_those_that_counting_every_face_gives(spacing):
+    labels = np.random.default_rng(0).integers(0, 9, (5, 6, 7)).astype(np.int32)
+    faces = np.prod(spacing) / np.array(spacing)
+    padded = np.pad(labels, 1)
+    area = np.zeros((9, 9))
+    for place in np.ndindex(*padded.shape):
+        for axis in range(3):
+            following = tuple(np.add(place, np.eye(3, dtype=int)[axis]))
+            if following[axis] < padded.shape[axis]:
+                one, two = padded[place], padded[following]
+                if one != two:
+                    area[one, two] += faces[axis]
+                    area[two, one] += faces[axis]
+    found = find_neighbours(labels, spacing)
+    np.testing.assert_allclose(found.surface[1:], area[1:].sum(axis=1))
+    np.testing.assert_array_equal(found.voxels[1:], np.bincount(labels.reshape(-1))[1:])
+    for name in range(1, 9):
+        touched = slice(*found.start[name : name + 2])
+        row = area[name].copy()
+        row[0] = 0
+        np.testing.assert_array_equal(found.other[touched], np.flatnonzero(row))
+        np.testing.assert_allclose(found.area[touched], row[row > 0])
+        assert found.most_touched()[name] == row.argmax()
+
+
+def test_a_label_alone_touches_nobody():
+    labels = np.zeros((3, 3, 3), np.int32)
+    labels[1, 1, 1] = 4
+    found = find_neighbours(labels, MM)
+    assert not found.other.size
+    assert found.surface[4] == 6
+    assert not found.most_touched().any()
+    assert not find_neighbours(np.zeros((2, 2, 2), np.int32), MM).other.size
+
+
+def test_a_hundred_thousand_specks_take_no_more_memory_than_voxels_do():
+    # A table of every speck against every other would be of 97 GB.
+    specks = np.zeros((96, 96, 96), np.int32)
+    specks[::2, ::2, ::2] = np.arange(1, 48**3 + 1).reshape(48, 48, 48)
+    tracemalloc.start()
+    assert not absorb_small(specks, MM, 2.0).any()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 500 * 48**3
