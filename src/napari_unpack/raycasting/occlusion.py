@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -19,8 +21,30 @@ from napari_unpack.raycasting.lattice import (
     ray_of,
     sample_range,
 )
+from napari_unpack.raycasting.packets import (
+    AX,
+    AY,
+    AZ,
+    BRICK,
+    DX,
+    DY,
+    DZ,
+    FLOAT_ROWS,
+    FREE,
+    GRID,
+    INTEGER_ROWS,
+    LANES,
+    LOOK,
+    MOST,
+    PX,
+    PY,
+    PZ,
+    K,
+    look_ahead,
+    looks_of,
+)
 from napari_unpack.raycasting.threads import over_bands
-from napari_unpack.raycasting.walking import AHEAD, ground, outlook, read_labels, read_packed
+from napari_unpack.raycasting.walking import AHEAD, ground, read_labels, read_packed
 
 MOST_IN_TABLE = 4096
 """Above this many objects there is no table of who blocks whom: it grows with their square."""
@@ -67,20 +91,25 @@ def occlusion_counts(
         blocks = np.zeros((len(candidates),) * 2, np.bool_)
     else:
         blocks = np.zeros((0, 0), np.bool_)
-    over = ground(labels, bricks, visible, rays)
+    _, owners, reach, octants, axis, *voxels = ground(labels, bricks, visible, rays)
+    looks = looks_of(owners, reach).reshape(-1)
+    octants = octants * owners.size
     planes = clipping_planes(None)
     width = rays.size[1]
 
-    def work(counts: NDArray[np.int64], first: int, last: int) -> None:
+    def work(own: tuple[NDArray[Any], ...], first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
         _count(  # type: ignore[call-arg]
-            *over, table, step, near, planes, visible, first, last, width, slots, counts, blocks,
+            labels, looks, *owners.shape[1:], octants, axis, *voxels, table, step, near, planes,
+            visible, first, last, width, slots, *own, blocks,
         )  # fmt: skip
 
-    parts = over_bands(
-        rays.size[0], work, lambda: np.zeros((5, size), np.int64), threads, band_of(rays.size[0])
-    )
-    counts = np.sum(parts, axis=0)
+    def state() -> tuple[NDArray[Any], ...]:
+        counts = np.zeros((5, size), np.int64)
+        return counts, np.full((size, LANES), -1, np.int32), np.zeros((LANES, size), np.int32)
+
+    parts = over_bands(rays.size[0], work, state, threads, band_of(rays.size[0]))
+    counts = np.sum([counts for counts, _, _ in parts], axis=0)
     ids = np.flatnonzero(counts[0])
     met = slots[ids]
     return OcclusionCounts(
@@ -91,85 +120,111 @@ def occlusion_counts(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(  # type: ignore[no-untyped-def]
-    labels, owners, reach, octants, axis, starts, ids, words, firsts, bits,
-    table, step, near, planes, visible, first_row, last_row, width, slots, counts, blocks,
+    labels, looks, rows, columns, octants, axis, starts, ids, words, firsts, bits,
+    table, step, near, planes, visible, first_row, last_row, width, slots,
+    counts, stamps, seen, blocks,
 ):  # fmt: skip
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
-    skip = owners.size > 0
+    skip = looks.size > 0
     flat, (_, high, wide) = labels.reshape(-1), labels.shape
     ahead = np.zeros(AHEAD, np.int64)
     tabulate = blocks.size > 0
-    stamps = np.full(visible.shape[0], -1, np.int64)
-    seen = np.empty(visible.shape[0], np.int64)
+    f, n = np.zeros(FLOAT_ROWS * LANES), np.zeros(INTEGER_ROWS * LANES, np.int32)
+    ends = np.zeros(LANES, np.int64)
+    stamp, met = np.full(LANES, -1, np.int64), np.zeros(LANES, np.int64)
+    current, run = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     height = last_row - first_row
     for tile in range(0, width, TILE):
-        columns = min(TILE, width - tile)
-        for pixel in range(height * columns):
-            row, col = first_row + pixel // columns, tile + pixel % columns
-            pz, py, px, dz, dy, dx = ray_of(table, row, col)
-            k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
-            stamp = row * width + col
-            met = 0
-            current = 0
-            blocked = False
-            run = 0
-            az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
-            grid = octants[octant_of(az, ay, ax)]
-            while k < end:
-                label, free, brick = -1, end, np.uint64(0)
-                if skip:
-                    label, free, brick = outlook(
-                        owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
-                    )
-                    free = min(free, end)
+        tiled = min(TILE, width - tile)
+        pixel, walking = 0, 0
+        while True:
+            # Rays that have ended make room for the next ones of the tile.
+            for lane in range(LANES):
+                while stamp[lane] < 0 and pixel < height * tiled:
+                    row, col = first_row + pixel // tiled, tile + pixel % tiled
+                    pixel += 1
+                    pz, py, px, dz, dy, dx = ray_of(table, row, col)
+                    k, end = sample_range(box, planes, step, near, 0.5, pz, py, px, dz, dy, dx)
+                    if k >= end:
+                        continue
+                    az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
+                    f[PZ + lane], f[PY + lane], f[PX + lane] = pz, py, px
+                    f[DZ + lane], f[DY + lane], f[DX + lane] = dz, dy, dx
+                    f[AZ + lane], f[AY + lane], f[AX + lane] = az, ay, ax
+                    n[GRID + lane] = octants[octant_of(az, ay, ax)]
+                    f[K + lane], ends[lane] = k, end
+                    stamp[lane] = row * width + col
+                    met[lane] = current[lane] = run[lane] = 0
+                    walking += 1
+            if walking == 0:
+                break
+            if skip:
+                look_ahead(looks, rows, columns, axis, step, f, n)
+            for lane in range(LANES):
+                if stamp[lane] < 0:
+                    continue
+                k, stop = int(f[K + lane]), int(min(f[FREE + lane], float(ends[lane])))
+                look = np.int64(n[LOOK + lane])
                 count, stops = 1, 1
-                if label >= 0:
-                    count, ahead[0] = free - k, label
+                if look & MOST:
+                    count, ahead[0] = stop - k, look >> 8
+                elif skip:
+                    stop = min(stop, k + AHEAD)
+                    stops = stop - k
+                    b = np.uint64(n[BRICK + lane])
+                    place, start = np.uint64(firsts[b]), np.uint64(starts[b])
+                    read_packed(
+                        words, place, np.int64(bits[b]), ids, start, k, stop, step,
+                        f[PZ + lane], f[PY + lane], f[PX + lane],
+                        f[DZ + lane], f[DY + lane], f[DX + lane], ahead,
+                    )  # fmt: skip
                 else:
-                    free = min(free, k + AHEAD)
-                    stops = free - k
-                    if skip:
-                        place, start = np.uint64(firsts[brick]), np.uint64(starts[brick])
-                        read_packed(
-                            words, place, np.int64(bits[brick]), ids, start,
-                            k, free, step, pz, py, px, dz, dy, dx, ahead,
-                        )  # fmt: skip
-                    else:
-                        read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
-                k = free
-                for stop in range(stops):
-                    label = ahead[stop]
-                    if label == current:
-                        run += count
+                    stop = min(ends[lane], k + AHEAD)
+                    stops = stop - k
+                    read_labels(
+                        flat, high, wide, k, stop, step,
+                        f[PZ + lane], f[PY + lane], f[PX + lane],
+                        f[DZ + lane], f[DY + lane], f[DX + lane], ahead,
+                    )  # fmt: skip
+                label, length, number = current[lane], run[lane], met[lane]
+                for i in range(stops):
+                    found = ahead[i]
+                    if found == label:
+                        length += count
                         continue
-                    _flush(counts, current, run, met, seen, blocked)
-                    run = 0
-                    current = 0
-                    if not visible[label]:
+                    _flush(counts, label, length, number, seen[lane, 0])
+                    length = label = 0
+                    if not visible[found]:
                         continue
-                    current = label
-                    run = count
-                    if stamps[label] != stamp:
-                        stamps[label] = stamp
-                        seen[met] = label
-                        met += 1
-                        counts[1, label] += 1
-                        if met > 1:
-                            counts[2, label] += 1
-                    blocked = met > 1
-                    if tabulate and blocked:
-                        for i in range(met):
-                            if seen[i] != label:
-                                blocks[slots[seen[i]], slots[label]] = True
-            _flush(counts, current, run, met, seen, blocked)
+                    label, length = found, count
+                    if stamps[found, lane] != stamp[lane]:
+                        stamps[found, lane] = stamp[lane]
+                        seen[lane, number] = found
+                        number += 1
+                        counts[1, found] += 1
+                        if number > 1:
+                            counts[2, found] += 1
+                    if tabulate and number > 1:
+                        for earlier in range(number):
+                            other = seen[lane, earlier]
+                            if other != found:
+                                blocks[slots[other], slots[found]] = True
+                current[lane], run[lane], met[lane] = label, length, number
+                f[K + lane] = stop
+                if stop >= ends[lane]:
+                    _flush(counts, label, length, number, seen[lane, 0])
+                    stamp[lane] = -1
+                    walking -= 1
+                    # It goes on being looked at: let it stand inside.
+                    f[K + lane] = ends[lane] - 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _flush(counts, label, run, met, seen, blocked):  # type: ignore[no-untyped-def]
+def _flush(counts, label, run, met, foremost):  # type: ignore[no-untyped-def]
     if label != 0:
         counts[0, label] += run
-        if label != seen[0]:
+        if label != foremost:
             counts[3, label] += run
-        if blocked:
+        if met > 1:
             counts[4, label] += run

@@ -1,0 +1,129 @@
+"""Rays that walk side by side: what lies ahead of eight of them is worked out at once.
+
+A leap is one chain of some 85 cycles (position, brick, distance, wall, next sample), most of them
+spent waiting. Eight chains take hardly longer than one, in vector units; what is done with the
+labels found is done ray by ray.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LANES = 16
+"""Rays of a packet."""
+
+# Rows of the float scratch: a ray as `ray_of` and `per_voxel` give it, its sample, the first one
+# that may lie elsewhere, and from the ray's origin to the middle of the brick.
+PZ, PY, PX = 0, LANES, 2 * LANES
+DZ, DY, DX = 3 * LANES, 4 * LANES, 5 * LANES
+AZ, AY, AX = 6 * LANES, 7 * LANES, 8 * LANES
+K, FREE = 9 * LANES, 10 * LANES
+CZ, CY, CX = 11 * LANES, 12 * LANES, 13 * LANES
+FLOAT_ROWS = 14
+
+# Rows of the integer scratch: where the grid begins that serves a ray, its brick, and the look.
+GRID, BRICK, LOOK = 0, LANES, 2 * LANES
+INTEGER_ROWS = 3
+
+ORDERED = {"nnan", "nsz"}
+"""Liberties the compiler may take: none that could move a sample, or a comparison of numbers."""
+
+MOST = 255
+"""The largest distance ahead; owners stand above it in a look."""
+
+
+def looks_of(owners: NDArray[np.int32], reach: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return owner and distance of every brick in one number, 256 owner + distance.
+
+    Parameters
+    ----------
+    owners : (Bz, By, Bx) ndarray of int32
+        From `Bricks.owners`.
+    reach : (n, Bz, By, Bx) ndarray of uint8
+        From `Corridors.grids`: 0 where a brick is mixed.
+
+    Returns
+    -------
+    (n, Bz, By, Bx) ndarray of int32
+    """
+    return np.ascontiguousarray(np.where(reach > 0, owners * (MOST + 1) + reach, 0), np.int32)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
+def look_ahead(looks, rows, columns, axis, step, f, n):  # type: ignore[no-untyped-def]
+    """Look at the bricks in which the samples of all rays lie, and from there on.
+
+    Parameters
+    ----------
+    looks : (n,) ndarray of int32
+        Of `looks_of`, flat; `rows`, `columns` are its By and Bx.
+    axis : int
+        Of `Corridors`.
+    step : float
+        Distance of samples, mm.
+    f : (FLOAT_ROWS * LANES,) ndarray of float64
+        Rays and their samples K, all within the volume; FREE is written.
+    n : (INTEGER_ROWS * LANES,) ndarray of int32
+        GRID of each ray; BRICK and LOOK are written.
+    """
+    low, three = np.int32(-8), np.int32(3)
+    rows, columns = np.int32(rows), np.int32(columns)
+    for i in range(LANES):
+        t = (f[K + i] + 0.5) * step
+        z = np.int32(f[PZ + i] + t * f[DZ + i] + 0.5)
+        y = np.int32(f[PY + i] + t * f[DY + i] + 0.5)
+        x = np.int32(f[PX + i] + t * f[DX + i] + 0.5)
+        n[BRICK + i] = ((z >> three) * rows + (y >> three)) * columns + (x >> three)
+        f[CZ + i] = np.float64(z & low) + 3.5 - f[PZ + i]
+        f[CY + i] = np.float64(y & low) + 3.5 - f[PY + i]
+        f[CX + i] = np.float64(x & low) + 3.5 - f[PX + i]
+    for i in range(LANES):
+        n[LOOK + i] = looks[np.uint64(n[GRID + i] + n[BRICK + i])]
+    if axis == 0:
+        _leap(CZ, AZ, f, n)
+    elif axis == 1:
+        _leap(CY, AY, f, n)
+    else:
+        _leap(CX, AX, f, n)
+    if axis < 0:
+        _leap_cubes(f, n)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED, forceinline=True)
+def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
+    """Leap over layers of bricks along one axis, else over the brick alone.
+
+    `center` and `pace` are that axis's rows; see `lattice.leap_along` and `lattice.leap`.
+    """
+    one = np.int32(1)
+    for i in range(LANES):
+        layers = n[LOOK + i] & np.int32(MOST)
+        az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
+        z, y, x = f[CZ + i] * az, f[CY + i] * ay, f[CX + i] * ax
+        z, y, x = z + 4.0 * abs(az), y + 4.0 * abs(ay), x + 4.0 * abs(ax)
+        z = z if z < y else y
+        z = z if z < x else x
+        way = f[pace + i]
+        edge = f[center + i] * way + (np.float64(layers) * 8.0 - 12.0) * abs(way)
+        edge = np.floor((edge if layers > one else z) - 0.5 + 0.999)
+        next_one = f[K + i] + 1.0
+        f[FREE + i] = edge if edge > next_one else next_one
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED, forceinline=True)
+def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
+    """Leap over cubes of bricks; see `lattice.leap`."""
+    for i in range(LANES):
+        layers = n[LOOK + i] & np.int32(MOST)
+        half = np.float64(layers) * 8.0 - 4.0
+        half = half if half > 4.0 else np.float64(4.0)
+        az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
+        z, y, x = f[CZ + i] * az, f[CY + i] * ay, f[CX + i] * ax
+        z, y, x = z + half * abs(az), y + half * abs(ay), x + half * abs(ax)
+        z = z if z < y else y
+        z = z if z < x else x
+        edge = np.floor(z - 0.5 + 0.999)
+        next_one = f[K + i] + 1.0
+        f[FREE + i] = edge if edge > next_one else next_one

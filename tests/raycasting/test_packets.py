@@ -1,0 +1,72 @@
+"""Sixteen rays looked at together against each looked at alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ray_scenes import along
+
+from napari_unpack.raycasting import packets
+from napari_unpack.raycasting.corridors import Corridors
+from napari_unpack.raycasting.lattice import octant_of, per_voxel, ray_numbers, ray_of
+from napari_unpack.raycasting.walking import outlook
+
+SHAPE = (40, 56, 72)
+
+
+def owners() -> np.ndarray:
+    rng = np.random.default_rng(4)
+    grid = np.zeros(tuple(n // 8 for n in SHAPE), np.int32)
+    grid[1:4, 2:6, 3:8] = 70_000
+    grid[rng.random(grid.shape) < 0.1] = -1
+    return grid
+
+
+@pytest.mark.parametrize(
+    ("direction", "fov"),
+    [
+        ((0.2, 1, 0.1), 0),
+        ((-1, 0.3, 0.9), 0),
+        ((0.1, 0, -1), 0),
+        ((1, 1, 1), 100),
+        ((0, -1, 0), 20),
+    ],
+)
+def test_each_sees_what_it_sees_alone(direction, fov) -> None:
+    rng, grid = np.random.default_rng(7), owners()
+    rays = along(direction, SHAPE, size=(64, 64), fov=fov, step=0.9)
+    ahead = Corridors.of(grid, rays)
+    looks = packets.looks_of(grid, ahead.grids).reshape(-1)
+    table, step, near = ray_numbers(rays)
+    numbers, chosen = [], []
+    while len(numbers) < 40 * packets.LANES:
+        ray = ray_of(table, float(rng.integers(64)), float(rng.integers(64)))
+        k = int(rng.integers(-400, 400))
+        voxel = np.array(ray[:3]) + (k + 0.5) * step * np.array(ray[3:])
+        if (k + 0.5) * step > near and ((voxel >= -0.5) & (voxel < np.array(SHAPE) - 0.5)).all():
+            numbers.append(ray)
+            chosen.append(k)
+    uniform = 0
+    for first in range(0, len(numbers), packets.LANES):
+        lanes = range(first, first + packets.LANES)
+        f = np.zeros(packets.FLOAT_ROWS * packets.LANES)
+        n = np.zeros(packets.INTEGER_ROWS * packets.LANES, np.int32)
+        paces = [tuple(per_voxel(d, step) for d in numbers[i][3:]) for i in lanes]
+        grids = [int(ahead.slots[octant_of(*pace)]) for pace in paces]
+        f[: 9 * packets.LANES] = np.array(
+            [(*numbers[i], *pace) for i, pace in zip(lanes, paces, strict=True)]
+        ).T.ravel()
+        f[packets.K : packets.K + packets.LANES] = chosen[first : first + packets.LANES]
+        n[: packets.LANES] = np.array(grids) * grid.size
+        packets.look_ahead(looks, *grid.shape[1:], ahead.axis, step, f, n)
+        for lane, i in enumerate(lanes):
+            own, free, brick = outlook(
+                grid, ahead.grids, grids[lane], ahead.axis, chosen[i], step, *numbers[i],
+                *paces[lane],
+            )  # fmt: skip
+            look = int(n[packets.LOOK + lane])
+            assert (look >> 8 if look & packets.MOST else -1) == own
+            assert int(f[packets.FREE + lane]) == free
+            assert int(n[packets.BRICK + lane]) == brick
+            uniform += own >= 0
+    assert 100 < uniform < len(numbers)
