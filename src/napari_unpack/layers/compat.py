@@ -13,6 +13,8 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 from weakref import ref
 
@@ -92,6 +94,35 @@ def native_canvas(viewer: Any) -> Any | None:
 def is_drawing(canvas: Any) -> bool:
     """Return whether a vispy canvas is being drawn, during which it asks for no redraw."""
     return bool(getattr(canvas, "_drawing", False))
+
+
+def forget_objects(context: Any) -> None:
+    """Have a vispy context forget all GL objects, whose names mean nothing any more.
+
+    Drawing with those made until now does nothing from here on, and is no error.
+    """
+    before = context.shared.parser
+    context.glir.clear()
+    after = type(before)()
+    after.parse([("CREATE", known, None) for known in list(getattr(before, "_objects", ()))])
+    context.shared.parser = after
+
+
+def build_anew(viewer: Any, layers: Sequence[Any]) -> bool:
+    """Give layers new visuals in place of those they have; return whether all got theirs."""
+    qt_viewer: Any = getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
+    # Other versions of napari do this elsewhere; layers then stay as they are.
+    try:
+        canvas = qt_viewer.canvas
+        fonts = canvas._font_info
+        # Glyphs are textures too.
+        canvas._font_info = replace(fonts, font_manager=type(fonts.font_manager)())
+        for layer in layers:
+            canvas._remove_layer(SimpleNamespace(value=layer))
+            qt_viewer._add_layer(layer)
+    except (AttributeError, KeyError, TypeError):
+        return False
+    return True
 
 
 def pixel_scale(viewer: Any) -> float:

@@ -122,6 +122,15 @@ class Projector:
         self._draw_moving()
         self._show_sprites()
 
+    def context_replaced(self) -> None:
+        """Show everything anew in a context that holds nothing of ours."""
+        before = self.studio.active
+        self.studio.context_replaced()
+        self._caster_changed(before)
+        self._sending.go_on()
+        for layer in (self.packed, self.transition, self.sprites):
+            layer.repaint()
+
     def states_changed(self) -> None:
         """Follow the session's states."""
         self._follow_inspection()

@@ -15,6 +15,7 @@ from napari_unpack.layers.cutting import Cutting
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
+from napari_unpack.layers.lost_context import ContextWatch
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.own_context import guard
 from napari_unpack.layers.pacing import Pacing
@@ -33,6 +34,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.warming import Warming
 
 RIGHT_HANDED = ("towards", "down", "right")
+REPLACED = "The window lost what it had on the graphics card; "
 LANES = ("moving", "quick", "fine", "rest", "queue")
 
 
@@ -305,10 +307,12 @@ class Stage(Hands):
         self._pointer = Pointer(self.viewer, self)
         self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
         canvas, projector = compat.native_canvas(self.viewer), self._projector
+        self._context = ContextWatch(canvas, self._on_context_replaced)
         self._pacing = Pacing(canvas, self.packed, lambda: projector.turning, projector.bag.look)
 
     def _disconnect(self) -> None:
         self._pacing.close()
+        self._context.close()
         self._cutting.close()
         self._steps.close()
         for signal, slot in self._wires():
@@ -371,6 +375,14 @@ class Stage(Hands):
     def _on_densities(self) -> None:
         self._projector.densities_changed()
         self.overlays.painter.renew()
+
+    def _on_context_replaced(self) -> None:
+        self._projector.context_replaced()
+        others = [layer for layer in self.viewer.layers if layer not in self.layers]
+        if compat.build_anew(self.viewer, others):
+            self.events.message.emit(REPLACED + "everything is drawn anew.")
+        else:
+            self.events.message.emit(REPLACED + "add your own layers anew to see them again.")
 
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)

@@ -141,6 +141,10 @@ class Studio:
             self._break(error)
         self._ready = self._ready or self._sent
 
+    def context_replaced(self) -> None:
+        """Send everything anew: what was on the graphics card went with its context."""
+        self._ready = self._sent = False
+
     def supply(self, crop: Crop) -> None:
         """Take over the whole volume, made ready in a worker thread."""
         if crop is self._crop:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,6 +183,15 @@ def finish() -> None:
         raise MemoryError("it is out of memory")
     if complaint:
         raise RuntimeError(f"GL error {complaint:#06x}")
+
+
+def namespace() -> Any:
+    """Return what stands for the GL objects of the current context.
+
+    It is another once the context itself was replaced: whoever keeps GL objects keeps them by
+    this, and finds none then.
+    """
+    return current_context().shared.parser
 
 
 def current_context() -> GLContext:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from vispy import gloo
-from vispy.gloo.context import GLShared
 
-from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.framebuffer import current_context, namespace
 from napari_unpack.rendering.shader_source import ShaderSource, load
 
 
@@ -21,14 +21,19 @@ class Programs:
     """Passes compiled once a GL context, for all that draw there."""
 
     def __init__(self) -> None:
-        self._made: WeakKeyDictionary[GLShared, dict[object, gloo.Program]] = WeakKeyDictionary()
+        self._made: WeakKeyDictionary[Any, dict[object, gloo.Program]] = WeakKeyDictionary()
 
-    def here(self, fragment: str, defines: Mapping[str, object] | None = None) -> gloo.Program:
+    def here(
+        self,
+        fragment: str,
+        defines: Mapping[str, object] | None = None,
+        vertex: str = "fullscreen.vert",
+    ) -> gloo.Program:
         """Return the program of the current context; see `compiled`."""
-        made = self._made.setdefault(current_context().shared, {})
-        key = fragment, *sorted((defines or {}).items())
+        made = self._made.setdefault(namespace(), {})
+        key = fragment, vertex, *sorted((defines or {}).items())
         if key not in made:
-            made[key] = compiled(fragment, defines)
+            made[key] = compiled(fragment, defines, vertex)
         return made[key]
 
 

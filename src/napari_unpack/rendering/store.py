@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from vispy.gloo.context import GLShared
 
-from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.framebuffer import namespace
 from napari_unpack.rendering.textures import Box, Density, VolumeTextures
 
 
@@ -41,7 +41,7 @@ class VolumeStore:
     ) -> None:
         self.version = 0
         self._labels, self._volume, self._largest, self._most = labels, volume, largest, most
-        self._made: WeakKeyDictionary[GLShared, VolumeTextures] = WeakKeyDictionary()
+        self._made: WeakKeyDictionary[Any, VolumeTextures] = WeakKeyDictionary()
 
     @property
     def uploads(self) -> int:
@@ -69,12 +69,12 @@ class VolumeStore:
         return self._textures().send(most_bytes)
 
     def _textures(self) -> VolumeTextures:
-        shared = current_context().shared
-        if shared not in self._made:
-            self._made[shared] = VolumeTextures(
+        here = namespace()
+        if here not in self._made:
+            self._made[here] = VolumeTextures(
                 self._labels, self._volume, self._largest, self._most, at_once=False
             )
-        return self._made[shared]
+        return self._made[here]
 
     def delete(self) -> None:
         """Free the textures in every context; they are sent again where they are asked for."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from vispy import gloo
@@ -20,7 +21,8 @@ from vispy.visuals import Visual
 from vispy.visuals.filters import Alpha, PickingFilter
 
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.rendering.framebuffer import forget_complaints
+from napari_unpack.rendering.framebuffer import forget_complaints, namespace
+from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.shader_source import load
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
@@ -96,11 +98,8 @@ class CardsVisual(Visual):  # type: ignore[misc]
         self.cards_opacity = 1.0
         self.before_draw: Callable[[CardsVisual], None] | None = None
         self.draws = 0
-        self._blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
-        self._corners = gloo.VertexBuffer(
-            np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
-        )
-        self._draw_mode = "triangle_strip"
+        self._programs = Programs()
+        self._blanks: WeakKeyDictionary[Any, gloo.Texture2D] = WeakKeyDictionary()
         self.freeze()
 
     @property
@@ -139,13 +138,15 @@ class CardsVisual(Visual):  # type: ignore[misc]
         overall = self.cards_opacity * (
             1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
         )
-        shown = [card for card in self._cards if card.opacity * overall > 0.0]
+        wanted = [card for card in self._cards if card.opacity * overall > 0.0]
+        found = [(card, card.picture.textures()) for card in wanted]
+        shown = [(card, textures) for card, textures in found if textures is not None]
         if not shown:
             return
-        self._program["a_corner"] = self._corners
+        program = self._ready_program()
         # A canvas of one pixel leaves Qt's own errors, which PyOpenGL would raise as ours.
         forget_complaints()
-        found = gl.glGetParameter(gl.GL_DEPTH_FUNC)
+        depth_func = gl.glGetParameter(gl.GL_DEPTH_FUNC)
         for core in (True, False):
             gloo.set_state(
                 depth_test=True,
@@ -156,22 +157,39 @@ class CardsVisual(Visual):  # type: ignore[misc]
                 blend_equation="func_add",
                 blend_func=("one", "one_minus_src_alpha"),
             )
-            for card in shown:
+            for card, textures in shown:
                 if core or len(shown) > 1:
-                    self._set(card, overall)
-                self._program["u_core"] = float(core)
-                self._program.draw(self._draw_mode)
-        gloo.set_state(depth_mask=True, depth_func=found)
+                    self._set(program, card, textures, overall)
+                program["u_core"] = float(core)
+                program.draw("triangle_strip")
+        gloo.set_state(depth_mask=True, depth_func=depth_func)
 
-    def _set(self, card: Card, overall: float) -> None:
-        color, depth = card.picture.textures()
-        before = color if card.before is None else card.before.textures()[0]
+    def _ready_program(self) -> gloo.Program:
+        """Return the program of the current context, which may have replaced an earlier one."""
+        program = self._programs.here("card.frag", vertex="card.vert")
+        if namespace() not in self._blanks:
+            corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
+            program["a_corner"] = gloo.VertexBuffer(corners)
+            blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
+            self._blanks[namespace()] = blank
+        return program
+
+    def _set(
+        self,
+        program: gloo.Program,
+        card: Card,
+        textures: tuple[gloo.Texture2D, gloo.Texture2D | None],
+        overall: float,
+    ) -> None:
+        color, depth = textures
+        earlier = None if card.before is None else card.before.textures()
+        before = color if earlier is None else earlier[0]
         origin, right, down = card.place.frame(self._clip_from_pivot)
         values: dict[str, Any] = {
             "u_picture": color,
             "u_before": before,
-            "u_mix": 1.0 if card.before is None else card.mix,
-            "u_depth": self._blank if depth is None else depth,
+            "u_mix": 1.0 if earlier is None else card.mix,
+            "u_depth": self._blanks[namespace()] if depth is None else depth,
             "u_has_depth": float(depth is not None),
             "u_t": card.place.t,
             "u_t_origin": card.place.t_origin,
@@ -182,7 +200,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
             "u_clip_down": down,
         }
         for name, value in values.items():
-            self._program[name] = value
+            program[name] = value
 
     def _prepare_transforms(self, view: Any) -> None:
         """Do nothing: cards are placed by `clip_from_pivot`."""

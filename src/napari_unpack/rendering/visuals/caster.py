@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vispy.gloo.context import GLShared
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.framebuffer import Targets, current_context
+from napari_unpack.rendering.framebuffer import Targets, namespace
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tinted_pass import Look, PixelWindow, TintedPass
@@ -91,7 +90,7 @@ class TintedCaster:
         self.picture: Picture | None = None
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
-        self._context: GLShared | None = None
+        self._context: Any = None
         self._earlier = self.rays_cast = 0
         self._last: Inputs | None = None
 
@@ -134,7 +133,7 @@ class TintedCaster:
         Picture
             Colour and depth textures of the rays' size.
         """
-        context = current_context().shared
+        context = namespace()
         if context is not self._context:
             self._start_afresh()
             self._context = context

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
 import numpy as np
 from numpy.typing import NDArray
 from vispy.gloo import Texture2D
+from vispy.gloo.context import get_current_canvas
 
-from napari_unpack.rendering.framebuffer import NO_DEPTH
+from napari_unpack.rendering.framebuffer import NO_DEPTH, namespace
+from napari_unpack.rendering.ledger import texture_bytes
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 
 
 class Picture:
-    """A premultiplied RGBA picture with or without depths, uploaded when it is first drawn.
+    """A premultiplied RGBA picture with or without depths, uploaded where it is drawn.
 
     Parameters
     ----------
@@ -21,20 +26,25 @@ class Picture:
     depth : (h, w) ndarray of float32, or Texture2D, optional
         t in mm where alpha first reached 1/2; +inf or `NO_DEPTH` where it never did.
 
+    Attributes
+    ----------
+    uploads : int
+        Arrays sent to the graphics card so far.
+
     Notes
     -----
-    A picture belongs to the first canvas it is drawn on. Arrays are kept until then only.
+    Arrays are kept, and sent once to every context the picture is drawn in: one that replaces a
+    context that was lost gets them as well. Textures of a pass serve in their own context alone.
     """
 
     def __init__(
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
-        self.uploads = 0
-        self._color: PictureArray | Texture2D
-        self._depth: NDArray[np.float32] | Texture2D | None
-        # Textures made here may be written to again; those of a pass may not.
-        self._own: dict[str, Texture2D] = {}
-        self._color, self._depth = _checked(color, depth)
+        self.uploads = self._version = 0
+        # By context: the version that is there, and its textures, which may be written to again.
+        self._made: WeakKeyDictionary[Any, tuple[int, Texture2D, Texture2D | None]]
+        self._made = WeakKeyDictionary()
+        self.update(color, depth)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -46,37 +56,57 @@ class Picture:
         """Whether there are depths."""
         return self._depth is not None
 
+    @property
+    def bytes_held(self) -> int:
+        """Bytes of the textures made from arrays, in all contexts."""
+        made = self._made.values()
+        return sum(texture_bytes(t) for _, *ts in made for t in ts if t is not None)
+
     def update(
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
         """Replace the contents, in place where size and type stay."""
         self._color, self._depth = _checked(color, depth)
+        self._version += 1
+        self._home = None
+        if isinstance(color, Texture2D) and get_current_canvas() is not None:
+            self._home = ref(namespace())
 
-    def textures(self) -> tuple[Texture2D, Texture2D | None]:
-        """Return the colour and depth textures, uploading what is new."""
-        if not isinstance(self._color, Texture2D):
-            self._color = self._uploaded("color", self._color)
-        if self._depth is not None and not isinstance(self._depth, Texture2D):
-            depth = np.where(self._depth < NO_DEPTH, self._depth, np.float32(NO_DEPTH))
-            self._depth = self._uploaded("depth", depth)
-        return self._color, self._depth
+    def textures(self) -> tuple[Texture2D, Texture2D | None] | None:
+        """Return the colour and depth textures, uploading what is new.
 
-    def _uploaded(self, role: str, array: PictureArray) -> Texture2D:
+        Returns
+        -------
+        (Texture2D, Texture2D or None) or None
+            None in another context than that of the pass that filled them.
+        """
+        here = namespace()
+        if isinstance(self._color, Texture2D):
+            strange = self._home is not None and self._home() is not here
+            return None if strange else (self._color, self._depth)
+        version, color, depth = self._made.get(here, (0, None, None))
+        if version != self._version:
+            color = self._uploaded("rgba", self._color, color)
+            if self._depth is None:
+                depth = None
+            else:
+                known = np.where(self._depth < NO_DEPTH, self._depth, np.float32(NO_DEPTH))
+                depth = self._uploaded("r", known, depth)
+            self._made[here] = self._version, color, depth
+        return color, depth
+
+    def _uploaded(self, base: str, array: PictureArray, own: Texture2D | None) -> Texture2D:
         self.uploads += 1
-        base = "rgba" if role == "color" else "r"
         internal = base + ("8" if array.dtype == np.uint8 else "32f")
-        own = self._own.get(role)
         if own is not None and own.shape[:2] == array.shape[:2] and own.internalformat == internal:
             own.set_data(array)
-        else:
-            own = Texture2D(
-                array,
-                format="rgba" if role == "color" else "red",
-                internalformat=internal,
-                interpolation="linear" if role == "color" else "nearest",
-            )
-            self._own[role] = own
-        return own
+            return own
+        return Texture2D(
+            array,
+            format="rgba" if base == "rgba" else "red",
+            internalformat=internal,
+            interpolation="linear" if base == "rgba" else "nearest",
+        )
 
 
 def _checked(
