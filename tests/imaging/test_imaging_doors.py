@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+import re
+import warnings
+
 import numpy as np
 import pytest
 
@@ -231,7 +235,7 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
 
     class Driver:
         def __init__(self, available: bool, software: bool) -> None:
-            self.available, self.is_software = lambda: available, lambda: software
+            self.available, self.hardware = lambda: available, lambda: available and not software
 
     for available, software, name in [
         (False, False, "napari_unpack.raycasting"),
@@ -244,6 +248,47 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
     assert chosen("cpu").__name__ == "napari_unpack.raycasting"
     with pytest.raises(ValueError, match="GL context"):
         chosen("gl")
+
+
+@pytest.mark.parametrize("problem", ["passes/tinted_volume.frag:41: no", "it is out of memory"])
+def test_where_a_driver_refuses_auto_takes_the_cpu_and_says_why_once(monkeypatch, problem) -> None:
+    from napari_unpack.imaging import backends
+
+    asked = []
+
+    class Driver:
+        hardware = staticmethod(lambda: not asked)
+        give_up = staticmethod(lambda: asked.append("given up"))
+        available = staticmethod(lambda: True)
+
+    class Shaders:
+        @staticmethod
+        def tinted(*_: object, **__: object) -> None:
+            raise RuntimeError(problem)
+
+    imported = importlib.import_module
+    monkeypatch.setattr(backends, "_offscreen", lambda: Driver)
+    monkeypatch.setattr(
+        backends.importlib,
+        "import_module",
+        lambda name: Shaders if name.endswith("gl_backend") else imported(name),
+    )
+    labels = np.zeros((8, 8, 8), np.uint16)
+    labels[2:6, 2:6, 2:6] = 1
+    camera = View().camera(labels.shape, (1, 1, 1))
+    tints = np.array([[0, 0, 0, 0], [1, 1, 1, 1]], np.float32)
+    arguments = (labels, labels, (1, 1, 1), camera, Fog(), tints, (20, 20))
+    wanted, _ = imaging.cast_tinted(*arguments, backend="cpu")
+    with pytest.warns(RuntimeWarning, match=re.escape(problem)):
+        found, _ = imaging.cast_tinted(*arguments)
+    np.testing.assert_array_equal(found, wanted)
+    assert wanted.max() > 0.1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        imaging.cast_tinted(*arguments)
+    assert asked == ["given up"]
+    with pytest.raises(RuntimeError, match=re.escape(problem)):
+        imaging.cast_tinted(*arguments, backend="gl")
 
 
 def test_cast_tinted_puts_an_object_at_a_pose() -> None:

@@ -3,17 +3,54 @@
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import Any
 
 BACKENDS = ("auto", "cpu", "gl")
 
 
-def counting(backend: str) -> Any:
-    """Return the module that counts occlusion: the CPU's where GL has no counters (below 4.3)."""
+def ask(backend: str, name: str, *arguments: Any, **keywords: Any) -> Any:
+    """Have a backend compute; where "auto" took the graphics card and it fails, the CPU does.
+
+    Parameters
+    ----------
+    backend : {"auto", "cpu", "gl"}
+    name : str
+        A function of `napari_unpack.raycasting`; the CPU's is taken too where GL has none.
+    *arguments, **keywords
+        Of that function.
+
+    Returns
+    -------
+    object
+        What it returns.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the driver refuses, with its log, in which our files and lines are named. It is not
+        asked again in this process.
+    """
+    cpu = importlib.import_module("napari_unpack.raycasting")
     module = chosen(backend)
-    if hasattr(module, "occlusion_counts"):
-        return module
-    return importlib.import_module("napari_unpack.raycasting")
+    by_cpu = getattr(cpu, name)
+    by_any = getattr(module, name, by_cpu)
+    if backend != "auto" or by_any is by_cpu:
+        return by_any(*arguments, **keywords)
+    try:
+        return by_any(*arguments, **keywords)
+    except (ValueError, TypeError):
+        # More than shaders take, which the CPU does; or wrong, which it says as well.
+        return by_cpu(*arguments, **keywords)
+    # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
+    except Exception as error:
+        _offscreen().give_up()
+        warnings.warn(
+            f"The graphics card cannot draw this ({error}); the processor does it from here on.",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    return by_cpu(*arguments, **keywords)
 
 
 def chosen(backend: str) -> Any:
@@ -50,5 +87,4 @@ def _offscreen() -> Any:
 
 
 def _hardware() -> bool:
-    offscreen = _offscreen()
-    return bool(offscreen.available() and not offscreen.is_software())
+    return bool(_offscreen().hardware())

@@ -15,7 +15,7 @@ from napari_unpack.geometry import rays as geometry_rays
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera
-from napari_unpack.imaging.backends import chosen, counting
+from napari_unpack.imaging.backends import ask
 
 TABLE_ENTRIES = 1024
 """Rows of the transfer function's table."""
@@ -136,8 +136,8 @@ def cast_tinted(
         t in mm from the camera's pivot plane where alpha reaches 0.5, +inf where it does not.
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
-    image, depth = chosen(backend).tinted(
-        volume, labels, rays, spacing, transfer_function.table(TABLE_ENTRIES),
+    image, depth = ask(
+        backend, "tinted", volume, labels, rays, spacing, transfer_function.table(TABLE_ENTRIES),
         transfer_function.domain, tints, shading,
         bricks=bricks, jitter=jitter, clipping=clipping,
     )  # fmt: skip
@@ -176,8 +176,15 @@ def cast_ids(
         The k-th distinct visible object on each ray, 0 where there is none.
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
-    ids: NDArray[np.int32] = chosen(backend).id_layers(
-        labels, off_faces(rays), visible, layers, bricks=bricks, clipping=clipping
+    ids: NDArray[np.int32] = ask(
+        backend,
+        "id_layers",
+        labels,
+        off_faces(rays),
+        visible,
+        layers,
+        bricks=bricks,
+        clipping=clipping,
     )
     return ids
 
@@ -205,7 +212,7 @@ def cast_occlusion(
     OcclusionCounts
     """
     rays = rays_for(camera.orthographic(), size, spacing, step_scale=step_scale)
-    return counting(backend).occlusion_counts(labels, off_faces(rays), visible, bricks=bricks)
+    return ask(backend, "occlusion_counts", labels, off_faces(rays), visible, bricks=bricks)
 
 
 def off_faces(rays: Rays) -> Rays:

@@ -35,6 +35,7 @@ class Offscreen:
         self._app = app.Application("egl")
         self.canvas: Any = app.Canvas(app=self._app, size=(1, 1), autoswap=False)
         self._thread = threading.get_ident()
+        self.serves = True
         with self.use():
             from OpenGL import GL
 
@@ -91,8 +92,13 @@ def is_software() -> bool:
 
 
 def hardware() -> bool:
-    """Whether this thread can draw offscreen on graphics hardware; never raises."""
-    return available() and not is_software()
+    """Whether this thread can draw offscreen on graphics hardware that serves; never raises."""
+    return available() and not is_software() and context().serves
+
+
+def give_up() -> None:
+    """Take note that the driver refuses to draw: `hardware` is False from here on."""
+    context().serves = False
 
 
 def is_software_renderer(name: str) -> bool:
