@@ -124,6 +124,8 @@ def cast_moving(
 ) -> Shot | None:
     """Cast one object where it is now; for worker threads."""
     small, step = detail(moving, size, share)
-    patch = object_patch(session, object_id, moving.pose, camera, small, step, "cpu")
+    patch = object_patch(
+        session, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
+    )
     shot = Shot.of(patch.trimmed(), camera, small)
     return replace(shot, in_front=True) if shot is not None and moving.in_front else shot

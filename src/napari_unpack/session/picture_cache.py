@@ -90,6 +90,8 @@ class Crop:
         Around all that can be seen of it, world mm.
     edit : Edit, optional
         What it was made from, if it was not made from nothing.
+    finer : (int, int, int)
+        Into how many of its own a voxel of the volume was divided along z, y, x.
     """
 
     volume: Density
@@ -99,6 +101,7 @@ class Crop:
     center: Vector
     corners: NDArray[np.float64]
     edit: Edit | None = None
+    finer: tuple[int, int, int] = (1, 1, 1)
 
     @property
     def nbytes(self) -> int:
@@ -126,12 +129,13 @@ class PictureCache:
         self._bytes = 0
         self._lock = Lock()
         self._density: Density | None = None
+        self._air: float | None = None
         self._whole: Crop | None = None
         self._whole_before: Crop | None = None
 
     def taking_over(self, earlier: PictureCache) -> PictureCache:
         """Keep what other labels leave as it is of a cache of the same volume; return self."""
-        self._density = earlier._density
+        self._density, self._air = earlier._density, earlier._air
         if np.array_equal(self._spacing, earlier._spacing):
             self._whole_before = earlier._whole or earlier._whole_before
         with earlier._lock:
@@ -163,6 +167,13 @@ class PictureCache:
             middle = (shape - 1) / 2 * self._spacing
             self._whole = self._cut(everything, middle, 0 * shape, shape)
         return self._whole
+
+    @property
+    def air(self) -> float:
+        """The lowest density of the volume."""
+        if self._air is None:
+            self._air = float(self._checked().min())
+        return self._air
 
     def crop(self, object_id: int) -> Crop:
         """Return an object's crop; raise `KeyError` where there is no such object."""
@@ -207,9 +218,7 @@ class PictureCache:
         low: NDArray[np.int64],
         high: NDArray[np.int64],
     ) -> Crop:
-        if self._density is None:
-            self._density = checked_volume(self.volume, self.labels.shape)
-        volume: Density = np.ascontiguousarray(self._density[box])  # type: ignore[assignment]
+        volume: Density = np.ascontiguousarray(self._checked()[box])  # type: ignore[assignment]
         labels = np.ascontiguousarray(self.labels[box])
         first = np.array([s.start for s in box], dtype=np.float64)
         return Crop(
@@ -220,6 +229,11 @@ class PictureCache:
             center,
             box_corners(low.astype(float) - 0.5, high.astype(float) - 0.5) * self._spacing,
         )
+
+    def _checked(self) -> Density:
+        if self._density is None:
+            self._density = checked_volume(self.volume, self.labels.shape)
+        return self._density
 
 
 @dataclass(frozen=True)

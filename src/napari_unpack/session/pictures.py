@@ -20,6 +20,7 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging import TransferFunctionLike
+from napari_unpack.session.fine_crops import look_at, refined
 from napari_unpack.session.picture_cache import CacheBook, Crop, Pictured
 from napari_unpack.session.picture_casting import Look, cast_crop
 from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
@@ -132,6 +133,8 @@ def object_patch(
     step_scale: float = 1.0,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
+    *,
+    smooth: bool = False,
 ) -> Patch:
     """Cast one object alone where a pose places it; only its projected box is cast.
 
@@ -153,6 +156,8 @@ def object_patch(
         Who casts.
     shading : Shading, optional
         The light; None for none.
+    smooth : bool
+        Cast a small object from a finer grid (`fine_crops.refined`), without stairs.
 
     Returns
     -------
@@ -169,7 +174,14 @@ def object_patch(
     Li et al. 2012, eq. 3: rays are mapped back by T^-1 into the packed volume. The samples are
     those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
     """
-    crop = _BOOK.of(session).crop(object_id)
+    cache = _BOOK.of(session)
+    crop = cache.crop(object_id)
+    if smooth:
+        mm = np.asarray(session.spacing, dtype=np.float64)
+        crop = cache.keep(
+            ("fine crop", object_id),
+            lambda: refined(cache.crop(object_id), object_id, mm, cache.air),
+        )
     moved = pose.world_from_world(crop.center, camera)
     look = _solo_look(session, object_id, crop, shading, step_scale, backend)
     return cast_crop(crop, moved, camera, size, look)
@@ -225,7 +237,10 @@ def sprite_patch(
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm)
     step = step_scale / SAMPLES_AT_REST
-    patch = object_patch(session, object_id, still, camera, size, step, backend, shading).trimmed()
+    whole = object_patch(
+        session, object_id, still, camera, size, step, backend, shading, smooth=True
+    )
+    patch = whole.trimmed()
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
 
 
@@ -288,7 +303,7 @@ def scene(
     posed = [_inspected_pose(session, i, camera, size) for i in inspected]
     fine = 1.0 / SAMPLES_AT_REST
     alone = [
-        object_patch(session, i, pose, camera, size, fine, backend, shading)
+        object_patch(session, i, pose, camera, size, fine, backend, shading, smooth=True)
         for i, pose in zip(inspected, posed, strict=True)
     ]
     return _surrounded(compose(size, [dimmed, *alone]), camera, around)
@@ -365,11 +380,12 @@ def _solo_look(
     backend: str,
 ) -> Look:
     look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
-    return replace(
+    own = replace(
         look,
         transfer_function=session.transfer_function_of(object_id),
         clipping=session.study(object_id).planes(crop.voxel_from_world),
     )
+    return look_at(crop, own)
 
 
 def _look(
