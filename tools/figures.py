@@ -20,6 +20,7 @@ from napari_unpack.io import save_png
 from napari_unpack.session.pictures import compose, object_patch, packed_patch, scene, sprite_patch
 
 PANEL = (640, 820)
+FILM = (400, 680)
 LINE = 4
 EDGE = 24
 LOOKING = (0.45, 0.75, 0.35)
@@ -56,6 +57,25 @@ def draw(session: Any, gallery: Path, name: str, looking: Direction = LOOKING) -
         while session.undo():
             pass
         session.animated = False
+
+
+def film(path: Path) -> None:
+    """Film how ten of 24 objects leave, small enough for the first page of a project."""
+    from napari_unpack import movie
+
+    session = _bag()
+    session.canvas_size = FILM
+    session.view = View(LOOKING, fov=18.0)
+    session.look(session.overview())
+    session.recolor()
+    movie(session, path, 10, FILM, fps=14, seconds=0.7, backend="cpu")
+
+
+def _bag() -> Any:
+    from napari_unpack import Session, simulate_bag
+
+    bag = simulate_bag(seed=3, shape=(170, 150, 210), count=24)
+    return Session(bag.volume, bag.labels, bag.spacing, bag.objects)
 
 
 def strip(session: Any) -> Image:
@@ -201,7 +221,6 @@ def _grid(pictures: list[Image], columns: int) -> Image:
 
 def main(gallery: Path, source: Path | None = None) -> None:
     """Draw the figures of a simulated bag, or of a scan that is segmented first."""
-    import napari_unpack as nu
     from napari_unpack.io import load_volume
     from napari_unpack.io.headless import opened
 
@@ -210,10 +229,8 @@ def main(gallery: Path, source: Path | None = None) -> None:
         draw(session, gallery, source.stem)
         return
 
-    bag = nu.simulate_bag(seed=3, shape=(170, 150, 210), count=24)
-    session = nu.Session(bag.volume, bag.labels, bag.spacing, bag.objects)
     gallery.mkdir(parents=True, exist_ok=True)
-    draw(session, gallery, "bag")
+    draw(_bag(), gallery, "bag")
 
 
 if __name__ == "__main__":

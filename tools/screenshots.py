@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from figures import LOOKING
+from figures import LOOKING, film
 from figures import draw as draw_figures
 from gallery_pictures import draw, opened
 
@@ -45,6 +45,7 @@ def main(gallery: Path) -> None:
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
         draw_figures(session, gallery, name, LOOKING if source is None else FROM_ABOVE)
+    film(gallery / "bag-unpacking.gif")
 
 
 if __name__ == "__main__":
