@@ -9,6 +9,7 @@ from conftest import canvas
 from napari_unpack.geometry.boxes import differing_box
 from napari_unpack.layers import compat, studio
 from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.layers.shots import Shot
 from napari_unpack.rendering import textures
 from napari_unpack.rendering.programs import ShaderError
 from napari_unpack.session import ObjectState
@@ -117,6 +118,25 @@ def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> Non
     assert set(stage.sprites.sprites) == {out}
     assert session.states[out] is ObjectState.UNPACKED
     assert stage._projector.studio.uploads == 2
+
+
+def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session, qtbot) -> None:
+    _, stage = by_gl
+    (out,) = stage.unpack(1)
+    stage.finish()
+    stage.inspect(out)
+    pictures = []
+    for backend in ("gl", "cpu"):
+        stage.backend = backend
+        qtbot.waitUntil(lambda: not stage._projector._clock.running, timeout=20000)
+        assert stage.settle(30)
+        assert isinstance(stage.transition.shots[out], Shot)
+        # The bag behind it is dimmed, and cast by either.
+        pictures.append(stage.transition.shots[out].patch.rgba)
+    np.testing.assert_array_equal(*pictures)
+    session.leave()
+    stage.finish()
+    assert stage.settle(30)
 
 
 def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:

@@ -7,6 +7,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.live_shots import LiveShot
@@ -14,6 +16,7 @@ from napari_unpack.layers.moving import Moving
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.studio import Studio
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.fine_crops import has_stairs
 from napari_unpack.session.pictures import object_patch
 
 FRAME_SECONDS = 0.04
@@ -33,7 +36,8 @@ class FlightPainter:
     show : callable
         Given {id: Shot}; the newest picture of everything that was asked for last.
     studio : Studio
-        Casts on the canvas where it is active; else a worker thread does, on the CPU.
+        Casts on the canvas where it is active; else a worker thread does, on the CPU, and also
+        where a small object is inspected, of whose finer grid the graphics card has nothing.
 
     Attributes
     ----------
@@ -65,11 +69,17 @@ class FlightPainter:
             self._jobs.drop("moving")
             self._show({})
             return
-        if self._studio.active:
+        if self._studio.active and not self._is_enlarged(moving):
             self._expose(moving, frame)
             return
         asked, share = dict(moving), self._share
         self._jobs.ask("moving", "moving", lambda: self._work(asked, frame, share), self._done)
+
+    def _is_enlarged(self, moving: Mapping[int, Moving]) -> bool:
+        """Whether a small object is inspected, which has a finer grid of its own."""
+        boxes, spacing = self._session.boxes, np.asarray(self._session.spacing, dtype=np.float64)
+        rows = [boxes.index(i) for i, one in moving.items() if one.in_front]
+        return any(has_stairs(boxes.upper[row] - boxes.lower[row], spacing) for row in rows)
 
     def _work(
         self, moving: Mapping[int, Moving], frame: Frame, share: float

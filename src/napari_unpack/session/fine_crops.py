@@ -136,15 +136,23 @@ def divisions(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> tuple[
     spacing : (3,) ndarray of float64
         Voxel size, mm. Long edges are divided more.
     """
-    edges = np.asarray(spacing, dtype=np.float64) / np.min(spacing)
     if not inside.any():
         return 1, 1, 1
-    longest = float(((np.ptp(np.nonzero(inside), axis=1) + 1) * edges).max())
-    for parts in range(min(FINEST, int(np.ceil(LONG / longest))), 1, -1):
-        z, y, x = (max(1, round(parts * edge)) for edge in edges)
+    most = _most_parts(np.ptp(np.nonzero(inside), axis=1) + 1, spacing)
+    for parts in range(most, 1, -1):
+        z, y, x = (max(1, round(parts * edge)) for edge in spacing / spacing.min())
         if inside.size * z * y * x <= MOST_VOXELS:
             return z, y, x
     return 1, 1, 1
+
+
+def has_stairs(size: NDArray[np.int64], spacing: NDArray[np.float64]) -> bool:
+    """Return whether an object so large, in voxels, is small enough to show them."""
+    return _most_parts(size, spacing) > 1
+
+
+def _most_parts(size: NDArray[np.int64], spacing: NDArray[np.float64]) -> int:
+    return min(FINEST, int(np.ceil(LONG / (size * spacing / spacing.min()).max())))
 
 
 def between(array: Array, axis: int, parts: int) -> Array:
