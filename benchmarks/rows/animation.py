@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from time import perf_counter
+
+import numpy as np
+
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.transforms import packed_pose
+from napari_unpack.layers.flight_painter import FRAME_SECONDS, adapted, cast_moving
+from napari_unpack.layers.moving import Moving
 from napari_unpack.session.pictures import compose, object_patch, packed_patch
 
 WHAT = "animation frame"
@@ -18,22 +24,19 @@ def measure(scenes: Scenes) -> list[Row]:
     times = {}
     for object_id in (1, 2, 3):
         pose = packed_pose(session.boxes.center(object_id, MM), camera, -60 * camera.direction)
-        casting = best_ms(
-            lambda object_id=object_id, pose=pose: object_patch(
-                session, object_id, pose, camera, size, backend="cpu"
-            ),
-            2 * scenes.repeats,
-        )
+        casting = _in_flight(session, object_id, pose, camera, size)
         flying = object_patch(session, object_id, pose, camera, size, backend="cpu")
         laying = best_ms(lambda flying=flying: compose(size, [bag, flying]), scenes.repeats)
         times[object_id] = casting, laying
-    casting = sorted(t[0] for t in times.values())
+    casting = sorted(t[0][0] for t in times.values())
+    coarsest = min(t[0][1] for t in times.values())
     laying = max(t[1] for t in times.values())
     rows.append(
         Row(
             WHAT,
             "one object of 27 flying, 1024x1024; three shapes",
-            f"cast {ms(casting[0])} to {ms(casting[-1])} (composing in files {ms(laying)})",
+            f"cast {ms(casting[0])} to {ms(casting[-1])}, at least {coarsest:.2f} of the screen's "
+            f"rays a side (composing in files {ms(laying)})",
             'paper: "50 ms"',
             "",
             GOAL,
@@ -41,3 +44,16 @@ def measure(scenes: Scenes) -> list[Row]:
         )
     )
     return rows
+
+
+def _in_flight(session, object_id, pose, camera, size) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """Cast frames as a flight does, adapting; return the median ms of the last, and their share."""
+    share, frames = 1.0, []
+    for _ in range(24):
+        began = perf_counter()
+        cast_moving(session, object_id, Moving(pose), camera, size, share)
+        seconds = perf_counter() - began
+        frames.append((1000 * seconds, share))
+        share = adapted(share, seconds, FRAME_SECONDS)
+    took, shares = np.median(frames[12:], axis=0)
+    return float(took), float(shares)

@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.unpacking import Flight, clearance
+from napari_unpack.unpacking import Ball, Flight, clearance
+from napari_unpack.unpacking.skirting import skirt
 
 SHAPE, SPACING = (100, 100, 100), (1.0, 1.0, 1.0)
 CENTER = np.array([30.0, 40.0, 50.0])
+BALL = Ball(np.array([50.0, 50.0, 50.0]), 100.0)
 
 
 def camera(direction=(0.0, 0.0, 1.0), fov=0.0) -> Camera:
@@ -81,9 +83,10 @@ def test_until_it_is_clear_of_the_bag_an_object_goes_straight_along_d_and_does_n
     assert (np.diff(gone) >= 0).all()
 
 
-def test_the_way_is_continuous():
+@pytest.mark.parametrize("around", [None, BALL])
+def test_the_way_is_continuous(around):
     now = camera((0.3, -0.5, 0.8), 30.0)
-    poses = [flight().pose_at(f, now) for f in np.linspace(0, 1, 2001)]
+    poses = [flight(around=around).pose_at(f, now) for f in np.linspace(0, 1, 2001)]
     steps = np.linalg.norm(np.diff([p.center for p in poses], axis=0), axis=1)
     assert steps.max() < 1.5
     turns = [np.abs(a.rotation - b.rotation).max() for a, b in pairwise(poses)]
@@ -125,3 +128,25 @@ def test_progress_and_arrival():
     assert [flight().done(t) for t in (11.9, 12.0)] == [False, True]
     with pytest.raises(ValueError, match="seconds must be positive"):
         flight(seconds=0.0)
+
+
+def test_round_a_ball_the_way_begins_and_ends_where_it_should_and_keeps_out():
+    start, along, center = np.array([0.0, 40.0, 10.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
+    for target in ([0.0, -130.0, 0.0], [0.0, 20.0, 125.0], [0.0, 140.0, 0.0], [0.0, -90.0, -90.0]):
+        way = [
+            skirt(start, along, np.array(target), center, 100.0, gone)
+            for gone in np.linspace(0, 1, 501)
+        ]
+        np.testing.assert_allclose(way[0], start, atol=1e-9)
+        np.testing.assert_array_equal(way[-1], target)
+        steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        assert steps.max() < 2.5
+        distances = np.linalg.norm(way, axis=1)
+        assert distances[distances.argmax() :].min() >= 100.0
+
+
+def test_to_the_opposite_side_it_passes_before_the_bag():
+    start, along = np.array([0.0, 120.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    way = [skirt(start, along, -start, np.zeros(3), 100.0, g) for g in np.linspace(0, 1, 21)]
+    assert max(p[0] for p in way) > 100.0
+    assert min(p[0] for p in way) >= -1e-9

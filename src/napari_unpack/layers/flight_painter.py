@@ -19,7 +19,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.fine_crops import has_stairs
 from napari_unpack.session.pictures import object_patch
 
-FRAME_SECONDS = 0.04
+FRAME_SECONDS = 0.025
 GL_FRAME_SECONDS = 0.008
 COARSEST = 0.4
 
@@ -113,8 +113,13 @@ class FlightPainter:
         self._show(shots)
 
     def _adapt(self, seconds: float, wanted: float) -> None:
-        change = (wanted / max(seconds, 1e-4)) ** 0.5
-        self._share = min(1.0, max(COARSEST, self._share * min(max(change, 0.75), 1.15)))
+        self._share = adapted(self._share, seconds, wanted)
+
+
+def adapted(share: float, seconds: float, wanted: float) -> float:
+    """Return the share of the screen's rays a side to cast next, after a frame took so long."""
+    change = (wanted / max(seconds, 1e-4)) ** 0.5
+    return min(1.0, max(COARSEST, share * min(max(change, 0.75), 1.15)))
 
 
 def detail(moving: Moving, size: tuple[int, int], share: float) -> tuple[tuple[int, int], float]:

@@ -14,6 +14,7 @@ from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.view import Camera
 from napari_unpack.session.state import Berth
 from napari_unpack.unpacking import (
+    Ball,
     Flight,
     OrientedBox,
     Slots,
@@ -86,6 +87,11 @@ class Bag:
         """Return (n, 3) voxel centres around everything, world mm."""
         return outline(self.labels > 0, (0, 0, 0), self.spacing)
 
+    def ball(self, object_id: int, scale: float) -> Ball:
+        """Return what the centre of an object, so much enlarged outside, must keep out of."""
+        half = np.ptp(self.boxes.corners(object_id, self.spacing), axis=0) / 2
+        return Ball(self.center, self.radius + float(np.linalg.norm(half)) * max(1.0, scale))
+
     def clear_way(self, group: Iterable[int], direction: Vector) -> float:
         """Return how far a group must go together until every member is clear of the bag, mm."""
         ways = []
@@ -156,5 +162,6 @@ def launch(
             start,
             seconds,
             back,
+            bag.ball(object_id, berth.pose(slots).scale),
         )
     return flights

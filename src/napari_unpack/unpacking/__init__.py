@@ -7,10 +7,12 @@ from napari_unpack.unpacking.oriented_box import OrientedBox, oriented_box, outl
 from napari_unpack.unpacking.path import Flight, clearance
 from napari_unpack.unpacking.posture import broad_side, picture_size
 from napari_unpack.unpacking.queue import Queue
+from napari_unpack.unpacking.skirting import Ball
 from napari_unpack.unpacking.slots import Slots, arrange
 
 __all__ = [
     "AXES",
+    "Ball",
     "Blocking",
     "Flight",
     "OrientedBox",

@@ -1,6 +1,7 @@
 """The flight of an object out of the bag and back: a pure function of time and camera.
 
-Key frames: packed, clear of the bag's box along D, at its slot. The first two stand in the bag
+Key frames: packed, clear of the bag's box along D, at its slot; between the last two it goes
+round the bag. The first two stand in the bag
 and turn with it; the last stands in pivot space. Since each is evaluated with the camera of the
 moment, a flight is right while the bag turns, and the way back is the way out run backwards.
 """
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
+from napari_unpack.unpacking.skirting import Ball, skirt
 
 SHARE_OF_FIRST_LEG = (0.22, 0.42)
 """Least and most of a flight's time spent on the way along D."""
@@ -74,6 +76,8 @@ class Flight:
         How long it takes.
     back : bool
         True on the way into the bag.
+    around : Ball, optional
+        What the second leg leads round: the bag.
 
     Raises
     ------
@@ -89,6 +93,7 @@ class Flight:
     start: float = 0.0
     seconds: float = 1.5
     back: bool = False
+    around: Ball | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.seconds) and self.seconds > 0):
@@ -139,8 +144,16 @@ class Flight:
             center = (1 - gone) * leaving.center + gone * outside.center
             return Pose(center, leaving.rotation)
         rest = (fraction - first) / (1.0 - first)
-        gone = 1.0 - (1.0 - rest) ** 3
         pose = outside.toward(self.target, _smooth(rest))
+        if self.around is not None:
+            along, middle = (
+                camera.rotation @ self.direction,
+                packed_pose(self.around.center, camera),
+            )
+            ends = outside.center, along, self.target.center
+            place = skirt(*ends, middle.center, self.around.radius, 1.0 - (1.0 - rest) ** 2)
+            return replace(pose, center=_before_the_eye(place, camera))
+        gone = 1.0 - (1.0 - rest) ** 3
         ahead = outside.center + camera.rotation @ self.direction * min(0.35 * self.clear, way / 3)
         ahead = _before_the_eye(ahead, camera)
         return replace(pose, center=_bezier(outside.center, ahead, self.target.center, gone))

@@ -1,0 +1,128 @@
+"""Where objects fly: along D, round the bag, never through it, and back the way they came."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from napari_unpack import Session, simulate_bag
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.transforms import packed_pose, rotation_about
+from napari_unpack.geometry.view import Camera
+from napari_unpack.session import ObjectState
+
+
+@pytest.fixture(scope="module")
+def bag() -> Any:
+    return simulate_bag(seed=2, shape=(48, 56, 72), count=9)
+
+
+def flying(bag: Any, fov: float, turned: float) -> tuple[Session, list[float]]:
+    """Return a session whose flights take 1 s on the clock [now], seen from somewhere."""
+    session = Session(bag.volume, bag.labels, bag.spacing, bag.objects)
+    session.backend, session.animated, session.seconds = "cpu", True, 1.0
+    session.look(Camera(rotation_about((1.0, 2.0, 0.5), turned), session.bag.center, 300.0, fov))
+    session.look(session.overview())
+    now = [0.0]
+    session.clock = lambda: now[0]
+    return session, now
+
+
+def met(session: Session, object_id: int, now: float) -> int:
+    """Count the outermost voxels of an object in the air that are in packed ones."""
+    flight, camera = session.flights[object_id], session.camera
+    center = session.boxes.center(object_id, session.spacing)
+    moved = flight.pose(now, camera).world_from_world(center, camera)
+    there = transform_points(moved, session.bag.points(object_id)) / session.spacing
+    voxels = np.rint(there).astype(int)
+    inside = ((voxels >= 0) & (voxels < session.labels.shape)).all(axis=1)
+    packed = [i for i, state in session.states.items() if state is ObjectState.PACKED]
+    return int(np.isin(session.labels[tuple(voxels[inside].T)], packed).sum())
+
+
+def one_by_one(session: Session) -> Iterator[int]:
+    """Unpack everything, one departure at a time, and land who was in the air after each."""
+    while ObjectState.PACKED in session.states.values():
+        for object_id in session.unpack(1):
+            yield object_id
+        for object_id in list(session.flights):
+            session.land(object_id)
+
+
+@pytest.mark.parametrize("direction", [None, "up", "+z", "-z", "+x", (0.3, -1.0, 0.2)])
+@pytest.mark.parametrize(("fov", "turned"), [(0.0, 2.0), (30.0, 0.7)])
+def test_nobody_flies_through_the_bag(bag, direction, fov, turned) -> None:
+    session, _ = flying(bag, fov, turned)
+    session.direction = direction
+    left = []
+    for object_id in one_by_one(session):
+        left.append(object_id)
+        start = session.flights[object_id].start
+        # Once clear of the bag's box; until then moving along D is what it was tested for.
+        for passed in np.linspace(0.42, 1.0, 30):
+            assert met(session, object_id, start + passed) == 0
+    assert len(left) == len(session.ids)
+
+
+@pytest.mark.parametrize("asked_back_at", [0.15, 0.5, 0.8])
+def test_asked_back_in_mid_air_it_goes_back_the_way_it_came_also_after_a_turn(
+    bag, asked_back_at
+) -> None:
+    session, now = flying(bag, 30.0, 0.7)
+    session.direction = "+z"
+    (one,) = session.unpack(1)[:1]
+    going = session.flights[one]
+    now[0] = asked_back_at
+    before = session.camera
+    session.look(Camera(rotation_about((0, 1, 0), 1.9) @ before.rotation, before.center, 280.0, 30))
+    session.direction = None
+    session.restore([one])
+    back = session.flights[one]
+    # It left along +z, and nobody has looked who would be in the way along another D.
+    np.testing.assert_array_equal(back.direction, going.direction)
+    assert session.states[one] is ObjectState.FLYING_BACK
+    for passed in np.linspace(0.0, asked_back_at, 25):
+        now[0] = asked_back_at + passed
+        here, then = (
+            back.pose(now[0], session.camera),
+            going.pose(asked_back_at - passed, session.camera),
+        )
+        np.testing.assert_allclose(here.center, then.center, atol=1e-6)
+        np.testing.assert_allclose(here.rotation, then.rotation, atol=1e-6)
+        if asked_back_at - passed > 0.42:
+            assert met(session, one, now[0]) == 0
+        # Turned again under way it is still on its way, of that camera.
+        session.look(
+            Camera(
+                rotation_about((0, 0, 1), 0.05) @ session.camera.rotation,
+                before.center,
+                280.0,
+                30.0,
+            )
+        )
+    assert back.done(now[0] + 1e-9)
+    home = packed_pose(session.boxes.center(one, session.spacing), session.camera)
+    np.testing.assert_allclose(back.pose(now[0], session.camera).center, home.center, atol=1e-6)
+    session.land(one)
+    assert session.states[one] is ObjectState.PACKED
+    assert session.poses == {}
+
+
+def test_sent_out_again_on_its_way_back_it_lands_at_its_slot(bag) -> None:
+    session, now = flying(bag, 0.0, 2.0)
+    (one,) = session.unpack(1)[:1]
+    now[0] = 0.6
+    session.restore([one])
+    now[0] = 0.9
+    session.unpack([one])
+    flight = session.flights[one]
+    assert not flight.back
+    session.look(Camera(np.eye(3), session.camera.center, 250.0))
+    end = flight.start + flight.seconds
+    pose = flight.pose(end, session.camera)
+    session.land(one)
+    np.testing.assert_allclose(pose.center, session.poses[one].center, atol=1e-6)
+    assert session.states[one] is ObjectState.UNPACKED
