@@ -8,6 +8,7 @@ import pytest
 from napari_unpack.geometry.rays import cast_rays, voxel_from_world
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
+from napari_unpack.raycasting import Bricks
 from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tinted_pass import Look
 from napari_unpack.rendering.visuals.caster import TintedCaster
@@ -73,6 +74,32 @@ def test_volumes_are_uploaded_once_however_many_casters_share_them(caster, look)
         other.cast(rays_of(direction=direction), look)
     assert caster.store.uploads == 2
     other.close()
+
+
+def test_hiding_an_object_is_one_pass_that_sends_one_row_of_tints(gl, look):
+    labels = np.zeros((64, 64, 64), np.uint16)
+    for number, corner in enumerate(np.ndindex(4, 4, 4), start=1):
+        labels[tuple(slice(16 * c, 16 * c + 14) for c in corner)] = number
+    volume = (labels > 0).astype(np.uint16) * 900
+    bricks = Bricks.of(labels, volume)
+    tints = np.ones((65536, 4), np.float32)
+    tints[0] = 0
+    caster = TintedCaster(VolumeStore(labels, volume))
+    camera = View().camera(labels.shape, (1, 1, 1))
+    rays = cast_rays(camera, (16, 16), voxel_from_world((1, 1, 1)), 1.0)
+
+    def cast():
+        shown = replace(look, tints=tints.copy())
+        caster.cast(rays, shown, bricks.occupied(look.table, look.domain, tints))
+        tinted = caster._pass
+        return np.array(
+            [caster.passes, tinted.tints.rows_uploaded, tinted.leaps.uploads, caster.store.uploads]
+        )
+
+    before = cast()
+    tints[33] = 0
+    np.testing.assert_array_equal(cast() - before, [1, 1, 0, 0])
+    caster.close()
 
 
 def test_a_resolution_used_before_makes_no_new_frame_buffer(caster, look):

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from vispy import gloo
 from vispy.gloo.context import GLContext, get_current_canvas
 
+from napari_unpack.rendering.ledger import TARGETS, ledger
+
 NO_DEPTH = 1.0e30
 """Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl."""
 
@@ -44,15 +46,7 @@ class Target:
 
         self.size = (int(size[0]), int(size[1]))
         self.channels = channels
-        self.textures = tuple(
-            gloo.Texture2D(
-                (*self.size, n),
-                format="rgba" if n == 4 else "red",
-                internalformat="rgba32f" if n == 4 else "r32f",
-                interpolation="linear" if smooth and n == 4 else "nearest",
-            )
-            for n in channels
-        )
+        self.textures = tuple(self._texture(n, smooth and n == 4) for n in channels)
         self.framebuffer = gloo.FrameBuffer(color=self.textures[0])
         context = current_context()
         for texture in self.textures:
@@ -104,8 +98,18 @@ class Target:
     def delete(self) -> None:
         """Free the frame buffer and its textures."""
         self.framebuffer.delete()
+        ledger().strike(*self.textures)
         for texture in self.textures:
             texture.delete()
+
+    def _texture(self, channels: int, smooth: bool) -> gloo.Texture2D:
+        made = gloo.Texture2D(
+            (*self.size, channels),
+            format="rgba" if channels == 4 else "red",
+            internalformat="rgba32f" if channels == 4 else "r32f",
+            interpolation="linear" if smooth else "nearest",
+        )
+        return ledger().enter(TARGETS, made)
 
 
 class Targets:

@@ -1,25 +1,64 @@
-"""What our textures and buffers take on the graphics card, counted by ourselves.
+"""What our textures and buffers take on the graphics card, counted by ourselves: no driver says.
 
-Drivers do not say. Whoever keeps GL objects has a `bytes_held`; their sum is what a picture costs.
+Every texture and buffer of this room is entered where it is made and struck out where it is
+deleted, or when nobody knows it any more, as gloo then deletes it.
 """
 
 from __future__ import annotations
 
-from vispy import gloo
+from collections import Counter
+from functools import cache
+from typing import Any
+from weakref import WeakKeyDictionary
 
 TEXEL = {"r8": 1, "r16": 2, "r32f": 4, "rgba8": 4, "rgba32f": 16}
-"""Bytes of a texel of the formats that we use."""
+"""Bytes of a texel in the formats that we use."""
+
+DENSITY, LABELS, TARGETS, PICTURES, TABLES = "density", "labels", "targets", "pictures", "tables"
+"""What the bytes are for: the two volumes, frame buffers, pictures sent as arrays, all the rest."""
 
 
-def texture_bytes(texture: gloo.Texture2D | gloo.Texture3D) -> int:
-    """Return the bytes of a texture: its texels, without what a driver pads them with.
+class Ledger:
+    """The textures and buffers of a process, in all its contexts."""
 
-    Raises
-    ------
-    KeyError
-        If its format is none of ours.
-    """
+    def __init__(self) -> None:
+        self._kept: WeakKeyDictionary[Any, tuple[str, int]] = WeakKeyDictionary()
+
+    def enter(self, purpose: str, thing: Any) -> Any:
+        """Enter a texture, or a buffer, and return it.
+
+        Raises
+        ------
+        KeyError
+            If a texture's format is none of ours.
+        """
+        self._kept[thing] = purpose, size_of(thing)
+        return thing
+
+    def strike(self, *things: Any) -> None:
+        """Strike out what is deleted."""
+        for thing in things:
+            self._kept.pop(thing, None)
+
+    def bytes_held(self) -> Counter[str]:
+        """Return the bytes by purpose."""
+        held: Counter[str] = Counter()
+        for purpose, size in list(self._kept.values()):
+            held[purpose] += size
+        return held
+
+
+def size_of(thing: Any) -> int:
+    """Return the bytes of a texture or a buffer, without what a driver pads them with."""
+    if hasattr(thing, "nbytes"):
+        return int(thing.nbytes)
     texels = 1
-    for n in texture.shape[:-1]:
+    for n in thing.shape[:-1]:
         texels *= int(n)
-    return texels * TEXEL[texture.internalformat]
+    return texels * TEXEL[thing.internalformat]
+
+
+@cache
+def ledger() -> Ledger:
+    """Return the process's ledger."""
+    return Ledger()

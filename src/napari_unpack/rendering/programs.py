@@ -10,6 +10,7 @@ import numpy as np
 from vispy import gloo
 
 from napari_unpack.rendering.framebuffer import current_context, namespace
+from napari_unpack.rendering.ledger import TABLES, ledger
 from napari_unpack.rendering.shader_source import ShaderSource, load
 
 
@@ -70,7 +71,8 @@ def compiled(
     program = linked(vert, frag)
     if "a_position" in program:
         corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
-        program["a_position"] = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
+        buffer = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
+        program["a_position"] = ledger().enter(TABLES, buffer)
     return program
 
 

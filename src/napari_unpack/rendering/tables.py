@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from vispy import gloo
 
+from napari_unpack.rendering.ledger import TABLES, ledger
+
 WIDTH = 256
 """Texels a row of an ID table; the twin of table_row in shaders/lib/label_lookup.glsl."""
 
@@ -47,9 +49,7 @@ class IdTable:
         padded[: len(values)] = values
         wanted = padded.reshape(rows, WIDTH, 4)
         if self.texture is None or rows != self.rows:
-            self.texture = gloo.Texture2D(
-                wanted, format="rgba", internalformat="rgba32f", interpolation="nearest"
-            )
+            self.texture = _table(wanted)
             self.rows_uploaded += rows
         else:
             changed = np.flatnonzero((wanted != self._held).any(axis=(1, 2)))
@@ -73,10 +73,13 @@ class TransferTable:
         """Take over a (K, 4) float32 table; uploads only if it differs."""
         wanted = np.ascontiguousarray(table, np.float32)[None]
         if self.texture is None or self._held is None or self._held.shape != wanted.shape:
-            self.texture = gloo.Texture2D(
-                wanted, format="rgba", internalformat="rgba32f", interpolation="nearest"
-            )
+            self.texture = _table(wanted)
         elif not np.array_equal(self._held, wanted):
             self.texture.set_data(wanted, copy=True)
         self._held = wanted.copy()
         return self.texture
+
+
+def _table(values: NDArray[np.float32]) -> gloo.Texture2D:
+    made = gloo.Texture2D(values, format="rgba", internalformat="rgba32f", interpolation="nearest")
+    return ledger().enter(TABLES, made)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.framebuffer import current_context
+from napari_unpack.rendering.ledger import DENSITY, LABELS, ledger
 from napari_unpack.rendering.voxel_buffer import VoxelBuffer, serves_best
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
@@ -96,7 +97,7 @@ class VolumeTextures:
                 self.uploads += 1
                 self.density = VoxelBuffer(self.shape, volume.dtype.name)
             else:
-                self.density = self._begun(internal, "linear")
+                self.density = self._begun(DENSITY, internal, "linear")
             self._queue(self.density, volume, self._everything())
         if at_once:
             self.send()
@@ -158,6 +159,7 @@ class VolumeTextures:
             old = self.labels
             self._waiting = deque(w for w in self._waiting if w[0] is not old)
             self._begin_labels(labels, most)
+            ledger().strike(old)
             old.delete()
             return
         # Pieces of the labels before that still wait are of these labels now.
@@ -173,23 +175,25 @@ class VolumeTextures:
     def delete(self) -> None:
         """Free the textures."""
         self._waiting.clear()
-        self.labels.delete()
-        if self.density is not None:
-            self.density.delete()
+        for texture in (self.labels, self.density):
+            if texture is not None:
+                ledger().strike(texture)
+                texture.delete()
 
     def _everything(self) -> Box:
         depth, height, width = self.grid
         return slice(0, depth), slice(0, height), slice(0, width)
 
     def _begin_labels(self, labels: NDArray[np.uint16], most: int) -> None:
-        self.labels = self._begun("r8" if most <= 255 else "r16", "nearest")
+        self.labels = self._begun(LABELS, "r8" if most <= 255 else "r16", "nearest")
         self._queue(self.labels, labels, self._everything())
 
-    def _begun(self, internal: str, filtering: str) -> gloo.Texture3D:
+    def _begun(self, purpose: str, internal: str, filtering: str) -> gloo.Texture3D:
         self.uploads += 1
-        return gloo.Texture3D(
+        texture = gloo.Texture3D(
             self.grid, format="red", internalformat=internal, interpolation=filtering
         )
+        return ledger().enter(purpose, texture)
 
     def _queue(self, texture: Held, source: NDArray[np.generic], box: Box) -> None:
         planes, rows, columns = box

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.framebuffer import current_context, renderer
+from napari_unpack.rendering.ledger import DENSITY, ledger
 from napari_unpack.rendering.offscreen import is_software_renderer
 
 UNIT = 15
@@ -40,16 +41,12 @@ class VoxelBuffer:
         self.shape, self.kind = tuple(shape), kind
         self._buffer = gloo.VertexBuffer(np.empty(0, kind))
         self._buffer.resize_bytes(int(np.prod(shape)) * np.dtype(kind).itemsize)
+        ledger().enter(DENSITY, self._buffer)
 
     @property
     def glir(self) -> Any:
         """The queue of commands that fill it."""
         return self._buffer.glir
-
-    @property
-    def nbytes(self) -> int:
-        """What it takes on the graphics card."""
-        return int(self._buffer.nbytes)
 
     def set_data(self, part: NDArray[np.generic], offset: tuple[int, int, int]) -> None:
         """Take over whole planes, from the one on that `offset` (z, 0, 0) says."""
@@ -83,6 +80,7 @@ class VoxelBuffer:
 
     def delete(self) -> None:
         """Free it."""
+        ledger().strike(self._buffer)
         self._buffer.delete()
 
 

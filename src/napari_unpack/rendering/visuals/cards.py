@@ -22,6 +22,7 @@ from vispy.visuals.filters import Alpha, PickingFilter
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.rendering.framebuffer import forget_complaints, namespace
+from napari_unpack.rendering.ledger import TABLES, ledger
 from napari_unpack.rendering.programs import Programs
 from napari_unpack.rendering.shader_source import load
 from napari_unpack.rendering.visuals.pictures import Picture
@@ -169,9 +170,9 @@ class CardsVisual(Visual):  # type: ignore[misc]
         program = self._programs.here("card.frag", vertex="card.vert")
         if namespace() not in self._blanks:
             corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
-            program["a_corner"] = gloo.VertexBuffer(corners)
+            program["a_corner"] = ledger().enter(TABLES, gloo.VertexBuffer(corners))
             blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
-            self._blanks[namespace()] = blank
+            self._blanks[namespace()] = ledger().enter(TABLES, blank)
         return program
 
     def _set(

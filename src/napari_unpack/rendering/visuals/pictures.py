@@ -11,7 +11,7 @@ from vispy.gloo import Texture2D
 from vispy.gloo.context import get_current_canvas
 
 from napari_unpack.rendering.framebuffer import NO_DEPTH, namespace
-from napari_unpack.rendering.ledger import texture_bytes
+from napari_unpack.rendering.ledger import PICTURES, ledger
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 
@@ -56,12 +56,6 @@ class Picture:
         """Whether there are depths."""
         return self._depth is not None
 
-    @property
-    def bytes_held(self) -> int:
-        """Bytes of the textures made from arrays, in all contexts."""
-        made = self._made.values()
-        return sum(texture_bytes(t) for _, *ts in made for t in ts if t is not None)
-
     def update(
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
@@ -101,12 +95,13 @@ class Picture:
         if own is not None and own.shape[:2] == array.shape[:2] and own.internalformat == internal:
             own.set_data(array)
             return own
-        return Texture2D(
+        made = Texture2D(
             array,
             format="rgba" if base == "rgba" else "red",
             internalformat=internal,
             interpolation="linear" if base == "rgba" else "nearest",
         )
+        return ledger().enter(PICTURES, made)
 
 
 def _checked(
