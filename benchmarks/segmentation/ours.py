@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from benchmarks.segmentation.peers import Found
 from napari_unpack.segmentation import segment
 from napari_unpack.segmentation.checks import checked_spacing, checked_volume
+from napari_unpack.segmentation.grainy import flattened, is_grainy
 from napari_unpack.segmentation.merging import absorb_small, fill_cavities
 from napari_unpack.segmentation.pipeline import split_parts
 from napari_unpack.segmentation.ranking import rank_labels
+from napari_unpack.segmentation.region import default_smallest
+from napari_unpack.segmentation.splitting import SplitRule
 
 CUTS = "ours, cuts and oracle"
 
@@ -35,8 +38,19 @@ def as_the_paper(volume: NDArray[Any], spacing: Any) -> Found:
 def unlearned(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield our parts, taken apart by shape and material and judged by nobody."""
     density, size = checked_volume(volume), checked_spacing(spacing)
-    parts, _ = split_parts(density, size, lambda fraction, text: None)
-    parts = absorb_small(parts, size, max(500.0, 100 * float(np.prod(size))))
+    smallest = default_smallest(density.shape, size)
+    bag = not is_grainy(density)
+    if not bag:
+        density = flattened(density, size)
+    parts, _ = split_parts(
+        density,
+        size,
+        lambda fraction, text: None,
+        supports=bag,
+        shell=bag,
+        rule=SplitRule(smallest=smallest / 2),
+    )
+    parts = absorb_small(parts, size, max(smallest, 100 * float(np.prod(size))))
     yield "ours, nothing learned", rank_labels(fill_cavities(parts, size))
 
 

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation.checks import checked_spacing
 from napari_unpack.segmentation.foreground import find_levels, foreground, peel
+from napari_unpack.segmentation.grainy import flattened, is_grainy
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.shape_cuts import shape_cuts
 from napari_unpack.segmentation.splitting import parts_of
@@ -25,15 +26,17 @@ MOST_WALKED = 100_000
 """Voxels of matter at half resolution beyond which a random walker does not fit."""
 
 
-def matter_of(volume: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return the foreground that every method is given."""
+def matter_of(volume: NDArray[Any], spacing: Any) -> NDArray[np.bool_]:
+    """Return the foreground that every method is given; of a grainy volume, what is left of it."""
+    if is_grainy(volume):
+        volume = flattened(volume, checked_spacing(spacing))
     levels = find_levels(volume)
     return np.asarray(peel(foreground(volume, levels), volume, levels.air))
 
 
 def components(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield the connected components."""
-    parts = cc3d.connected_components(matter_of(volume), connectivity=6)
+    parts = cc3d.connected_components(matter_of(volume, spacing), connectivity=6)
     yield "components", cc3d.dust(parts, threshold=SMALLEST)
 
 
@@ -41,7 +44,7 @@ def watersheds(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield distance transform + peaks + watershed over a grid of settings."""
     from skimage.segmentation import watershed
 
-    matter = matter_of(volume)
+    matter = matter_of(volume, spacing)
     depth = edt.edt(matter, anisotropy=spacing, black_border=True)
     for sigma, distance in itertools.product((1.0, 2.0), (6, 10, 15)):
         smooth = gaussian_filter(depth, sigma)
@@ -54,7 +57,7 @@ def random_walks(volume: NDArray[Any], spacing: Any) -> Found:
     from skimage.segmentation import random_walker
 
     half = tuple(slice(None, None, 2) for _ in range(3))
-    matter = matter_of(volume)[half]
+    matter = matter_of(volume, spacing)[half]
     if np.count_nonzero(matter) > MOST_WALKED:
         return
     values = gaussian_filter(volume.astype(np.float32), 1.0)[half]
@@ -74,7 +77,7 @@ def random_walks(volume: NDArray[Any], spacing: Any) -> Found:
 
 def distance_trees(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield recursive distance-tree cuts that stop at an isoperimetric ratio."""
-    pieces = cc3d.connected_components(matter_of(volume), connectivity=6)
+    pieces = cc3d.connected_components(matter_of(volume, spacing), connectivity=6)
     pieces = cc3d.dust(pieces, threshold=SMALLEST)
     size = checked_spacing(spacing)
     for stop in (0.02, 0.04, 0.08):

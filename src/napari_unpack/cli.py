@@ -103,6 +103,18 @@ def segment(
         Path, typer.Argument(metavar="OUTPUT", help="Where to save volume and labels.")
     ],
     csv: Annotated[Path | None, typer.Option(help="Where to save the table of objects.")] = None,
+    smallest: Annotated[
+        float | None,
+        typer.Option(help="Smaller things are no objects, mm^3; by default 500 mm^3 or voxels."),
+    ] = None,
+    grainy: Annotated[
+        bool | None,
+        typer.Option(
+            "--grainy/--plain",
+            help="Take noise and haze away first, as of nuclei under a microscope, or do not; "
+            "by default that is found out.",
+        ),
+    ] = None,
 ) -> None:
     """Segment a volume into its objects."""
     from napari_unpack import segment as find_objects
@@ -113,7 +125,9 @@ def segment(
     if csv is not None:
         check_output(csv, ("",))
     scan = load_volume(source)
-    found = find_objects(scan.volume, scan.spacing, progress=Ticker())
+    found = find_objects(
+        scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy
+    )
     for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
         typer.echo(f"wrote {path}")
     if csv is not None:

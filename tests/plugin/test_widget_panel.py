@@ -223,12 +223,24 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
     press(qtbot, panel.segment.start)
     assert "must be a number, got 'dense'" in _said(-1)[0]
     options.threshold.setText("350")
-    options.smallest.setValue(0.02)
+    options.smallest.setValue(20)
+    options.noise.setCurrentText("Leave")
     options.shell.setChecked(False)
     (said,) = _refused(panel, qtbot)
     assert said.startswith("Nothing found: all is air; under Details in step 1")
     del given["spacing"]
-    assert given == {"foreground": 350.0, "smallest": 20.0, "supports": True, "shell": False}
+    assert given == {
+        "foreground": 350.0,
+        "grainy": False,
+        "smallest": 20.0,
+        "supports": True,
+        "shell": False,
+    }
+    options.smallest.setValue(0)
+    options.noise.setCurrentText("Take away")
+    assert options.settings()["smallest"] is None
+    assert options.settings()["grainy"] is True
+    assert not options.shell.isEnabled()
     options.way.setCurrentText("One level")
     assert options.threshold.text() == ""
     assert options.settings()["foreground"] == "otsu"

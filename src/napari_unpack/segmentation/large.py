@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.grainy import looks_grainy
 from napari_unpack.segmentation.matter import find_matter, levels_of
 from napari_unpack.segmentation.object_table import Sums, confidences
 from napari_unpack.segmentation.ranking import ranks
@@ -38,6 +39,7 @@ def segment_large(
     working: int,
     foreground: str | float,
     fewest: int,
+    grainy: bool | None = None,
     oracle: Oracle | None = None,
     out: Any = None,
     block: int = BLOCK,
@@ -60,6 +62,8 @@ def segment_large(
         See `matter.checked_way`.
     fewest : int
         Voxels of an object.
+    grainy : bool, optional
+        Whatever the grid does not show is noise or haze.
     oracle : callable, optional
         Judges the objects, as they are on the grid.
     out : array, optional
@@ -87,7 +91,8 @@ def segment_large(
     levels = levels_of(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, lambda f, text: tell(0.03 + 0.57 * f, text))
     tell(0.6, "Refining the borders")
-    left_out = _left_out(grid, labels, foreground)
+    hidden = looks_grainy(grid.density, foreground) if grainy is None else grainy
+    left_out = labels == 0 if hidden else _left_out(grid, labels, foreground)
     rough = coarse(labels, grid.density, left_out, grid.factors, levels)
     if out is None:
         out = np.zeros(source.shape, np.int32)

@@ -20,6 +20,7 @@ from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
+from napari_unpack.segmentation.grainy import cleared, looks_grainy, to_half_height
 from napari_unpack.segmentation.joining import join_seen
 from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.learned import learned_parts
@@ -30,7 +31,7 @@ from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.ranking import rank_labels
 from napari_unpack.segmentation.recursion import take_apart
 from napari_unpack.segmentation.refine_by_oracle import RefineRule, join_touching
-from napari_unpack.segmentation.region import FEWEST, Region
+from napari_unpack.segmentation.region import FEWEST, SMALLEST, Region, default_smallest
 from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.sources import source_of
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
@@ -68,9 +69,10 @@ def segment(
     *,
     method: str = "learned",
     foreground: str | float = "hysteresis",
-    smallest: float = 500.0,
+    smallest: float | None = None,
     supports: bool = True,
     shell: bool = True,
+    grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
     judge: Affinity | None = None,
@@ -99,13 +101,17 @@ def segment(
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
         matter.
-    smallest : float
+    smallest : float, optional
         Objects below this, or of fewer than 100 voxels, are dropped or joined to a neighbour,
-        mm^3.
+        mm^3. By default 500 mm^3, but 500 voxels where that is more than a 2000th of
+        the volume.
     supports : bool
         Leave out the scanner's table.
     shell : bool
         Leave out the bag itself.
+    grainy : bool, optional
+        Noise or haze hide the objects, as under a microscope: they are taken away first, and
+        there is no table and no bag. By default that is found out where `foreground` is a way.
     step : float
         Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
@@ -140,20 +146,22 @@ def segment(
     if out is not None:
         check_out(out, source.shape)
     tell = progress or _silent
+    least = default_smallest(source.shape, size) if smallest is None else smallest
     find = partial(
         segment_grid,
         foreground=way,
         method=method,
-        smallest=smallest,
+        smallest=least,
         supports=supports,
         shell=shell,
+        grainy=grainy,
         step=step,
         rule=rule,
         judge=judge,
         oracle=decides,
     )
     if source.size > working:
-        fewest = int(max(smallest / float(np.prod(size)), FEWEST))
+        fewest = int(max(least / float(np.prod(size)), FEWEST))
         labels, table = segment_large(
             source,
             size,
@@ -161,6 +169,7 @@ def segment(
             tell,
             working=working,
             foreground=way,
+            grainy=grainy,
             fewest=fewest,
             oracle=oracle,
             out=out,
@@ -185,9 +194,10 @@ def segment_grid(
     *,
     foreground: str | float = "hysteresis",
     method: str = "learned",
-    smallest: float = 500.0,
+    smallest: float = SMALLEST,
     supports: bool = True,
     shell: bool = True,
+    grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
     judge: Affinity | None = None,
@@ -203,7 +213,7 @@ def segment_grid(
         Voxel size z y x, mm.
     tell : callable
         Progress.
-    foreground, method, smallest, supports, shell, step, rule, judge, oracle
+    foreground, method, smallest, supports, shell, grainy, step, rule, judge, oracle
         As for `segment`.
 
     Returns
@@ -216,6 +226,11 @@ def segment_grid(
     ValueError
         If nothing is found.
     """
+    given, hidden = density, looks_grainy(density, foreground) if grainy is None else grainy
+    if hidden:
+        tell(0.0, "Taking noise and haze away")
+        density, foreground = cleared(density, spacing, foreground), "hysteresis"
+        supports = shell = False
     if method == "learned":
         parts, measured = learned_parts(
             density, spacing, tell, foreground=foreground, supports=supports, shell=shell
@@ -240,6 +255,8 @@ def segment_grid(
         else:
             parts = join_touching(parts, density, spacing, oracle, RefineRule(margin=0.0), tell)
     labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
+    if hidden:
+        labels = to_half_height(labels, given, spacing)
     labels = rank_labels(fill_cavities(labels, spacing))
     if not labels.any():
         raise ValueError(

@@ -15,6 +15,21 @@ Box = tuple[slice, slice, slice]
 FEWEST = 100
 """Voxels that show a shape."""
 
+# mm^3 or voxels; and the share of a volume of which that many mm^3 are too much.
+SMALLEST, SHARE = 500.0, 1 / 2000
+
+
+def default_smallest(shape: tuple[int, int, int], spacing: Spacing) -> float:
+    """Return the size below which nothing is an object unless told otherwise, mm^3.
+
+    Notes
+    -----
+    That of a lighter or a key. Where it is a large part of the whole, the volume is no bag or its
+    unit is not mm, and as many voxels are taken.
+    """
+    voxel = float(np.prod(spacing))
+    return SMALLEST if SHARE * voxel * float(np.prod(shape)) >= SMALLEST else SMALLEST * voxel
+
 
 @dataclass(frozen=True, eq=False)
 class Region:

@@ -9,10 +9,6 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 
 from napari_unpack.widgets.section import Disclosure, form
 
-SMALLEST = 0.5
-"""Default size below which nothing is an object, cm³."""
-
-
 FIXED = "Fixed density"
 WAYS = {
     "Two levels, connected": (
@@ -28,12 +24,32 @@ WAYS = {
 }
 """Ways to tell matter from air: name in `napari_unpack.segment`, and what they are good for."""
 
+NOISE = {
+    "Look and decide": (None, "Taken away where the volume is mostly noise, as most CT is not."),
+    "Take away": (
+        True,
+        "For nuclei and cells under a microscope: noise and haze are taken away before objects "
+        "are looked for, and there is no table and no bag.",
+    ),
+    "Leave": (False, "For scans: objects are looked for in the volume as it is."),
+}
+"""What is done about noise: `grainy` of `napari_unpack.segment`, and what it is good for."""
+
 
 class SegmentOptions(Disclosure):
-    """How matter is found, the smallest object, and what is left out."""
+    """How matter is found, what is done about noise, the smallest object, what is left out."""
 
     def __init__(self) -> None:
-        super().__init__("Details", "How objects are found; the defaults suit CT of bags.")
+        super().__init__(
+            "Details",
+            "How objects are found; the defaults suit CT of bags, and nuclei under a microscope.",
+        )
+        self.supports = QCheckBox("Leave out the scanner's table")
+        self.supports.setToolTip("Flat matter that lies under everything else is no object.")
+        self.shell = QCheckBox("Leave out the bag itself")
+        self.shell.setToolTip("The thin wall around everything else is no object.")
+        for box in (self.supports, self.shell):
+            box.setChecked(True)
         self.way = QComboBox()
         for place, (text, (_, help_text)) in enumerate(WAYS.items()):
             self.way.addItem(text)
@@ -46,24 +62,29 @@ class SegmentOptions(Disclosure):
             "typing one here chooses 'Fixed density'."
         )
         self.threshold.textEdited.connect(self._fix)
+        self.noise = QComboBox()
+        for place, (text, (_, help_text)) in enumerate(NOISE.items()):
+            self.noise.addItem(text)
+            self.noise.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
+        self.noise.currentTextChanged.connect(self._explain)
         self._explain()
         self.smallest = QDoubleSpinBox()
-        self.smallest.setDecimals(3)
-        self.smallest.setRange(0.001, 1000.0)
+        self.smallest.setDecimals(2)
+        self.smallest.setRange(0.0, 1e6)
         self.smallest.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
-        self.smallest.setSuffix(" cm³")
-        self.smallest.setValue(SMALLEST)
+        self.smallest.setSuffix(" mm³")
+        self.smallest.setSpecialValueText("automatic")
         self.smallest.setToolTip(
-            "Smaller things are joined to a neighbour, or left out if they have none."
+            "Smaller things are joined to a neighbour, or left out if they have none. "
+            "Automatic: 500 mm³, or 500 voxels in a small volume; 0 brings it back."
         )
-        self.supports = QCheckBox("Leave out the scanner's table")
-        self.supports.setToolTip("Flat matter that lies under everything else is no object.")
-        self.shell = QCheckBox("Leave out the bag itself")
-        self.shell.setToolTip("The thin wall around everything else is no object.")
-        for box in (self.supports, self.shell):
-            box.setChecked(True)
         self.contents.addLayout(
-            form(Matter=self.way, Density=self.threshold, Smallest=self.smallest)
+            form(
+                Matter=self.way,
+                Density=self.threshold,
+                Noise=self.noise,
+                Smallest=self.smallest,
+            )
         )
         self.contents.addWidget(self.supports)
         self.contents.addWidget(self.shell)
@@ -73,6 +94,10 @@ class SegmentOptions(Disclosure):
         self.way.setToolTip(f"How matter is told from air. {help_text}")
         if way is not None:
             self.threshold.clear()
+        grainy, help_text = NOISE[self.noise.currentText()]
+        self.noise.setToolTip(f"What is done about noise and haze. {help_text}")
+        for box in (self.supports, self.shell):
+            box.setEnabled(grainy is not True)
 
     def _fix(self, text: str) -> None:
         if text.strip():
@@ -89,7 +114,8 @@ class SegmentOptions(Disclosure):
         way, _ = WAYS[self.way.currentText()]
         return {
             "foreground": self._density() if way is None else way,
-            "smallest": 1000.0 * self.smallest.value(),
+            "grainy": NOISE[self.noise.currentText()][0],
+            "smallest": self.smallest.value() or None,
             "supports": self.supports.isChecked(),
             "shell": self.shell.isChecked(),
         }
