@@ -1,5 +1,6 @@
 """Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
 
+import threading
 from typing import Any
 
 import dask.array
@@ -16,6 +17,7 @@ from widget_phantoms import press, stage_with
 from conftest import canvas
 from napari_unpack.layers import compat
 from napari_unpack.layers.painted_labels import PaintedLabels
+from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 BELL, CUBE, SLAB = 1, 2, 3
@@ -206,3 +208,31 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
     assert not painted.waiting
     assert asked == []
     painted.close()
+
+
+def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
+    panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, given = panel.workbench, session.labels.copy()
+    session.merge([BELL, CUBE])
+    session.delete([SLAB])
+    threads, apply = [], LabelEdit.apply
+
+    def told(edit: LabelEdit, labels: np.ndarray) -> np.ndarray:
+        threads.append(threading.current_thread())
+        return apply(edit, labels)
+
+    monkeypatch.setattr(LabelEdit, "apply", told)
+    bench.undo()
+    assert threads == []
+    bench.undo()
+    assert len(threads) == 1
+    assert threads[0] is not threading.main_thread()
+    assert np.array_equal(session.labels, given)
+    assert bench.stage.settle(60)
+    bench.redo()
+    bench.redo()
+    assert session.ids == (BELL,)
+    assert len(threads) == 2
+    assert threading.main_thread() not in threads
+    assert np.array_equal(panel.viewer.layers["found"].data, session.labels)

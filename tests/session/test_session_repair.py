@@ -228,3 +228,65 @@ def test_any_row_of_repairs_can_be_taken_back(row: list[tuple[str, int]]) -> Non
         s.redo()
     assert np.array_equal(s.labels, last)
     assert_consistent(s)
+
+
+def test_the_last_repair_is_taken_back_and_made_again_without_a_copy_of_the_volume() -> None:
+    s = session()
+    s.display_labels  # noqa: B018
+    given, shown = s.labels, s.display_labels
+    s.merge([2, 3])
+    merged = s.labels
+    assert s.labels_question("undo") is None
+    s.undo()
+    assert s.labels is given
+    assert s.display_labels is shown
+    assert_consistent(s)
+    assert s.labels_question("redo") is None
+    s.redo()
+    assert s.labels is merged
+    assert_consistent(s)
+
+
+def test_labels_of_earlier_repairs_can_be_worked_out_beforehand() -> None:
+    s = session()
+    given = s.labels.copy()
+    s.merge([2, 3])
+    s.delete([1])
+    s.rename(3, "a part")
+    # Neither a name nor the last repair need labels to be worked out.
+    for _ in range(2):
+        assert s.labels_question("undo") is None
+        s.undo()
+    question = s.labels_question("undo")
+    assert question is not None
+    answer = question.answer()
+    s.accept_labels(answer)
+    s.undo()
+    assert s.labels is answer.labels
+    assert np.array_equal(s.labels, given)
+    assert_consistent(s)
+    # An answer nobody needed does no harm.
+    s.accept_labels(question.source)
+    s.redo()
+    assert set(s.ids) < {1, 2, 3}
+    assert_consistent(s)
+
+
+def test_a_new_confidence_stays_when_a_repair_is_taken_back() -> None:
+    s = session()
+    s.judge = lambda region: 0.5
+    s.merge([2, 3])
+    s.judge_by(None, dict.fromkeys(s.ids, 0.7))
+    s.undo()
+    assert s.objects.at[1, "confidence"] == 0.7
+
+
+def test_labels_somebody_else_can_write_to_are_not_kept() -> None:
+    s = session()
+    given = s.labels
+    s.merge([2, 3])
+    s.own_labels([given])
+    given[:] = 0
+    s.undo()
+    assert_consistent(s)
+    assert s.ids == (1, 2, 3)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import QTimer
 
+from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.layers.clock import stop
 from napari_unpack.layers.slice_hues import shows_labels
 
@@ -57,9 +58,8 @@ class PaintedLabels:
             for name in STROKES:
                 if hasattr(layer.events, name):
                     getattr(layer.events, name).connect(self._on_lazy)
-        if any(np.may_share_memory(layer.data, session.labels) for layer in self._layers):
-            session.own_labels()
-        self._seen = session.labels
+        session.own_labels([layer.data for layer in self._layers])
+        self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
         self._painted: Any = None
         self._timer = QTimer()
@@ -121,22 +121,24 @@ class PaintedLabels:
         if not self._ask(self._session.paint_question(np.asarray(layer.data))):
             self._timer.start()
 
-    def _show(self, _ids: Any = None) -> None:
-        """Write what the session has changed into the layers."""
-        before, self._seen = self._seen, self._session.labels
-        given = self._given()
+    def _show(self, ids: Iterable[int]) -> None:
+        """Write what the session has changed of some objects into the layers."""
+        before, labels = self._seen, self._session.labels
+        box = _around(ids, self._boxes, self._session.boxes)
+        self._seen, self._boxes = labels, self._session.boxes
+        if box is None:
+            return
+        # Elsewhere in the box a stroke may wait to be compared.
+        away = before[box] != labels[box]
+        wanted = self._given()[labels[box][away]]
         self._writing = True
         try:
             for layer in self._layers:
-                box = _differing(before, self._seen)
-                if box is None:
-                    continue
-                wanted = given[self._seen[box]]
-                if np.array_equal(np.asarray(layer.data[box]), wanted):
+                if np.array_equal(layer.data[box][away], wanted):
                     continue
                 if not layer.data.flags.writeable:
                     layer.data = layer.data.copy()
-                layer.data[box] = wanted.astype(layer.data.dtype)
+                layer.data[box][away] = wanted.astype(layer.data.dtype)
                 layer.refresh()
         finally:
             self._writing = False
@@ -152,12 +154,13 @@ def _is_array(layer: Any) -> bool:
     return not getattr(layer, "multiscale", False) and isinstance(layer.data, np.ndarray)
 
 
-def _differing(one: NDArray[Any], two: NDArray[Any]) -> tuple[slice, ...] | None:
-    planes = [z for z in range(len(one)) if not np.array_equal(one[z], two[z])]
-    if not planes:
+def _around(ids: Iterable[int], *boxes: LabelBoxes) -> tuple[slice, ...] | None:
+    """Return the box around where some objects were and are; None for nowhere."""
+    wanted = list(ids)
+    rows = [np.isin(each.ids, wanted) for each in boxes]
+    low = np.concatenate([each.lower[row] for each, row in zip(boxes, rows, strict=True)])
+    high = np.concatenate([each.upper[row] for each, row in zip(boxes, rows, strict=True)])
+    if not len(low):
         return None
-    first, last = planes[0], planes[-1] + 1
-    away = one[first:last] != two[first:last]
-    rows, columns = np.flatnonzero(away.any(axis=(0, 2))), np.flatnonzero(away.any(axis=(0, 1)))
-    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-    return (slice(first, last), *box)
+    ends = zip(low.min(axis=0), high.max(axis=0), strict=True)
+    return tuple(slice(int(a), int(b)) for a, b in ends)

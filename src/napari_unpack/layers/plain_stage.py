@@ -11,14 +11,13 @@ from napari.utils.colormaps import DirectLabelColormap
 
 from napari_unpack.geometry.axes import Matrix, transform_points, unit
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers import compat
+from napari_unpack.layers import compat, steering
 from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.stage import Stage
 from napari_unpack.layers.stage_events import StageEvents
-from napari_unpack.layers.steering import know_who_leaves, point_camera, wait_until
 from napari_unpack.layers.studio import BACKENDS
 
 OPACITY = 0.9
@@ -124,7 +123,7 @@ class PlainStage:
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Take free objects out, or these; see `Session.unpack`."""
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
-        know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
+        steering.know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
@@ -148,15 +147,15 @@ class PlainStage:
 
     def undo(self) -> Any:
         """Take back the last step."""
-        return self.session.undo()
+        return steering.travel(self.session, self._jobs, "undo")
 
     def redo(self) -> Any:
         """Do the step taken back again."""
-        return self.session.redo()
+        return steering.travel(self.session, self._jobs, "redo")
 
     def look_from(self, camera: Camera) -> None:
         """Set the viewer's camera to one of the session's."""
-        point_camera(self.viewer, self.packed, camera)
+        steering.point_camera(self.viewer, self.packed, camera)
 
     def finish(self) -> None:
         """Do nothing: there are no flights here."""
@@ -167,7 +166,7 @@ class PlainStage:
 
     def settle(self, seconds: float = 10.0) -> bool:
         """Wait, handling events, until hues and queue are known; return whether they are."""
-        return wait_until(lambda: not (self._jobs.busy or self._at_rest.waiting), seconds)
+        return steering.wait_until(lambda: not (self._jobs.busy or self._at_rest.waiting), seconds)
 
     def _wires(self) -> list[tuple[Any, Any]]:
         events = self.session.events

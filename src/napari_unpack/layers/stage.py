@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers import compat
+from napari_unpack.layers import compat, steering
 from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.backdrop import dress
 from napari_unpack.layers.cutting import Cutting
@@ -27,7 +27,6 @@ from napari_unpack.layers.slice_hues import SliceHues
 from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.sprites import SpriteLayer
 from napari_unpack.layers.stage_events import StageEvents
-from napari_unpack.layers.steering import know_who_leaves, point_camera, run_to, wait_until
 from napari_unpack.layers.studio import BACKENDS
 from napari_unpack.layers.transition import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
@@ -208,7 +207,7 @@ class Stage(Hands):
         """Fly free objects out, or these; see `Session.unpack`."""
         self._projector.end_inspection()
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
-        know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
+        steering.know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
@@ -221,17 +220,17 @@ class Stage(Hands):
         self._projector.end_inspection()
         if not flying:
             self.finish()
-        return run_to(self.session, self._jobs, step, flying, self.events.looking.emit)
+        return steering.run_to(self.session, self._jobs, step, flying, self.events.looking.emit)
 
     def undo(self) -> Any:
         """Take back the last step, a turn given during an inspection included."""
         self._projector.end_inspection()
-        return self.session.undo()
+        return steering.travel(self.session, self._jobs, "undo")
 
     def redo(self) -> Any:
         """Do the step taken back again."""
         self._projector.end_inspection()
-        return self.session.redo()
+        return steering.travel(self.session, self._jobs, "redo")
 
     def finish(self) -> None:
         """Land every flight now."""
@@ -258,11 +257,11 @@ class Stage(Hands):
         height, width = self.viewer.canvas.size
         pixels = compat.pixel_scale(self.viewer)
         self.session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
-        point_camera(self.viewer, self.packed, self.session.overview())
+        steering.point_camera(self.viewer, self.packed, self.session.overview())
 
     def look_from(self, camera: Camera) -> None:
         """Set the viewer's camera to one of the session's."""
-        point_camera(self.viewer, self.packed, camera)
+        steering.point_camera(self.viewer, self.packed, camera)
 
     def step(self, seconds: float = 10.0) -> bool:
         """Show this very moment of the session's clock; for films, whose clock stands still.
@@ -293,7 +292,7 @@ class Stage(Hands):
         bool
             Whether it was reached. Flights in the air are not waited for.
         """
-        return wait_until(self._settled, seconds)
+        return steering.wait_until(self._settled, seconds)
 
     # Wiring.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 from time import monotonic, sleep
-from typing import Any
+from typing import Any, Literal
 
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
@@ -102,6 +102,27 @@ def know_who_leaves(
             session.accept_answer(answer)
     finally:
         looking(False)
+
+
+def travel(session: Any, jobs: Jobs, way: Literal["undo", "redo"]) -> Any:
+    """Go a step back or forth; labels that take a while are worked out in a worker, drawing on.
+
+    Parameters
+    ----------
+    session : Session
+    jobs : Jobs
+        With the lane "queue".
+    way : {"undo", "redo"}
+
+    Returns
+    -------
+    str or None
+        See `Session.undo`.
+    """
+    question = session.labels_question(way)
+    if question is not None:
+        session.accept_labels(jobs.do("queue", "labels", question.answer))
+    return getattr(session, way)()
 
 
 def run_to(

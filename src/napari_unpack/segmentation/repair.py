@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ class LabelEdit:
     before: Labels
     after: Labels
 
-    @property
+    @cached_property
     def touched(self) -> frozenset[int]:
         """Objects that gain or lose voxels."""
         both = np.concatenate([self.before, self.after])

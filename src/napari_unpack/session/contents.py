@@ -58,6 +58,11 @@ class Contents:
         By ID.
     edit : Edit, optional
         The last change made to them.
+
+    Notes
+    -----
+    Of the contents before, the arrays are kept: to copy those of a large volume takes a second,
+    and the command most often undone is the last.
     """
 
     labels: NDArray[np.uint16]
@@ -65,6 +70,7 @@ class Contents:
     facts: pd.DataFrame
     edit: Edit | None = None
     _display: NDArray[np.uint16] | None = field(default=None, repr=False)
+    _kept: Contents | None = field(default=None, repr=False)
 
     @property
     def display(self) -> NDArray[np.uint16]:
@@ -76,13 +82,34 @@ class Contents:
     def at(self, edit: Edit | None) -> Contents:
         """Return the contents at another place of the chain of edits; exact both ways."""
         found = self
-        here, there = _chain(self.edit), _chain(edit)
-        common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
-        for step in reversed(here[common:]):
-            found = found._moved(step, 1, 0, step.earlier)
-        for step in there[common:]:
-            found = found._moved(step, 0, 1, step)
+        back, forth = _way(self.edit, edit)
+        arrays = self._arrays_at(edit) if len(back) + len(forth) == 1 else None
+        for step in back:
+            found = found._moved(step, 1, 0, step.earlier, arrays)
+        for step in forth:
+            found = found._moved(step, 0, 1, step, arrays)
         return found
+
+    def knows(self, edit: Edit | None) -> bool:
+        """Return whether `at` that place copies no volume."""
+        return edit is self.edit or self._arrays_at(edit) is not None
+
+    def keep(self, before: Contents) -> None:
+        """Keep the arrays of other contents, and of no others."""
+        self._kept, before._kept = before, None
+
+    @property
+    def arrays(self) -> tuple[NDArray[np.uint16], ...]:
+        """All label arrays that are kept."""
+        return (self.labels,) if self._kept is None else (self.labels, self._kept.labels)
+
+    def _arrays_at(
+        self, edit: Edit | None
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16] | None] | None:
+        kept = self._kept
+        if kept is None or kept.edit is not edit:
+            return None
+        return kept.labels, kept._display
 
     def edited(
         self,
@@ -132,7 +159,7 @@ class Contents:
                     for i, own in ((int(i), local.slices(int(i))) for i in local.ids)
                 ]
         edit = Edit(self.edit, change, (old, new), (before, after))
-        return self._moved(edit, 0, 1, edit, labels)
+        return self._moved(edit, 0, 1, edit, (labels, None))
 
     def _moved(
         self,
@@ -140,13 +167,14 @@ class Contents:
         source: int,
         target: int,
         edit: Edit | None,
-        labels: NDArray[np.uint16] | None = None,
+        arrays: tuple[NDArray[np.uint16], NDArray[np.uint16] | None] | None = None,
     ) -> Contents:
         import pandas as pd
 
         change = step.change if target else step.change.reverse()
-        if labels is None:
-            labels = change.apply(self.labels).astype(np.uint16, copy=False)
+        if arrays is None:
+            arrays = change.apply(self.labels).astype(np.uint16, copy=False), None
+        labels, display = arrays
         gone, come = step.boxes[source], step.boxes[target]
         kept = ~np.isin(self.boxes.ids, gone.ids)
         ids = np.concatenate([self.boxes.ids[kept], come.ids])
@@ -161,16 +189,22 @@ class Contents:
         rest = self.facts.drop(index=step.facts[source].index)
         rows = [table for table in (rest, step.facts[target]) if len(table)]
         facts = pd.concat(rows).sort_index().rename_axis("id") if rows else rest
-        display = None if self._display is None else _regrown(self._display, labels, change.box)
+        if display is None and self._display is not None:
+            display = _regrown(self._display, labels, change.box)
         return Contents(labels, boxes, facts, edit, display)
 
 
 def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:
     """Return the objects touched by the edits between two places of the chain."""
+    back, forth = _way(before, after)
+    return frozenset(i for step in (*back, *forth) for i in step.change.touched)
+
+
+def _way(before: Edit | None, after: Edit | None) -> tuple[list[Edit], list[Edit]]:
+    """Return the edits to take back, the latest first, and those to make then."""
     here, there = _chain(before), _chain(after)
     common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
-    steps = (*here[common:], *there[common:])
-    return frozenset(i for step in steps for i in step.change.touched)
+    return here[common:][::-1], there[common:]
 
 
 def _chain(edit: Edit | None) -> list[Edit]:

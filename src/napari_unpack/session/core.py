@@ -313,6 +313,7 @@ class SessionCore:
         self._prepared = None
         fits = prepared is not None and prepared.edit is after.edit
         self._hold(prepared if fits and prepared is not None else old.at(after.edit))
+        self._contents.keep(old)
         touched = touched_between(before.edit, after.edit)
         for i in touched:
             self._flights.pop(i, None)

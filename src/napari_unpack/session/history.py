@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
+from napari_unpack.session.contents import Edit
 from napari_unpack.session.state import Situation
 
 MOST_STEPS = 500
@@ -36,6 +38,16 @@ class History:
     def done(self) -> tuple[Step, ...]:
         """Steps that can be undone, the latest last."""
         return tuple(self._done)
+
+    def edit_after(self, way: Literal["undo", "redo"], now: Edit | None) -> Edit | None:
+        """Return which edit of the labels there is after the next step back or forth."""
+        steps = self._done if way == "undo" else self._undone
+        if not steps:
+            return now
+        before, after = steps[-1].before.edit, steps[-1].after.edit
+        if before is after:
+            return now
+        return before if way == "undo" else after
 
     def clear(self) -> None:
         """Forget all steps."""

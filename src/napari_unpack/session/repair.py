@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from napari_unpack.segmentation.repair import (
     split_between,
 )
 from napari_unpack.session.checks import MOST_ID, checked_ids
-from napari_unpack.session.contents import Contents, Judge
+from napari_unpack.session.contents import Contents, Edit, Judge
 from napari_unpack.session.errors import listed
 from napari_unpack.session.sight import SessionSight
 from napari_unpack.unpacking import Queue
@@ -57,6 +57,26 @@ class RepairQuestion:
     """
 
     answer: Callable[[], Repair | None]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelsQuestion:
+    """The question what the labels were or will be.
+
+    Parameters
+    ----------
+    source : Contents
+        The labels of now.
+    edit : Edit or None
+        The last change made to those asked for.
+    """
+
+    source: Contents
+    edit: Edit | None
+
+    def answer(self) -> Contents:
+        """Work it out, on any thread."""
+        return self.source.at(self.edit)
 
 
 class SessionRepair(SessionSight):
@@ -215,9 +235,25 @@ class SessionRepair(SessionSight):
         )
         return True
 
-    def own_labels(self) -> None:
-        """Keep labels that nobody else can write to, where the array given is ours as well."""
-        self._hold(replace(self._contents, labels=self.labels.copy()))
+    def own_labels(self, others: Iterable[NDArray[Any]]) -> None:
+        """Keep labels that nobody else can write to, where one of these arrays is ours as well."""
+        kept = self._contents.arrays
+        if any(np.may_share_memory(theirs, ours) for theirs in others for ours in kept):
+            self._hold(replace(self._contents, labels=self.labels.copy(), _kept=None))
+
+    def labels_question(self, way: Literal["undo", "redo"]) -> LabelsQuestion | None:
+        """Return the question what the labels are after the next step back or forth.
+
+        None where that is known at once: most steps leave the labels alone, and those before
+        the last repair are kept. On another thread it takes a second for a large volume.
+        """
+        source = self._contents
+        edit = self.history.edit_after(way, self._situation.edit)
+        return None if source.knows(edit) else LabelsQuestion(source, edit)
+
+    def accept_labels(self, answer: Contents | None) -> None:
+        """Take note of what labels will be; of no use where another step is taken."""
+        self._prepared = answer
 
     def _question_of(
         self, verb: str, change: Callable[[Contents], LabelEdit | None]
