@@ -211,7 +211,7 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
 
 
 def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
-    panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
+    viewer: Any, panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench, given = panel.workbench, session.labels.copy()
     session.merge([BELL, CUBE])
@@ -235,4 +235,4 @@ def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
     assert session.ids == (BELL,)
     assert len(threads) == 2
     assert threading.main_thread() not in threads
-    assert np.array_equal(panel.viewer.layers["found"].data, session.labels)
+    assert np.array_equal(viewer.layers["found"].data, session.labels)
