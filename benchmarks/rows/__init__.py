@@ -11,6 +11,7 @@ from benchmarks.row import Row
 ORDER = (
     "tinted_cpu",
     "tinted_gl",
+    "hiding",
     "dragging",
     "turning",
     "animation",
@@ -28,6 +29,7 @@ ORDER = (
     "costs",
     "plugin_start",
     "gpu",
+    "card_memory",
 )
 
 

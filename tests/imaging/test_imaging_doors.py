@@ -52,6 +52,22 @@ def test_no_sheet_of_one_voxel_is_passed_over_along_an_axis(pitch) -> None:
         assert ratios == {i: float(i > 1) for i in range(1, n + 1)}
 
 
+@pytest.mark.parametrize("peeling", ["pixel", "object"])
+def test_an_object_seen_beside_another_is_behind_it_by_pixel_but_not_by_object(peeling) -> None:
+    # Seen along +z: 7 before the left half, 5 behind it all over, 9 behind both.
+    labels = np.zeros((8, 8, 8), np.uint16)
+    labels[1, :, :4], labels[3], labels[5] = 7, 5, 9
+    view = View(direction=(1, 0, 0), up=(0, -1, 0), height=8.0)
+    ids = imaging.object_id_layers(labels, view=view, layers=4, size=(8, 8), peeling=peeling, **CPU)
+    left, right = ids[:, 4].T[[1, 6]] if ids[0, 4, 1] == 7 else ids[:, 4].T[[6, 1]]
+    if peeling == "pixel":
+        assert (left.tolist(), right.tolist()) == ([7, 5, 9, 0], [5, 9, 0, 0])
+    else:
+        assert (left.tolist(), right.tolist()) == ([7, 9, 0, 0], [5, 9, 0, 0])
+    with pytest.raises(ValueError, match="peeling must be"):
+        imaging.object_id_layers(labels, peeling="volume")
+
+
 def test_hidden_objects_are_as_air_everywhere() -> None:
     labels = row_of(4, 2, 9)
     ids = imaging.object_id_layers(labels, layers=2, size=(9, 9), hidden=[4], **CPU)

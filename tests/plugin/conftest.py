@@ -153,3 +153,18 @@ def piled(panel, expert, qtbot) -> Any:
 def canvas(viewer) -> np.ndarray:
     """Return what the canvas shows, (H, W, 3) float."""
     return np.asarray(viewer.screenshot(canvas_only=True, flash=False))[..., :3].astype(float)
+
+
+def complaints(viewer: Any) -> list[int]:
+    """Return the errors that wait in the queue of the viewer's context."""
+    from OpenGL import GL
+
+    from napari_unpack.layers import compat
+
+    scene_canvas = compat.native_canvas(viewer)
+    scene_canvas.set_current()
+    scene_canvas.context.flush_commands()
+    found = []
+    while len(found) < 9 and (error := GL.glGetError()):
+        found.append(error)
+    return found

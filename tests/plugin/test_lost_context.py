@@ -8,21 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conftest import canvas
+from conftest import canvas, complaints
 from napari_unpack.layers import compat
-
-
-def complaints(viewer: Any) -> list[int]:
-    """Return the errors that wait in the queue of the viewer's context."""
-    from OpenGL import GL
-
-    scene_canvas = compat.native_canvas(viewer)
-    scene_canvas.set_current()
-    scene_canvas.context.flush_commands()
-    found = []
-    while len(found) < 9 and (error := GL.glGetError()):
-        found.append(error)
-    return found
 
 
 class Elsewhere:

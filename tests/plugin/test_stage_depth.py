@@ -49,18 +49,23 @@ def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
         viewer.layers.remove(points.name)
 
 
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
 def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
-    staged, qtbot, monkeypatch
+    staged, qtbot, monkeypatch, backend
 ) -> None:
     viewer, stage = staged
     stage.recolor_at_rest = False
+    stage.backend = backend
     # A machine that casts such a small bag in no time would give the hand all rays.
     monkeypatch.setattr(packed_painter, "FRAME_SECONDS", 0.0)
+    monkeypatch.setattr(packed_painter, "GL_FRAME_SECONDS", 0.0)
     viewer.window.resize(1000, 900)
     assert stage.settle(60)
     bag = stage._projector.bag
     bag._rays = packed_painter.FEWEST_RAYS
     interval = bag._rest.interval()
+    # Casting on the canvas sets the interval again.
+    monkeypatch.setattr(packed_painter, "REST_MS", 60_000)
     bag._rest.setInterval(60_000)
     viewer.scene.camera.angles = (12, -35, 70)
     qtbot.waitUntil(
@@ -73,6 +78,8 @@ def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
     )
     assert min(stage.packed.shot.size) >= 384
     coarse = canvas(viewer)
+    assert stage.casts_with == backend
+    monkeypatch.undo()
     bag._rest.setInterval(interval)
     bag._rest.start()
     assert stage.settle(60)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from napari_unpack.geometry.boxes import differing_box
 from napari_unpack.layers import compat, studio
 from napari_unpack.layers.live_shots import LiveShot
 from napari_unpack.layers.shots import Shot
-from napari_unpack.rendering import textures
+from napari_unpack.rendering import programs, shader_source, textures
 from napari_unpack.rendering.programs import ShaderError
 from napari_unpack.session import ObjectState
 
@@ -207,6 +209,33 @@ def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
     assert len(heard) == 1
     assert words in heard[0]
     np.testing.assert_allclose(canvas(viewer), wanted, atol=3)
+
+
+def test_a_shader_the_driver_refuses_is_named_with_its_line_and_the_cpu_draws(
+    staged, monkeypatch, qtbot
+) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    wanted, heard = canvas(viewer), []
+    stage.events.message.connect(heard.append)
+    whole = shader_source.read
+
+    def refused(path: str) -> str:
+        lines = whole(path).splitlines()
+        return "\n".join(
+            [*lines[:20], "no glsl;", *lines[20:]] if path == "lib/light.glsl" else lines
+        )
+
+    monkeypatch.setattr(programs, "load", partial(shader_source.load, read=refused))
+    stage.backend = "gl"
+    qtbot.waitUntil(lambda: bool(heard), timeout=20000)
+    assert stage.settle(30)
+    assert stage.casts_with == "cpu"
+    assert len(heard) == 1
+    assert "lib/light.glsl:21" in heard[0]
+    assert "the processor draws it instead" in heard[0]
+    np.testing.assert_allclose(canvas(viewer), wanted, atol=3)
+    assert no_error(viewer)
 
 
 def test_a_volume_too_large_for_the_driver_is_drawn_coarser_and_the_user_is_told(

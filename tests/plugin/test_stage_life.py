@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from conftest import canvas
+from conftest import canvas, complaints
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
 
@@ -94,8 +94,25 @@ def test_the_stage_stands_on_the_users_layer(make_napari_viewer_proxy, bag, sess
     np.testing.assert_allclose(
         stage.packed.data_to_world((3, 4, 5)), image.data_to_world((3, 4, 5))
     )
-    stretched = viewer.add_image(bag[0], scale=(3, 1, 1))
-    np.testing.assert_allclose(Stage(viewer, session, [stretched]).packed.scale, [1.5] * 3)
+
+
+@pytest.mark.parametrize(
+    "placed",
+    [{"scale": (3, 1, 1)}, {"scale": (-1.5, 1.5, 1.5)}, {"shear": (0.4, 0.0, 0.0)}],
+    ids=["stretched", "mirrored", "sheared"],
+)
+def test_who_cannot_be_followed_is_named_and_the_bag_stands_at_the_origin(
+    make_napari_viewer_proxy, bag, session, placed
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(bag[0], name="my scan", **placed)
+    stage, heard = Stage(viewer, session, [image]), []
+    stage.events.message.connect(heard.append)
+    stage.open()
+    np.testing.assert_allclose(stage.packed.scale, [1.5] * 3)
+    assert len(heard) == 1
+    assert "my scan is sheared, mirrored, or scaled otherwise" in heard[0]
+    stage.close()
 
 
 def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session, qtbot) -> None:
@@ -113,20 +130,28 @@ def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session,
     assert sum(s is ObjectState.UNPACKED for s in session.states.values()) == 2
 
 
-def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot) -> None:
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot, backend) -> None:
     viewer, stage = staged
     stage.events.message.connect(pytest.fail)
+    stage.backend = backend
+    assert stage.settle(60)
     stage.unpack(1)
     viewer.dims.ndisplay = 2
     qtbot.wait(50)
     assert canvas(viewer).std(axis=(0, 1)).max() < 1.0
+    assert complaints(viewer) == []
     viewer.dims.ndisplay = 3
     viewer.canvas.size = (1, 1)
     qtbot.wait(50)
+    canvas(viewer)
+    assert complaints(viewer) == []
     viewer.canvas.size = (400, 500)
     stage.finish()
     assert stage.settle(30)
     assert canvas(viewer).std(axis=(0, 1)).max() > 5.0
+    assert stage.casts_with == backend
+    assert complaints(viewer) == []
 
 
 def test_two_viewers_keep_their_gl_apart(make_napari_viewer_proxy, session, bag, qtbot) -> None:
@@ -146,6 +171,7 @@ def test_two_viewers_keep_their_gl_apart(make_napari_viewer_proxy, session, bag,
     assert before.std(axis=(0, 1)).max() > 5.0
     # napari deletes the first one's GL objects now, while the second's context is current.
     one.close()
+    assert complaints(second) == []
     np.testing.assert_array_equal(canvas(second), before)
     first.close()
     np.testing.assert_array_equal(canvas(second), before)

@@ -68,6 +68,7 @@ class FlightPainter:
         if not moving:
             self._jobs.drop("moving")
             self._show({})
+            self._studio.landed()
             return
         if self._studio.active and not self._is_enlarged(moving):
             self._expose(moving, frame)

@@ -7,7 +7,7 @@ that mean nothing now, or something else, and raise an error at every paint.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -80,3 +80,12 @@ class ContextWatch:
         self._follow()
         self._replaced()
         canvas.update()
+
+
+def drawn_anew(viewer: Any, ours: Sequence[Any]) -> str:
+    """Have all layers but ours made anew, after a context was replaced; return what to say."""
+    others = [layer for layer in viewer.layers if layer not in ours]
+    lost = "The window lost what it had on the graphics card; "
+    if compat.build_anew(viewer, others):
+        return lost + "everything is drawn anew."
+    return lost + "add your own layers anew to see them again."

@@ -32,13 +32,29 @@ def placement_of(sources: Sequence[Any], spacing: NDArray[np.float64]) -> dict[s
         mirrors, or whose scale is not in proportion to the spacing, is not followed: the bag then
         stands at the origin in mm.
     """
-    for layer in sources:
-        if layer.ndim == 3:
-            matrix = data_to_world(layer) @ voxel_from_world(spacing)
-            if similarity(matrix) is not None:
-                return {name: getattr(layer, name) for name in FIELDS}
-            break
-    return {"scale": np.asarray(spacing, dtype=np.float64)}
+    layer = _leading(sources)
+    if layer is None or not _keeps_shapes(layer, spacing):
+        return {"scale": np.asarray(spacing, dtype=np.float64)}
+    return {name: getattr(layer, name) for name in FIELDS}
+
+
+def not_followed(sources: Sequence[Any], spacing: NDArray[np.float64]) -> str:
+    """Return what to say where `placement_of` cannot follow the user's layer; else nothing."""
+    layer = _leading(sources)
+    if layer is None or _keeps_shapes(layer, spacing):
+        return ""
+    return (
+        f"{layer.name} is sheared, mirrored, or scaled otherwise than its voxels of "
+        f"{' x '.join(f'{mm:g}' for mm in spacing)} mm. The bag is shown as it is, at the origin."
+    )
+
+
+def _leading(sources: Sequence[Any]) -> Any | None:
+    return next((layer for layer in sources if layer.ndim == 3), None)
+
+
+def _keeps_shapes(layer: Any, spacing: NDArray[np.float64]) -> bool:
+    return similarity(data_to_world(layer) @ voxel_from_world(spacing)) is not None
 
 
 def data_to_world(layer: Any) -> Matrix:

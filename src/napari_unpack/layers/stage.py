@@ -15,12 +15,12 @@ from napari_unpack.layers.cutting import Cutting
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.hands import Hands
 from napari_unpack.layers.jobs import Jobs
-from napari_unpack.layers.lost_context import ContextWatch
+from napari_unpack.layers.lost_context import ContextWatch, drawn_anew
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.own_context import guard
 from napari_unpack.layers.pacing import Pacing
 from napari_unpack.layers.packed import PackedLayer
-from napari_unpack.layers.placement import placement_of
+from napari_unpack.layers.placement import not_followed, placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector
 from napari_unpack.layers.slice_hues import SliceHues
@@ -33,7 +33,6 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.warming import Warming
 
 RIGHT_HANDED = ("towards", "down", "right")
-REPLACED = "The window lost what it had on the graphics card; "
 LANES = ("moving", "quick", "fine", "rest", "queue")
 
 
@@ -175,6 +174,8 @@ class Stage(Hands):
         viewer.layers.selection.active = self.packed
         self._connect()
         self._projector.open()
+        if words := not_followed(self.sources, np.asarray(self.session.spacing)):
+            self.events.message.emit(words)
         self.frame_bag()
         self._on_states()
 
@@ -377,11 +378,7 @@ class Stage(Hands):
 
     def _on_context_replaced(self) -> None:
         self._projector.context_replaced()
-        others = [layer for layer in self.viewer.layers if layer not in self.layers]
-        if compat.build_anew(self.viewer, others):
-            self.events.message.emit(REPLACED + "everything is drawn anew.")
-        else:
-            self.events.message.emit(REPLACED + "add your own layers anew to see them again.")
+        self.events.message.emit(drawn_anew(self.viewer, self.layers))
 
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)

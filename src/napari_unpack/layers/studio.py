@@ -220,6 +220,13 @@ class Studio:
                 shots[object_id] = shot
         return shots
 
+    def landed(self) -> None:
+        """Free the frame buffers of what moved: nothing moves any more, or is shown moving."""
+        self._places.clear()
+        for key in [key for key in self._casters if key != "packed"]:
+            self._casters.pop(key).close()
+            self._known.pop(key, None)
+
     def close(self) -> None:
         """Free what is on the graphics card; the context need not be current."""
         self._free()
