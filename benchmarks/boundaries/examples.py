@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
 
 from napari_unpack.segmentation.boundaries import REACHES
+from napari_unpack.segmentation.fragments import cells_of
 
 FAR = 9.0
 """No log density lies above."""
@@ -185,32 +186,6 @@ def to_log(
     air = rng.normal(0, 6)
     gamma = np.exp(rng.normal(0, 0.05))
     return np.minimum(np.log1p(np.maximum(density - air, 0) / knee) * gamma, FAR).astype(np.float32)
-
-
-@njit(cache=True, nogil=True)
-def cells_of(labels):  # type: ignore[no-untyped-def]
-    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have."""
-    half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
-    cells = np.zeros(half, np.int32)
-    seen = np.zeros(8, np.int32)
-    for z in range(half[0]):
-        for y in range(half[1]):
-            for x in range(half[2]):
-                n = 0
-                for k in range(8):
-                    name = labels[2 * z + k // 4, 2 * y + k // 2 % 2, 2 * x + k % 2]
-                    if name:
-                        seen[n] = name
-                        n += 1
-                most = 0
-                for a in range(n):
-                    count = 0
-                    for b in range(n):
-                        count += seen[a] == seen[b]
-                    if count > most:
-                        most = count
-                        cells[z, y, x] = seen[a]
-    return cells
 
 
 def packed(values: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, find_objects, label
 from scipy.spatial.transform import Rotation
 
 Points = NDArray[np.float32]
@@ -203,3 +204,43 @@ def _place(
     ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return region, solid(points @ turn).reshape([len(a) for a in axes]).astype(np.float32)
+
+
+def coat(
+    seed: int, density: NDArray[np.uint16], labels: NDArray[np.uint16], share: float = 0.25
+) -> None:
+    """Cover parts of some solids by thin things of their own: caps, bands, sleeves; in place.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random.
+    density, labels : (Z, Y, X) ndarray of uint16
+        See `packed_solids`.
+    share : float
+        Of the solids, about, that get one.
+    """
+    rng = np.random.default_rng([seed, 1])
+    boxes = find_objects(labels)
+    for name in np.flatnonzero(rng.random(len(boxes)) < share) + 1:
+        box = boxes[name - 1]
+        if box is None:
+            continue
+        window = tuple(slice(max(s.start - 6, 0), s.stop + 6) for s in box)
+        around = labels[window]
+        own = around == name
+        way = rng.normal(size=3)
+        along = np.tensordot(way / np.linalg.norm(way), np.indices(around.shape), 1)
+        low, high = np.quantile(along[own], np.sort(rng.uniform(0, 1, 2)))
+        if rng.random() < 0.6:
+            high = np.inf
+        near = distance_transform_edt(~own) <= rng.uniform(1.5, 4.5)
+        free = near & (around == 0) & (along > low) & (along < high)
+        pieces, found = label(free)
+        if not found:
+            continue
+        largest = pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax()
+        if largest.sum() < 300:
+            continue
+        around[largest] = labels.max() + 1
+        density[window][largest] = np.exp(rng.uniform(np.log(200), np.log(3000)))

@@ -34,8 +34,8 @@ def measured_bag(seed: int) -> State:
     """Return the parts of a simulated bag, and what they share with the true objects."""
     bag = simulate_bag(seed=seed)
     a, b, c = (float(s) for s in bag.spacing)
-    parts, measured = learned_parts(bag.volume, (a, b, c), lambda fraction, text: None)
-    return measured, overlaps(parts, bag.labels)
+    seen = learned_parts(bag.volume, (a, b, c), lambda fraction, text: None)
+    return seen.measured, overlaps(seen.parts, bag.labels)
 
 
 def measured_solids(seed: int) -> State:
@@ -43,8 +43,8 @@ def measured_solids(seed: int) -> State:
     density, labels = packed_solids(seed)
     scanned = scan(np.random.default_rng(seed), density.astype(np.float32))
     volume = np.clip(scanned, 0, 32000).astype(np.uint16)
-    parts, measured = learned_parts(volume, (1.0, 1.0, 1.0), lambda fraction, text: None)
-    return measured, overlaps(parts, labels)
+    seen = learned_parts(volume, (1.0, 1.0, 1.0), lambda fraction, text: None)
+    return seen.measured, overlaps(seen.parts, labels)
 
 
 def fit(states: list[State], rounds: int = ROUNDS) -> Affinity:

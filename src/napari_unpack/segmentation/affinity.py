@@ -8,6 +8,7 @@ other's convex hull or merely beside it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import edt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.checks import Spacing
@@ -274,6 +276,7 @@ def fit_affinity(
     same: NDArray[np.bool_],
     seed: int = 0,
     features: tuple[str, ...] = PAIR_FEATURES,
+    restraint: float = 1.0,
 ) -> Affinity:
     """Train the judge.
 
@@ -287,6 +290,9 @@ def fit_affinity(
         Of the initial weights.
     features : tuple of str
         Names of the columns.
+    restraint : float
+        Weight of the squared weights: the more, the less sure the judge is of what it has not
+        seen.
 
     Returns
     -------
@@ -296,9 +302,38 @@ def fit_affinity(
 
     center, scale = np.median(rows, axis=0), rows.std(axis=0) + 1e-6
     network = MLPClassifier(
-        (24, 12), activation="tanh", solver="lbfgs", alpha=1.0, max_iter=800, random_state=seed
+        (24, 12),
+        activation="tanh",
+        solver="lbfgs",
+        alpha=restraint,
+        max_iter=800,
+        random_state=seed,
     )
     network.fit(np.clip((rows - center) / scale, -6, 6), same)
     weights = tuple(w.astype(np.float32) for w in network.coefs_)
     offsets = tuple(o.astype(np.float32) for o in network.intercepts_)
     return Affinity(center, scale, weights, offsets, features)
+
+
+def committee(judges: Sequence[Affinity]) -> Affinity:
+    """Return the one network that says the mean of what several say before the logistic.
+
+    Parameters
+    ----------
+    judges : sequence of Affinity
+        Over the same features, with the same center and scale and as many layers.
+
+    Returns
+    -------
+    Affinity
+    """
+    first = [np.hstack([j.weights[0] for j in judges])]
+    layers = zip(*(j.weights[1:-1] for j in judges), strict=True)
+    between = [block_diag(*layer) for layer in layers]
+    last = [np.vstack([j.weights[-1] for j in judges]) / len(judges)]
+    inner = zip(*(j.offsets[:-1] for j in judges), strict=True)
+    offsets = [np.concatenate(layer) for layer in inner]
+    offsets.append(np.mean([j.offsets[-1] for j in judges], axis=0))
+    one = judges[0]
+    weights = (*first, *between, *last)
+    return Affinity(one.center, one.scale, weights, tuple(offsets), one.features)

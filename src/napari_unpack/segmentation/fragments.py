@@ -137,3 +137,67 @@ def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> Ties:
     said = np.concatenate(values) / 255.0
     sums = np.bincount(place, said, size).reshape(counts.shape).astype(np.float64)
     return Ties(np.stack(np.divmod(names, top), axis=1), sums, counts)
+
+
+def tie_within(
+    fragments: NDArray[np.int32], far: NDArray[np.uint8]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sum up, for every fragment, how its own cells belong together.
+
+    Parameters
+    ----------
+    fragments, far
+        As for `tie`.
+
+    Returns
+    -------
+    sums, counts : (1 + count, K) ndarray of float64
+        As in `Ties`; row 0 is background and empty.
+    """
+    top = int(fragments.max(initial=0)) + 1
+    sums, counts = (np.zeros((top, len(REACHES))) for _ in range(2))
+    for k, reach in enumerate(REACHES):
+        for axis in range(3):
+            here = np.moveaxis(fragments, axis, 0)
+            one, two = here[:-reach], here[reach:]
+            same = (one == two) & (one > 0)
+            said = np.moveaxis(far[3 * k + axis], axis, 0)[: len(one)][same] / 255.0
+            sums[:, k] += np.bincount(one[same], said, top)
+            counts[:, k] += np.bincount(one[same], minlength=top)
+    return sums, counts
+
+
+@njit(cache=True, nogil=True)
+def cells_of(labels):  # type: ignore[no-untyped-def]
+    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+        A last odd slice is left out.
+
+    Returns
+    -------
+    (Z // 2, Y // 2, X // 2) ndarray of int32
+    """
+    half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
+    cells = np.zeros(half, np.int32)
+    seen = np.zeros(8, np.int32)
+    for z in range(half[0]):
+        for y in range(half[1]):
+            for x in range(half[2]):
+                n = 0
+                for k in range(8):
+                    name = labels[2 * z + k // 4, 2 * y + k // 2 % 2, 2 * x + k % 2]
+                    if name:
+                        seen[n] = name
+                        n += 1
+                most = 0
+                for a in range(n):
+                    count = 0
+                    for b in range(n):
+                        count += seen[a] == seen[b]
+                    if count > most:
+                        most = count
+                        cells[z, y, x] = seen[a]
+    return cells

@@ -10,16 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from napari_unpack.segmentation.boundaries import Boundaries, Tell, default_boundaries
+from napari_unpack.segmentation.boundaries import Boundaries, Prediction, Tell, default_boundaries
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.flooding import flood
 from napari_unpack.segmentation.fragments import cells_with, find_fragments, tie
-from napari_unpack.segmentation.joining import SeenParts, seen_parts
+from napari_unpack.segmentation.joining import SeenParts, join_seen, seen_parts
 from napari_unpack.segmentation.linkage import Bar, link
-from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.segmentation.materials import MaterialScale, log_density
 from napari_unpack.segmentation.matter import find_matter, typical_knee
+from napari_unpack.segmentation.merging import absorb_small
+from napari_unpack.segmentation.parting import DENSE, Pieces, part_seen, pieces_of
+from napari_unpack.segmentation.region import FEWEST
 from napari_unpack.segmentation.resolving import resolve
+from napari_unpack.segmentation.sharpening import sharpen
 from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.supports import find_supports
 
@@ -58,6 +62,31 @@ class JoinRule:
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A volume taken apart a little too far, and what the network said of it.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        1, 2, ...; 0 is background, which the network takes the bag and the table for.
+    measured : SeenParts
+        Of them, for `joining.join_seen`.
+    said : Prediction
+        Of every voxel and cell.
+    scale : MaterialScale
+        How densities are compared.
+    weights : (K,) ndarray of float64
+        Of pairs of cells in a mean, by reach.
+    """
+
+    parts: NDArray[np.int32]
+    measured: SeenParts
+    said: Prediction
+    scale: MaterialScale
+    weights: NDArray[np.float64]
+
+
 def learned_parts(
     density: NDArray[np.generic],
     spacing: Spacing,
@@ -68,7 +97,7 @@ def learned_parts(
     shell: bool = True,
     network: Boundaries | None = None,
     rule: JoinRule | None = None,
-) -> tuple[NDArray[np.int32], SeenParts]:
+) -> Seen:
     """Take a volume apart as the network sees it, a little too far.
 
     Parameters
@@ -93,10 +122,7 @@ def learned_parts(
 
     Returns
     -------
-    parts : (Z, Y, X) ndarray of int32
-        1, 2, ...; 0 is background, which the network takes the bag and the table for.
-    measured : SeenParts
-        Of them, for `joining.join_seen`.
+    Seen
     """
     limits = rule or JoinRule()
     tell(0.0, "Finding matter")
@@ -135,7 +161,96 @@ def learned_parts(
     parts = flood(parts, inside | (seen & binary_dilation(inside)))
     tell(0.9, "Looking for what is left")
     parts = _with_the_rest(parts, seen, shell, spacing)
-    return seen_parts(parts, density, spacing, scale, ties, owner, weights)
+    parts, measured = seen_parts(parts, density, spacing, scale, ties, owner, weights)
+    return Seen(parts, measured, said, scale, weights)
+
+
+def seen_objects(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    tell: Tell,
+    *,
+    foreground: str | float = "hysteresis",
+    supports: bool = True,
+    shell: bool = True,
+    smallest: float = 0.0,
+    steps: bool = True,
+) -> NDArray[np.int32]:
+    """Take a volume apart as the network sees it, and put the parts together.
+
+    Parameters
+    ----------
+    density, spacing, tell, foreground, supports, shell
+        As for `learned_parts`.
+    smallest : float
+        As for `pipeline.segment`, mm^3.
+    steps : bool
+        Part objects at steps of density, draw borders there and keep small metal.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        Objects; 0 is background.
+    """
+    seen = learned_parts(
+        density, spacing, tell, foreground=foreground, supports=supports, shell=shell
+    )
+    if not seen.parts.any():
+        return seen.parts
+    tell(0.9, "Joining parts")
+    voxel = float(np.prod(spacing))
+    if not steps:
+        labels = join_seen(seen.parts, seen.measured)
+        return absorb_small(labels, spacing, max(smallest, FEWEST * voxel))
+    pieces, measured = pieces_seen(density, spacing, seen)
+    tell(0.93, "Joining pieces")
+    labels = part_seen(pieces, measured, seen.scale)
+    labels = sharpened(labels, density, seen)
+    metal = _dense(labels, density, seen.scale, max(smallest / 4, FEWEST * voxel) / voxel)
+    return absorb_small(labels, spacing, max(smallest, FEWEST * voxel), metal)
+
+
+def _dense(
+    labels: NDArray[np.int32], density: NDArray[np.generic], scale: MaterialScale, least: float
+) -> NDArray[np.bool_]:
+    """Return which labels of at least so many voxels are metal."""
+    lifted = log_density(density, labels > 0, scale).reshape(-1)
+    counts = np.bincount(labels.reshape(-1))
+    sums = np.bincount(labels.reshape(-1), lifted, len(counts))
+    return np.asarray((counts >= least) & (sums >= np.log1p(DENSE) * counts))
+
+
+def pieces_seen(
+    density: NDArray[np.generic], spacing: Spacing, seen: Seen
+) -> tuple[NDArray[np.int32], Pieces]:
+    """Join parts, and take what becomes of them apart at its steps of density.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+        Density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    seen : Seen
+        Its measurements are used up.
+
+    Returns
+    -------
+    pieces : (Z, Y, X) ndarray of int32
+        1, 2, ...
+    measured : Pieces
+        Of them, for `parting.part_seen`.
+    """
+    labels = sharpened(join_seen(seen.parts, seen.measured), density, seen)
+    return pieces_of(labels, density, spacing, seen.scale, seen.said.far, seen.weights)
+
+
+def sharpened(
+    labels: NDArray[np.int32], density: NDArray[np.generic], seen: Seen
+) -> NDArray[np.int32]:
+    """Move the borders of labels to where the density steps; see `sharpening.sharpen`."""
+    scale = seen.scale
+    return sharpen(labels, density, scale.air, seen.said.next, grain(density), DENSE * scale.knee)
 
 
 def _with_the_rest(

@@ -68,6 +68,7 @@ def material_parts(
     mask: NDArray[np.bool_],
     scale: MaterialScale,
     smallest: int,
+    hosts: NDArray[np.int32] | None = None,
 ) -> NDArray[np.int32]:
     """Part a mask at its density steps.
 
@@ -81,6 +82,8 @@ def material_parts(
         How densities are compared.
     smallest : int
         Parts of fewer voxels join the neighbour they differ least from.
+    hosts : (Z, Y, X) ndarray of int32, optional
+        Labels, not 0 in the mask, that no part crosses the borders of.
 
     Returns
     -------
@@ -99,7 +102,9 @@ def material_parts(
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
     basins = flood(minima(levels, mask), mask, levels)
-    return merge_basins(basins, smooth, gradient, noise, scale.step, smallest)
+    if hosts is not None:
+        basins = crossed(basins, hosts)
+    return merge_basins(basins, smooth, gradient, noise, scale.step, smallest, hosts)
 
 
 def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -125,6 +130,53 @@ def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int
     lowest[0] = False
     names = np.where(lowest, np.cumsum(lowest), 0).astype(np.int32)
     return names[plateaus]
+
+
+def crossed(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Part labels where others end.
+
+    Parameters
+    ----------
+    basins, hosts : (Z, Y, X) ndarray of int32
+        Labels; 0 is none.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        1, 2, ... for every pair that occurs, by basin and then by host; 0 where basins are.
+    """
+    names, of_basin, of_host = _pairs(basins, hosts, int(basins.max(initial=0)))
+    order = np.lexsort((of_host, of_basin))
+    place = np.zeros(len(order) + 1, np.int32)
+    place[order + 1] = np.arange(1, len(order) + 1)
+    return place[names]
+
+
+@njit(cache=True, nogil=True)
+def _pairs(basins, hosts, top):  # type: ignore[no-untyped-def]
+    names = np.zeros(basins.shape, np.int32)
+    latest = np.zeros(top + 1, np.int32)
+    # By name less 1: basin, host, and the pair of the same basin met before it.
+    rows = np.zeros((3, top + 16), np.int32)
+    count = 0
+    one, two, three = basins.reshape(-1), hosts.reshape(-1), names.reshape(-1)
+    for k in range(len(one)):
+        if one[k] == 0:
+            continue
+        name = latest[one[k]]
+        while name and rows[1, name - 1] != two[k]:
+            name = rows[2, name - 1]
+        if name == 0:
+            if count == rows.shape[1]:
+                more = np.zeros((3, 2 * count), np.int32)
+                more[:, :count] = rows
+                rows = more
+            rows[0, count], rows[1, count], rows[2, count] = one[k], two[k], latest[one[k]]
+            count += 1
+            name = count
+            latest[one[k]] = name
+        three[k] = name
+    return names, rows[0, :count].copy(), rows[1, :count].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -214,6 +266,7 @@ def merge_basins(
     noise: float,
     step: float,
     smallest: int,
+    hosts: NDArray[np.int32] | None = None,
 ) -> NDArray[np.int32]:
     """Merge adjacent basins whose mean values do not differ.
 
@@ -229,6 +282,8 @@ def merge_basins(
         Larger differences of means are different materials.
     smallest : int
         Smaller basins are merged with the least different neighbour in any case.
+    hosts : (Z, Y, X) ndarray of int32, optional
+        Basins that lie in different ones of these stay apart.
 
     Returns
     -------
@@ -238,6 +293,11 @@ def merge_basins(
     count = int(basins.max())
     sizes, sums = _statistics(basins, values, count)
     pairs, faces, slopes = _adjacency(basins, gradient, count)
+    if hosts is not None:
+        host = np.zeros(count + 1, np.int32)
+        host[basins.reshape(-1)] = hosts.reshape(-1)
+        within = host[pairs[:, 0]] == host[pairs[:, 1]]
+        pairs, faces, slopes = pairs[within], faces[within], slopes[within]
     owner = np.arange(count + 1)
     for limit in (step / 4, step / 2, step):
         _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise)

@@ -60,7 +60,12 @@ def measure_contacts(labels: NDArray[np.int32], spacing: Spacing) -> Contacts:
     return Contacts(area, counts * np.prod(spacing), 4 * depths / np.maximum(counts, 1))
 
 
-def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -> NDArray[np.int32]:
+def absorb_small(
+    labels: NDArray[np.int32],
+    spacing: Spacing,
+    smallest: float,
+    kept: NDArray[np.bool_] | None = None,
+) -> NDArray[np.int32]:
     """Join labels below a volume to the neighbour they touch most; drop those with none.
 
     Parameters
@@ -71,16 +76,20 @@ def absorb_small(labels: NDArray[np.int32], spacing: Spacing, smallest: float) -
         Voxel size z y x, mm.
     smallest : float
         mm^3.
+    kept : (M,) ndarray of bool, optional
+        Labels that stay although they are small, and take in nothing while they are.
 
     Returns
     -------
     (Z, Y, X) ndarray of int32
     """
     found = find_neighbours(labels, spacing)
-    most, volume = found.most_touched(), found.voxels * float(np.prod(spacing))
+    volume = found.voxels * float(np.prod(spacing))
+    spared = np.zeros(len(volume), np.bool_) if kept is None else kept
+    most = found.most_touched(spared & (volume < smallest))
     owner = np.arange(len(most))
     order = np.argsort(volume[1:], kind="stable") + 1
-    for name in order[volume[order] < smallest].tolist():
+    for name in order[(volume[order] < smallest) & ~spared[order]].tolist():
         other = int(most[name])
         owner[name] = other if _root(owner, other) != name else 0
     return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]

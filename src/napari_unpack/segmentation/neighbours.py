@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -36,11 +36,15 @@ class Neighbours:
     surface: NDArray[np.float64]
     voxels: NDArray[np.int64]
 
-    def most_touched(self) -> NDArray[np.int64]:
+    def most_touched(self, but: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
         """Return for every label the neighbour it touches over most, 0 where it has none, (M,).
 
-        Of equal areas the lower label counts.
+        Of equal areas the lower label counts. Labels named in `but`, (M,), are no neighbours.
         """
+        if but is not None and but.any():
+            area = np.where(but[self.other], 0.0, self.area)
+            other = np.where(but[self.other], 0, self.other)
+            return replace(self, area=area, other=other).most_touched()
         touched = np.diff(self.start)
         owner = np.repeat(np.arange(len(touched)), touched)
         order = np.lexsort((-self.other, self.area, owner))

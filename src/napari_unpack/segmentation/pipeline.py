@@ -21,9 +21,8 @@ from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.grainy import cleared, looks_grainy, to_half_height
-from napari_unpack.segmentation.joining import join_seen
 from napari_unpack.segmentation.large import segment_large
-from napari_unpack.segmentation.learned import learned_parts
+from napari_unpack.segmentation.learned import seen_objects
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.matter import checked_way, find_matter, typical_knee
 from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
@@ -104,7 +103,7 @@ def segment(
     smallest : float, optional
         Objects below this, or of fewer than 100 voxels, are dropped or joined to a neighbour,
         mm^3. By default 500 mm^3, but 500 voxels where that is more than a 2000th of
-        the volume.
+        the volume. With method "learned" metal is kept down to a quarter of it: coins are small.
     supports : bool
         Leave out the scanner's table.
     shell : bool
@@ -232,11 +231,17 @@ def segment_grid(
         density, foreground = cleared(density, spacing, foreground), "hysteresis"
         supports = shell = False
     if method == "learned":
-        parts, measured = learned_parts(
-            density, spacing, tell, foreground=foreground, supports=supports, shell=shell
+        labels = seen_objects(
+            density,
+            spacing,
+            tell,
+            foreground=foreground,
+            supports=supports,
+            shell=shell,
+            smallest=smallest,
+            # What haze is taken from has no densities to go by.
+            steps=not hidden,
         )
-        tell(0.92, "Joining parts")
-        parts = join_seen(parts, measured)
     else:
         parts, scale = split_parts(
             density,
@@ -254,7 +259,7 @@ def segment_grid(
             parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
         else:
             parts = join_touching(parts, density, spacing, oracle, RefineRule(margin=0.0), tell)
-    labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
+        labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     if hidden:
         labels = to_half_height(labels, given, spacing)
     labels = rank_labels(fill_cavities(labels, spacing))
