@@ -5,6 +5,7 @@ from __future__ import annotations
 from qtpy.QtCore import QTimer
 from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
 
+from napari_unpack.widgets.color_strip import ColorStrip, Stop
 from napari_unpack.widgets.notices import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.picture_options import PictureOptions
@@ -45,16 +46,17 @@ class ColorSection(Section):
             "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
             "saturation and value, as in the paper."
         )
-        self.editor = OpacityEditor()
+        self.editor, self.strip = OpacityEditor(), ColorStrip()
         more = Disclosure(
-            "Opacity curve and veil",
-            "Which densities are shown, drawn by hand; matter of no object.",
+            "Opacity curve, colours and veil",
+            "Which densities are shown and in which colours, by hand; matter of no object.",
         )
         self.unlabelled = QCheckBox("Show matter of no object")
         self.unlabelled.setToolTip(
             "Draw what is not part of any object, such as the bag itself, as a thin veil."
         )
         more.contents.addWidget(self.editor)
+        more.contents.addWidget(self.strip)
         more.contents.addWidget(self.unlabelled)
         self.curve = more
         line = QHBoxLayout()
@@ -68,6 +70,7 @@ class ColorSection(Section):
         self.contents.addWidget(self.picture)
 
         self._edited: list[Point] | None = None
+        self._colored: list[Stop] | None = None
         self._live = QTimer(self)
         self._live.setSingleShot(True)
         self._live.setInterval(_LIVE_MS)
@@ -79,6 +82,7 @@ class ColorSection(Section):
         self.unlabelled.toggled.connect(self._set_unlabelled)
         self.preset.activated.connect(lambda _: self._apply_preset())
         self.editor.edited.connect(self._edit)
+        self.strip.edited.connect(self._edit_colors)
         more.toggle.toggled.connect(lambda _: self._show_curve())
         workbench.staged.connect(self._reload)
         workbench.changed.connect(self._refresh)
@@ -112,6 +116,7 @@ class ColorSection(Section):
             self._domain = (float(low), float(high))
             self.editor.show_histogram(histogram(session.volume, self._domain))
         self.editor.show_curve(shown.points, self._domain)
+        self.strip.show_colors(shown.colors, self._domain)
 
     def _set_at_rest(self, on: bool) -> None:
         if self._bench.stage is not None:
@@ -139,6 +144,13 @@ class ColorSection(Section):
 
     def _edit(self, points: list[Point]) -> None:
         self._edited = points
+        self._apply_soon()
+
+    def _edit_colors(self, stops: list[Stop]) -> None:
+        self._colored = stops
+        self._apply_soon()
+
+    def _apply_soon(self) -> None:
         self.preset.setCurrentText(CUSTOM)
         if not self._live.isActive():
             self._live.start()
@@ -146,8 +158,12 @@ class ColorSection(Section):
     def _apply_curve(self) -> None:
         from napari_unpack.appearance import TransferFunction
 
-        session, points = self._bench.session, self._edited
-        if session is None or points is None:
+        session = self._bench.session
+        if session is None:
             return
+        shown = session.transfer_function
+        points = shown.points if self._edited is None else self._edited
+        colors = shown.colors if self._colored is None else self._colored or None
+        self._edited = self._colored = None
         with spoken():
-            session.transfer_function = TransferFunction(points, session.transfer_function.colors)
+            session.transfer_function = TransferFunction(points, colors)

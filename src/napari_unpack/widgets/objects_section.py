@@ -192,6 +192,13 @@ class ObjectsSection(Section):
             ("Show", lambda: bench.show(ids), "HIDDEN" in states),
             ("Show all", self._show_all, bool(self._in("HIDDEN"))),
             (None, None, False),
+            ("Keep colour", lambda: bench.keep_hues(ids), not set(ids) <= bench.kept_hues),
+            (
+                "Let colour change",
+                lambda: bench.keep_hues(ids, False),
+                bool(set(ids) & bench.kept_hues),
+            ),
+            (None, None, False),
             ("Mark good", lambda: bench.mark_good(ids), not set(ids) <= bench.session.good),
             ("Unmark", lambda: bench.mark_good(ids, False), bool(set(ids) & bench.session.good)),
         )

@@ -242,6 +242,18 @@ class Workbench(QObject):
         """Show these objects alone."""
         self._perform("isolate", list(ids))
 
+    @property
+    def kept_hues(self) -> frozenset[int]:
+        """Objects whose colour stays whatever the view."""
+        session = self.session
+        return frozenset() if session is None else frozenset(session.locked_hues)
+
+    def keep_hues(self, ids: Iterable[int], kept: bool = True) -> None:
+        """Have the colours of objects stay in every view, or let them change again."""
+        if self.session is not None:
+            before = self.kept_hues
+            self.session.locked_hues = before | set(ids) if kept else before - set(ids)
+
     def mark_good(self, ids: Iterable[int], good: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away."""
         self._perform("mark_good", list(ids), good)

@@ -1,0 +1,197 @@
+"""Colours along the density axis, under the opacity curve; white, the tints alone, by default."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
+from qtpy.QtGui import QColor, QLinearGradient, QPainter, QPen
+from qtpy.QtWidgets import QColorDialog, QWidget
+
+RGB = tuple[float, float, float]
+Stop = tuple[float, RGB]
+
+MARGIN = 8.0
+"""At both ends, pixels: as in the opacity editor above."""
+
+_GRAB = 7.0
+_GAP = 1e-3
+WHITE: RGB = (1.0, 1.0, 1.0)
+
+
+class ColorStrip(QWidget):
+    """Add, drag, recolour and remove the colours of a transfer function.
+
+    Density runs on the opacity editor's square-root scale. A double click adds a colour, or
+    changes the one under the mouse; dragging moves it; a right click or Delete removes it; arrow
+    keys move the chosen one and Enter changes it. Without any, everything is white and objects
+    show their tints as they are.
+
+    `edited` carries the new stops, (density, (r, g, b)) by ascending density, while dragging too.
+    """
+
+    edited = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._stops: list[Stop] = []
+        self._domain = (0.0, 1.0)
+        self._chosen = -1
+        self._dragging = False
+        self.setFixedHeight(22)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAccessibleName("Colours along the density axis")
+        self.setToolTip(
+            "Colours of densities, which tints are multiplied on; grey and white leave tints as "
+            "they are. Double-click adds a colour or changes one; drag it along the densities; a "
+            "right click or Delete removes it."
+        )
+
+    def sizeHint(self) -> QSize:
+        """Return the size it likes."""
+        return QSize(240, 22)
+
+    @property
+    def stops(self) -> list[Stop]:
+        """The colours, (density, (r, g, b)) by ascending density; none for white."""
+        return list(self._stops)
+
+    def show_colors(self, colors: Any, domain: tuple[float, float]) -> None:
+        """Show the colours of a transfer function.
+
+        Parameters
+        ----------
+        colors : sequence of (float, (float, float, float)), or None
+            Ascending densities and straight RGB in [0, 1].
+        domain : (float, float)
+            Lowest and highest density shown.
+        """
+        if self._dragging:
+            return
+        self._stops = [(float(d), (rgb[0], rgb[1], rgb[2])) for d, rgb in colors or ()]
+        self._domain = (float(domain[0]), max(float(domain[1]), float(domain[0]) + 1e-9))
+        self._chosen = min(self._chosen, len(self._stops) - 1)
+        self.update()
+
+    def place_of(self, density: float) -> QPointF:
+        """Return where a density's colour is held, in pixels."""
+        low, high = self._domain
+        part = np.sqrt(min(max((density - low) / (high - low), 0.0), 1.0))
+        return QPointF(MARGIN + part * (self.width() - 2 * MARGIN), self.height() / 2)
+
+    def color_at(self, density: float) -> RGB:
+        """Return the colour of a density, between stops linearly."""
+        if not self._stops:
+            return WHITE
+        places = [d for d, _ in self._stops]
+        red, green, blue = (
+            float(np.interp(density, places, [rgb[c] for _, rgb in self._stops])) for c in range(3)
+        )
+        return red, green, blue
+
+    def mousePressEvent(self, event: Any) -> None:
+        """Choose a colour, or remove it."""
+        self._chosen = self._nearest(event.position())
+        if event.button() == Qt.MouseButton.RightButton:
+            self._remove()
+        else:
+            self._dragging = self._chosen >= 0
+        self.update()
+
+    def mouseMoveEvent(self, event: Any) -> None:
+        """Drag the chosen colour."""
+        if self._dragging:
+            self._move(self._density_at(event.position().x()))
+
+    def mouseReleaseEvent(self, event: Any) -> None:
+        """Let go."""
+        self._dragging = False
+
+    def mouseDoubleClickEvent(self, event: Any) -> None:
+        """Add a colour, or ask for another in place of one."""
+        self._dragging = False
+        self._chosen = self._nearest(event.position())
+        if self._chosen >= 0:
+            self._ask()
+            return
+        density = self._density_at(event.position().x())
+        color = self._asked(self.color_at(density))
+        if color is not None and all(d != density for d, _ in self._stops):
+            self._chosen = sum(d < density for d, _ in self._stops)
+            self._stops.insert(self._chosen, (density, color))
+            self._tell()
+
+    def keyPressEvent(self, event: Any) -> None:
+        """Move, change or remove the chosen colour."""
+        steps = {Qt.Key.Key_Left: -1.0, Qt.Key.Key_Right: 1.0}
+        if self._chosen < 0 and self._stops and event.key() in steps:
+            self._chosen = 0
+            self.update()
+        elif self._chosen >= 0 and event.key() in steps:
+            x = self.place_of(self._stops[self._chosen][0]).x()
+            self._move(self._density_at(x + steps[event.key()]))
+        elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Delete, Qt.Key.Key_Backspace):
+            self._remove()
+        elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self._ask()
+        else:
+            super().keyPressEvent(event)
+
+    def paintEvent(self, event: Any) -> None:
+        """Draw the colours, and where they are held."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setOpacity(1.0 if self.isEnabled() else 0.4)
+        area = QRectF(MARGIN, 5.0, self.width() - 2 * MARGIN, self.height() - 10.0)
+        shade = QLinearGradient(area.topLeft(), area.topRight())
+        low, high = self._domain
+        for part in np.linspace(0.0, 1.0, 33):
+            shade.setColorAt(part, QColor.fromRgbF(*self.color_at(low + part**2 * (high - low))))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(shade)
+        painter.drawRoundedRect(area, 3, 3)
+        ink = self.palette().text().color()
+        for k, (density, rgb) in enumerate(self._stops):
+            painter.setPen(QPen(ink, 2.4 if k == self._chosen else 1.2))
+            painter.setBrush(QColor.fromRgbF(*rgb))
+            painter.drawEllipse(self.place_of(density), 5.5, 5.5)
+        painter.end()
+
+    def _density_at(self, x: float) -> float:
+        low, high = self._domain
+        part = (x - MARGIN) / max(self.width() - 2 * MARGIN, 1.0)
+        return float(low + min(max(part, 0.0), 1.0) ** 2 * (high - low))
+
+    def _nearest(self, position: QPointF) -> int:
+        far = [abs(self.place_of(d).x() - position.x()) for d, _ in self._stops]
+        best = int(np.argmin(far)) if far else -1
+        return best if best >= 0 and far[best] <= _GRAB else -1
+
+    def _move(self, density: float) -> None:
+        k, gap = self._chosen, _GAP * (self._domain[1] - self._domain[0])
+        below = self._stops[k - 1][0] + gap if k > 0 else -np.inf
+        above = self._stops[k + 1][0] - gap if k + 1 < len(self._stops) else np.inf
+        self._stops[k] = (float(max(min(density, above), below)), self._stops[k][1])
+        self._tell()
+
+    def _remove(self) -> None:
+        if self._chosen >= 0:
+            del self._stops[self._chosen]
+            self._chosen = -1
+            self._tell()
+
+    def _ask(self) -> None:
+        density, rgb = self._stops[self._chosen]
+        color = self._asked(rgb)
+        if color is not None:
+            self._stops[self._chosen] = (density, color)
+            self._tell()
+
+    def _asked(self, now: RGB) -> RGB | None:
+        color = QColorDialog.getColor(QColor.fromRgbF(*now), self, "Colour of this density")
+        return (color.redF(), color.greenF(), color.blueF()) if color.isValid() else None
+
+    def _tell(self) -> None:
+        self.update()
+        self.edited.emit(self.stops)

@@ -1,0 +1,120 @@
+"""Colours along the density axis, under the mouse and the keyboard, and in the session."""
+
+from __future__ import annotations
+
+import pytest
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtGui import QColor
+
+from napari_unpack.widgets import color_strip
+from napari_unpack.widgets.color_section import ColorSection
+from napari_unpack.widgets.color_strip import ColorStrip
+from napari_unpack.widgets.workbench import Workbench
+
+LEFT, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
+STOPS = [(500.0, (1.0, 0.0, 0.0)), (1280.0, (0.0, 0.0, 1.0))]
+
+
+@pytest.fixture
+def strip(qtbot):
+    made = ColorStrip()
+    qtbot.addWidget(made)
+    # Two hundred pixels between the margins, for the square root of two thousand densities.
+    made.resize(216, 22)
+    made.show_colors(STOPS, (0.0, 2000.0))
+    made.show()
+    return made
+
+
+@pytest.fixture
+def dialog(monkeypatch):
+    """Answer the colour dialog with what is put here; an invalid colour leaves it."""
+    answers = [QColor("#33cc66")]
+    monkeypatch.setattr(color_strip.QColorDialog, "getColor", lambda *_: answers[0])
+    return answers
+
+
+def at(x: int) -> QPoint:
+    return QPoint(x, 11)
+
+
+def test_a_double_click_adds_a_colour_and_changes_one(qtbot, strip, dialog) -> None:
+    with qtbot.waitSignal(strip.edited) as heard:
+        qtbot.mouseDClick(strip, LEFT, pos=at(8 + 20))
+    # A tenth of the way is a hundredth of the densities.
+    density, rgb = heard.args[0][0]
+    assert density == pytest.approx(20.0)
+    assert rgb == pytest.approx((0.2, 0.8, 0.4), abs=1e-3)
+    assert [d for d, _ in strip.stops[1:]] == [500.0, 1280.0]
+    dialog[0] = QColor("#ffff00")
+    qtbot.mouseDClick(strip, LEFT, pos=strip.place_of(1280.0).toPoint())
+    assert strip.stops[2] == (1280.0, pytest.approx((1.0, 1.0, 0.0)))
+    dialog[0] = QColor()
+    qtbot.mouseDClick(strip, LEFT, pos=at(60))
+    assert len(strip.stops) == 3
+
+
+def test_a_dragged_colour_stays_between_its_neighbours(qtbot, strip) -> None:
+    qtbot.mousePress(strip, LEFT, pos=strip.place_of(500.0).toPoint())
+    qtbot.mouseMove(strip, at(8 + 120))
+    assert strip.stops[0] == (pytest.approx(0.36 * 2000), (1.0, 0.0, 0.0))
+    qtbot.mouseMove(strip, at(8 + 199))
+    assert strip.stops[0][0] == 1278.0
+    strip.show_colors(None, (0.0, 1.0))
+    assert len(strip.stops) == 2
+    qtbot.mouseRelease(strip, LEFT)
+    strip.show_colors(None, (0.0, 1.0))
+    assert strip.stops == []
+    assert strip.color_at(0.3) == (1.0, 1.0, 1.0)
+
+
+def test_keys_and_a_right_click_act_on_the_chosen_colour(qtbot, strip, dialog) -> None:
+    qtbot.mouseClick(strip, LEFT, pos=strip.place_of(500.0).toPoint())
+    qtbot.keyClick(strip, Qt.Key.Key_Right)
+    assert strip.stops[0][0] == pytest.approx(0.505**2 * 2000)
+    qtbot.keyClick(strip, Qt.Key.Key_Return)
+    assert strip.stops[0][1] == pytest.approx((0.2, 0.8, 0.4), abs=1e-3)
+    qtbot.keyClick(strip, Qt.Key.Key_Delete)
+    assert [d for d, _ in strip.stops] == [1280.0]
+    qtbot.mousePress(strip, RIGHT, pos=strip.place_of(1280.0).toPoint())
+    assert strip.stops == []
+
+
+def test_colours_are_the_sessions_and_the_curve_stays(
+    make_napari_viewer_proxy, session, qtbot, dialog
+) -> None:
+    bench = Workbench(make_napari_viewer_proxy())
+    section = ColorSection(bench)
+    qtbot.addWidget(section)
+    bench.open(session)
+    section.curve.toggle.setChecked(True)
+    before = session.transfer_function
+    assert section.strip.stops == list(before.colors or ())
+    low, high = before.domain
+    stops = [(low, (1.0, 0.5, 0.0)), (high, (0.0, 0.5, 1.0))]
+    section.strip.edited.emit(stops)
+    qtbot.waitUntil(lambda: session.transfer_function is not before, timeout=5000)
+    assert session.transfer_function.colors == tuple(stops)
+    assert session.transfer_function.points == before.points
+    assert section.preset.currentText() == "My own curve"
+    # A curve drawn afterwards keeps the colours; none at all are white.
+    section.editor.edited.emit([(low, 0.0), (high, 0.5)])
+    qtbot.waitUntil(lambda: session.transfer_function.points[-1][1] == 0.5, timeout=5000)
+    assert session.transfer_function.colors == tuple(stops)
+    section.strip.edited.emit([])
+    qtbot.waitUntil(lambda: session.transfer_function.colors is None, timeout=5000)
+    section.picture.end()
+    bench.close()
+
+
+def test_the_menu_keeps_the_colours_of_chosen_objects(piled, panel) -> None:
+    ids = sorted(piled.states)[:2]
+    panel.objects.table.show_selection(frozenset(ids))
+    entries = {action.text(): action for action in panel.objects.menu().actions()}
+    assert not entries["Let colour change"].isEnabled()
+    entries["Keep colour"].trigger()
+    assert piled.locked_hues == frozenset(ids)
+    entries = {action.text(): action for action in panel.objects.menu().actions()}
+    assert not entries["Keep colour"].isEnabled()
+    entries["Let colour change"].trigger()
+    assert piled.locked_hues == frozenset()
