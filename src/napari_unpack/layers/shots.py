@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ class Sprite:
     Parameters
     ----------
     patch : Patch
-        Of `session.pictures.sprite_patch`.
+        Of `session.pictures.sprite_patch`, its colours as float16.
     pose : Pose
         Where it waits and how it is turned.
     mm : float
@@ -119,9 +120,17 @@ class Sprite:
         """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
         if patch.is_empty:
             return None
-        sprite = cls(patch, pose, mm)
+        # Half precision, since it is kept for as long as the object is out.
+        slim: Any = patch.rgba.astype(np.float16)
+        sprite = cls(replace(patch, rgba=slim), pose, mm)
         sprite.picture(RESTING)
         return sprite
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of its pixels, bytes: as cast, and four of colour and of depth as textures."""
+        drawn = sum(8 * p.size[0] * p.size[1] for p in self.pictures.values())
+        return self.patch.rgba.nbytes + self.patch.depth.nbytes + drawn
 
     def moved(self, pose: Pose) -> Sprite:
         """Return the same picture elsewhere."""
@@ -132,7 +141,7 @@ class Sprite:
         if silhouette not in self.pictures:
             m = silhouette.margin
             depth = np.pad(self.patch.depth, m, constant_values=np.inf)
-            rgba = to_bytes(decorated(self.patch.rgba, silhouette))
+            rgba = to_bytes(decorated(self.patch.rgba.astype(np.float32), silhouette))
             self.pictures[silhouette] = Picture(rgba, depth)
         return self.pictures[silhouette]
 

@@ -44,10 +44,8 @@ class SpriteLayer(PictureLayer):
 
     @property
     def nbytes(self) -> int:
-        """Memory of the pictures' pixels, bytes: four a pixel, and four of depth."""
-        return sum(
-            8 * s.patch.rgba.shape[0] * s.patch.rgba.shape[1] for s in self._sprites.values()
-        )
+        """Memory of the pictures, bytes: as they were cast, and as textures, depths included."""
+        return sum(sprite.nbytes for sprite in self._sprites.values())
 
     def show(self, sprites: Mapping[int, Sprite]) -> None:
         """Show these and nothing else; a sprite that stays the same keeps its card."""
