@@ -238,6 +238,29 @@ def test_a_shader_the_driver_refuses_is_named_with_its_line_and_the_cpu_draws(
     assert no_error(viewer)
 
 
+def test_a_driver_that_refuses_even_to_show_pictures_is_named_once_and_raises_nothing(
+    staged, monkeypatch
+) -> None:
+    viewer, stage = staged
+    stage.close()
+    whole = shader_source.read
+    bad = {"passes/card.frag": "no glsl;\n"}
+    monkeypatch.setattr(
+        programs, "load", partial(shader_source.load, read=lambda p: bad.get(p, "") + whole(p))
+    )
+    again, heard = type(stage)(viewer, stage.session), []
+    again.events.message.connect(heard.append)
+    again.open()
+    assert again.settle(30)
+    canvas(viewer)
+    canvas(viewer)
+    assert len(heard) == 1
+    assert "passes/card.frag:1" in heard[0]
+    assert canvas(viewer).std() < 5
+    assert no_error(viewer)
+    again.close()
+
+
 def test_a_volume_too_large_for_the_driver_is_drawn_coarser_and_the_user_is_told(
     staged, monkeypatch
 ) -> None:

@@ -40,6 +40,7 @@ class CardsAdapter(PictureAdapter):
     def __init__(self, layer: PictureLayer, **kwargs: Any) -> None:
         super().__init__(layer, CardsNode(), **kwargs)
         self.node.before_draw = self._before_draw
+        self.node.refused = layer.refused.emit
         layer.frame_now = self._frame
         self.when_closed(self._let_go)
 
@@ -79,7 +80,7 @@ class CardsAdapter(PictureAdapter):
         return None if node is None or not hasattr(node.camera, "fov") else node
 
     def _let_go(self) -> None:
-        self.node.before_draw = None
+        self.node.before_draw = self.node.refused = None
         del self.layer.frame_now
 
 

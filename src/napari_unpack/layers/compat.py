@@ -187,6 +187,7 @@ class PictureLayer(Layer):
     """
 
     frame_changed = Signal(object)
+    refused = Signal(str)
     words = ""
     frame_now: Callable[[], Any] = staticmethod(lambda: None)
     """Returns what the canvas would show if it were drawn now, a `view_camera.Frame` or None."""

@@ -334,6 +334,7 @@ class Stage(Hands):
             (events.selected, self._mark),
             (events.surroundings, self._on_surroundings),
             (events.queue, self.overlays.changed),
+            (self.packed.refused, self._on_refused),
             (self.packed.frame_changed, self._on_frame),
             (self.transition.frame_changed, self._on_other_frame),
             (self.sprites.frame_changed, self._on_other_frame),
@@ -379,6 +380,9 @@ class Stage(Hands):
     def _on_context_replaced(self) -> None:
         self._projector.context_replaced()
         self.events.message.emit(drawn_anew(self.viewer, self.layers))
+
+    def _on_refused(self, log: str) -> None:
+        self.events.message.emit(f"This graphics driver cannot show pictures in napari ({log}).")
 
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)

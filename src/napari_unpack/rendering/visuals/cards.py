@@ -23,7 +23,7 @@ from vispy.visuals.filters import Alpha, PickingFilter
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.rendering.framebuffer import forget_complaints, namespace
 from napari_unpack.rendering.ledger import TABLES, ledger
-from napari_unpack.rendering.programs import Programs
+from napari_unpack.rendering.programs import Programs, ShaderError
 from napari_unpack.rendering.shader_source import load
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.places import Place, ScreenPlace, depth_row
@@ -75,6 +75,9 @@ class CardsVisual(Visual):  # type: ignore[misc]
         Called with this visual at the start of every draw, while vispy's transforms and the
         current GL context are those of the drawing canvas: the moment to set
         `clip_from_pivot` and `cards` from the camera, or to run a `TintedCaster`.
+    refused : callable, optional
+        Given the driver's log, once, where it does not accept the cards' shader; nothing is
+        drawn then.
     draws : int
         How many times it was drawn.
 
@@ -98,6 +101,8 @@ class CardsVisual(Visual):  # type: ignore[misc]
         self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
         self.cards_opacity = 1.0
         self.before_draw: Callable[[CardsVisual], None] | None = None
+        self.refused: Callable[[str], None] | None = None
+        self._broken = False
         self.draws = 0
         self._programs = Programs()
         self._blanks: WeakKeyDictionary[Any, gloo.Texture2D] = WeakKeyDictionary()
@@ -131,7 +136,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
 
     def draw(self) -> None:
         """Draw all cards in the current context and viewport."""
-        if not self.visible or getattr(self, "picking", False):
+        if self._broken or not self.visible or getattr(self, "picking", False):
             return
         if self.before_draw is not None:
             self.before_draw(self)
@@ -144,7 +149,15 @@ class CardsVisual(Visual):  # type: ignore[misc]
         shown = [(card, textures) for card, textures in found if textures is not None]
         if not shown:
             return
-        program = self._ready_program()
+        try:
+            program = self._ready_program()
+        except ShaderError as error:
+            # At every paint it would fail again.
+            self._broken = True
+            if self.refused is None:
+                raise
+            self.refused(str(error))
+            return
         # A canvas of one pixel leaves Qt's own errors, which PyOpenGL would raise as ours.
         forget_complaints()
         depth_func = gl.glGetParameter(gl.GL_DEPTH_FUNC)
