@@ -9,9 +9,11 @@ import pytest
 from mouse import drag, move
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication
 from widget_phantoms import at_rest
 
 from conftest import canvas
+from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState
@@ -71,6 +73,40 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(5, 5))
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=20000)
     assert viewer.scene.camera.zoom == zoom
+
+
+def test_alt_clicks_at_one_place_step_through_all_objects_there(
+    staged, session, qtbot, request
+) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    # Through the bag from the side: several objects in a row, all of them translucent.
+    function = session.transfer_function
+    session.transfer_function = type(function)([(d, 0.01 * (a > 0)) for d, a in function.points])
+    camera = View((0.1, 0.1, 1.0)).camera(session.labels.shape, session.spacing)
+    stage.look_from(camera)
+    assert stage.settle(30)
+    widget = native(viewer)
+    rows = [packed_point(stage, session, i) for i in session.ids]
+    there = {(p.x(), p.y()): stage._projector.packed_at(p.y(), p.x()) for p in rows}
+    (x, y), wanted = max(there.items(), key=lambda item: len(item[1]))
+    assert len(wanted) >= 3
+    # Clicks in a row are to be clicks.
+    interval = QApplication.doubleClickInterval()
+    request.addfinalizer(lambda: QApplication.setDoubleClickInterval(interval))
+    QApplication.setDoubleClickInterval(1)
+
+    def clicked(modifier) -> int:
+        session.select([])
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, modifier, pos=QPoint(x, y))
+        qtbot.waitUntil(lambda: bool(session.selected), timeout=20000)
+        qtbot.wait(10)
+        return next(iter(session.selected))
+
+    alt, plain = Qt.KeyboardModifier.AltModifier, Qt.KeyboardModifier.NoModifier
+    assert clicked(plain) == wanted[0]
+    assert [clicked(alt) for _ in wanted] == [*wanted[1:], wanted[0]]
+    assert clicked(plain) == wanted[0]
 
 
 def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:

@@ -89,6 +89,7 @@ class Pointer:
 
     def __init__(self, viewer: Any, scene: Scene) -> None:
         self._viewer, self._scene = viewer, scene
+        self._clicked: tuple[NDArray[np.float64] | None, int] = None, 0
         self._theirs = list(viewer.mouse_double_click_callbacks)
         viewer.mouse_double_click_callbacks[:] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
@@ -192,8 +193,13 @@ class Pointer:
         if sprite:
             self._scene.select(sprite)
             return
-        there = self._scene.packed_at(pixel)
-        which = 1 if deeper and len(there) > 1 else 0
+        there, which = self._scene.packed_at(pixel), 0
+        if deeper and there:
+            # Another click at the same place goes on from where the last one got.
+            last, step = self._clicked
+            near = last is not None and float(np.abs(pixel - last).max()) <= CLICK_PIXELS
+            which = (step + 1 if near else 1) % len(there)
+        self._clicked = pixel, which
         self._scene.select(there[which] if there else 0)
 
 
