@@ -100,6 +100,25 @@ def test_first_hit_bbox_divides_by_the_area_of_the_boxs_front() -> None:
     assert ratios == pytest.approx({1: 0.0, 2: 0.5}, abs=0.02)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_papers_definitions_free_the_same_objects_and_exact_none_but_some_of_them(seed) -> None:
+    rng = np.random.default_rng(seed)
+    labels = np.zeros((20, 22, 24), np.uint16)
+    for _ in range(14):
+        low = rng.integers(0, 16, 3)
+        part = tuple(slice(a, a + n) for a, n in zip(low, rng.integers(2, 8, 3), strict=True))
+        labels[part] = rng.integers(0, 8)
+    view = View(direction=tuple(rng.normal(size=3)))
+    found = {
+        name: imaging.occlusion_ratios(labels, view=view, definition=name, size=(90, 90), **CPU)
+        for name in ("first_hit", "eq2", "listing", "first_hit_bbox", "exact")
+    }
+    free = {name: {i for i, r in ratios.items() if r == 0} for name, ratios in found.items()}
+    assert free["first_hit"] == free["eq2"] == free["listing"] == free["first_hit_bbox"]
+    assert free["exact"] <= free["first_hit"]
+    assert len(found["first_hit"]) > max(2, len(free["first_hit"]))
+
+
 def test_occlusion_takes_a_direction_of_looking_and_drops_perspective() -> None:
     labels = row_of(4, 2)
     assert imaging.occlusion_ratios(labels, view=(0, 0, -1), **CPU) == {2: 0.0, 4: 1.0}
