@@ -49,6 +49,7 @@ void main() {
     vec3 along = direction * u_spacing / speed;
     float exponent = speed * u_step / u_reference;
     float plain = abs(exponent - 1.0) < 1.0e-5 ? 1.0 : 0.0;
+    vec3 to_world = u_reference / u_spacing;
     vec4 sum = vec4(0.0);
     float depth = NO_DEPTH;
     float k = range.x;
@@ -98,7 +99,7 @@ void main() {
 #else
                 vec3 gradient = gradient_at(p);
 #endif
-                vec2 light = light_of(gradient * u_reference / u_spacing, along);
+                vec2 light = light_of(gradient * to_world, along);
 #else
                 vec2 light = vec2(u_light.x + u_light.y, 0.0);
 #endif
