@@ -380,12 +380,9 @@ def _solo_look(
     backend: str,
 ) -> Look:
     look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
-    own = replace(
-        look,
-        transfer_function=session.transfer_function_of(object_id),
-        clipping=session.study(object_id).planes(crop.voxel_from_world),
-    )
-    return look_at(crop, own)
+    function, cut = session.transfer_function_of(object_id), session.study(object_id)
+    planes = cut.planes(crop.voxel_from_world)
+    return look_at(crop, replace(look, transfer_function=function, clipping=planes))
 
 
 def _look(
