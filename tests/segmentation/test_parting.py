@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from phantoms import box, scanned
+from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation import parting
+from napari_unpack.segmentation import parting, segment
 from napari_unpack.segmentation.affinity import PAIR_FEATURES, Affinity, committee
 from napari_unpack.segmentation.boundaries import REACHES
 from napari_unpack.segmentation.fragments import cells_of, tie_within
@@ -95,6 +95,14 @@ def test_the_judge_decides_which_pieces_are_one():
     assert others[12, 12, 28] == others[12, 12, 44] != others[12, 12, 12]
 
 
+def test_pieces_of_two_objects_are_joined_more_reluctantly_than_those_of_one():
+    objects, truth, density = three_in_a_row()
+    unsure = judge_of("one_host", 0.0, float(np.log(0.2 / 0.8)))
+    joined = part_seen(*measured(objects, density), SCALE, unsure)
+    assert len(names_in(joined, truth < 3) - {0}) == 1
+    assert names_in(joined, truth == 3).isdisjoint(names_in(joined, (truth > 0) & (truth < 3)))
+
+
 def test_a_small_piece_stays_with_its_host_unless_it_is_metal():
     for value, stays in ((2500.0, False), (25000.0, True)):
         truth = np.ones(SHAPE, np.int32)
@@ -163,3 +171,34 @@ def test_what_is_kept_is_not_absorbed_and_absorbs_nothing():
 
 def test_the_shipped_judge_is_of_these_features():
     assert default_piece_judge().features == PIECE_FEATURES
+
+
+def test_metal_on_a_block_and_small_metal_are_found():
+    shape = (64, 64, 88)
+    truth = np.zeros(shape, np.int32)
+    truth[box(shape, (12, 12, 6), (52, 52, 66))] = 1
+    truth[box(shape, (52, 20, 20), (55, 30, 46))] = 2
+    for name, z in ((3, 16), (4, 40)):
+        truth[box(shape, (z, 28, 74), (z + 6, 33, 80))] = name
+    density = scanned(truth, {1: 600.0, 2: 25000.0, 3: 25000.0, 4: 700.0})
+    found = segment(density).labels
+    inner = [np.bincount(found[truth == name]).argmax() for name in (1, 2, 3, 4)]
+    assert len({0, *inner[:3]}) == 4
+    assert inner[3] == 0
+    for name in (1, 2, 3):
+        both = (found == inner[name - 1]) & (truth == name)
+        either = (found == inner[name - 1]) | (truth == name)
+        assert both.sum() > 0.9 * either.sum()
+
+
+def test_a_cap_on_a_ball_is_another_object():
+    shape = (64, 64, 80)
+    truth = ball(shape, (32, 32, 40), 22).astype(np.int32)
+    cap = ball(shape, (32, 32, 40), 25) & (np.indices(shape)[2] > 44)
+    truth[cap & (truth == 0)] = 2
+    found = segment(scanned(truth, {1: 1000.0, 2: 450.0})).labels
+    for name in (1, 2):
+        main = np.bincount(found[truth == name]).argmax()
+        assert main > 0
+        assert ((found == main) & (truth == name)).sum() > 0.9 * (found == main).sum()
+        assert ((found == main) & (truth == name)).sum() > 0.9 * (truth == name).sum()
