@@ -35,6 +35,7 @@ from napari_unpack.segmentation.shells import find_shell
 from napari_unpack.segmentation.sources import source_of
 from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
 from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.wires import gather_wires
 from napari_unpack.segmentation.working_grid import MOST
 
 METHODS = ("learned", "affinity", "cuts")
@@ -242,6 +243,8 @@ def segment_grid(
             # What haze is taken from has no densities to go by.
             steps=not hidden,
         )
+        if not hidden:
+            labels = gather_wires(labels, density)
     else:
         parts, scale = split_parts(
             density,
