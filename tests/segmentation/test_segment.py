@@ -7,7 +7,7 @@ from napari_unpack.segmentation import score, segment
 
 def test_two_overlapping_balls_of_one_material_become_two_objects():
     truth = two_balls()
-    found = segment(scanned(truth, {1: 1000, 2: 1000}), method="affinity")
+    found = segment(scanned(truth, {1: 1000, 2: 1000}))
     result = score(truth, found.labels)
     assert result["found_objects"] == 2
     # Dice 0.98 is IoU 0.961.
