@@ -152,8 +152,12 @@ def test_the_bar_rises_with_size():
     assert Bar().height(1e9) == pytest.approx(0.6)
 
 
-def test_a_small_bag_is_found_well():
-    bag = simulate_bag(seed=1010, shape=(96, 104, 128), count=10)
-    result = score(bag.labels, segment(bag.volume, bag.spacing).labels)
-    assert result["f1"] >= 0.7
-    assert result["voi"] <= 0.7
+def test_small_bags_are_found_well():
+    results = []
+    for seed in (1010, 1012):
+        bag = simulate_bag(seed=seed, shape=(96, 104, 128), count=10)
+        results.append(score(bag.labels, segment(bag.volume, bag.spacing).labels))
+    mean = {name: np.mean([r[name] for r in results]) for name in ("f1", "voi", "count_error")}
+    assert mean["f1"] >= 0.7
+    assert mean["voi"] <= 0.4
+    assert mean["count_error"] <= 0.15
