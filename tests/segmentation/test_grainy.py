@@ -7,6 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation import score, segment
 from napari_unpack.segmentation.grainy import flattened, is_grainy, to_half_height
+from napari_unpack.segmentation.region import default_smallest
 
 MM = (1.0, 1.0, 1.0)
 CELLS = Path(__file__).parents[3] / "shared" / "data" / "cells.npz"
@@ -130,3 +131,19 @@ def test_the_nuclei_of_a_real_plant():
         found = score(data["labels"], segment(data["volume"], spacing).labels)
     # A watershed in the same foreground has 0.49 at best.
     assert found["f1"] > 0.7
+
+
+@pytest.mark.parametrize(
+    ("shape", "spacing", "wanted"),
+    [
+        ((160, 176, 256), (1.0, 1.0, 1.0), 500.0),
+        # A small volume of mm: never more than of a bag, however large its voxels are.
+        ((48, 48, 48), (2.0, 1.0, 1.0), 500.0),
+        ((48, 48, 48), (0.5, 0.5, 0.5), 500 / 8),
+        ((60, 256, 256), (0.3e-3, 0.26e-3, 0.26e-3), 500 * 0.3e-3 * 0.26e-3**2),
+    ],
+)
+def test_what_is_too_small_for_an_object(
+    shape: tuple[int, int, int], spacing: tuple[float, float, float], wanted: float
+) -> None:
+    assert default_smallest(shape, spacing) == pytest.approx(wanted)

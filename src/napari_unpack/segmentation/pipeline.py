@@ -254,7 +254,7 @@ def segment_grid(
             supports=supports,
             shell=shell,
             step=step,
-            rule=rule or SplitRule(smallest=smallest / 2),
+            rule=rule or SplitRule(smallest=2 * smallest),
             oracle=oracle,
         )
         if oracle is None:

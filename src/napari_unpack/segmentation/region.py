@@ -25,10 +25,11 @@ def default_smallest(shape: tuple[int, int, int], spacing: Spacing) -> float:
     Notes
     -----
     That of a lighter or a key. Where it is a large part of the whole, the volume is no bag or its
-    unit is not mm, and as many voxels are taken.
+    unit is not mm, and as many voxels are taken if they are less.
     """
     voxel = float(np.prod(spacing))
-    return SMALLEST if SHARE * voxel * float(np.prod(shape)) >= SMALLEST else SMALLEST * voxel
+    is_bag = SHARE * voxel * float(np.prod(shape)) >= SMALLEST
+    return SMALLEST if is_bag else SMALLEST * min(voxel, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
