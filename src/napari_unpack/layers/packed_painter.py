@@ -85,7 +85,8 @@ class PackedPainter:
         self._fading_from: Shot | None = None
         self._finest: tuple[Frame, int] | None = None
         self._rays = float(FEWEST_RAYS)
-        self._touched: set[int] = set()
+        # When an object was last changed of which the picture does not tell yet.
+        self._touched: dict[int, int] = {}
         self._cache: PictureCache | None = None
         self._rest = QTimer()
         self._rest.setSingleShot(True)
@@ -155,7 +156,7 @@ class PackedPainter:
         if not new:
             return
         before, self._state = self._state, self._state + 1
-        self._touched |= new
+        self._touched |= dict.fromkeys(new, self._state)
         frame, shot = self._frame, self._shot
         if frame is None:
             return
@@ -174,7 +175,7 @@ class PackedPainter:
             "quick",
             "packed window",
             lambda: self._window(shot, touched),
-            lambda patched: self._patched(patched, touched, wanted),
+            lambda patched: self._patched(patched, wanted),
         )
 
     def close(self) -> None:
@@ -215,22 +216,23 @@ class PackedPainter:
             return None
         return recast_objects(self._session, self.crop(), shot, touched, "cpu")
 
-    def _patched(
-        self, shot: Shot | None, touched: frozenset[int], wanted: tuple[Frame, int]
-    ) -> None:
+    def _patched(self, shot: Shot | None, wanted: tuple[Frame, int]) -> None:
         if self._finest == wanted:
-            self._touched -= touched
+            self._tells_all(wanted[1])
             self._shot = shot
             self._show(shot)
-        elif not self._is_fine() and not self._jobs.has("packed"):
+        elif not (self._is_fine() or self._jobs.has("packed") or self._jobs.has("packed window")):
             self._ask_fine()
+
+    def _tells_all(self, state: int) -> None:
+        """Forget who was changed up to a state of which there is a picture now."""
+        self._touched = {i: at for i, at in self._touched.items() if at > state}
 
     def _ask_coarse(self) -> None:
         frame, state = self._frame, self._state
         if frame is None:
             return
         self._finest = None
-        self._touched.clear()
         self._rest.start()
         rays = self._rays
         if self._studio.active:
@@ -260,13 +262,13 @@ class PackedPainter:
         self._shot = shot
         if whole and frame is self._frame and state == self._state:
             self._finest = (frame, state)
+            self._tells_all(state)
         self._show(shot, resting=False)
 
     def _ask_fine(self) -> None:
         frame, state = self._frame, self._state
         if frame is None or self._is_fine():
             return
-        self._touched.clear()
         self._rest.stop()
         if self._studio.active:
             self._expose(frame, frame.size, 1.0, adapts=False)
@@ -286,6 +288,7 @@ class PackedPainter:
             return
         before, recolored = self._shot, self._recolored
         self._shot, self._finest, self._recolored = shot, (frame, state), False
+        self._tells_all(state)
         if not (recolored and before and shot and shot.covers(before)):
             self._show(shot)
             return
@@ -300,6 +303,7 @@ class PackedPainter:
         whole = size == frame.size
         if whole:
             self._finest = (frame, self._state)
+            self._tells_all(self._state)
             self._rest.stop()
         self._shot = None
         self._live = self._studio.packed(
