@@ -67,6 +67,14 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
     }
     if bag_is_ct:
         panels["opacity"] = [(preset, lambda p=preset: _through(session, p)) for preset in PRESETS]
+    else:
+        panels["opacity"] = [
+            ("as opened", lambda: _tinted(session, session.packed_tints())),
+            *(
+                (f"the densest {share:.0%}", lambda share=share: _densest(session, share))
+                for share in (0.4, 0.1, 0.03)
+            ),
+        ]
     for part, pictures in panels.items():
         path = gallery / f"{name}-{part}.png"
         _save(np.hstack([_captioned(make(), words) for words, make in pictures]), path)
@@ -153,6 +161,14 @@ def _before(session: Any, words: str) -> Picture:
     around = Surroundings.of(words, ["box", "scale"])
     camera = replace(session.camera, height=1.22 * session.camera.height)
     return scene(session, camera, (SIDE, SIDE), backend="cpu", surroundings=around)
+
+
+def _densest(session: Any, share: float) -> Picture:
+    """Show the voxels of the objects from a density on, more of it the denser they are."""
+    densities = session.volume[session.labels > 0]
+    low, high = np.quantile(densities, [1.0 - share, 1.0 - share / 4])
+    points = [(float(low), 0.0), (float(max(high, low + 1)), 0.6)]
+    return _tinted(session, session.packed_tints(), function=TransferFunction(points))
 
 
 def _through(session: Any, preset: str) -> Picture:
