@@ -12,7 +12,7 @@ from widget_phantoms import pile_of_balls
 from napari_unpack.session import Session
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
-SECONDS = 120.0
+SECONDS = 20.0
 
 
 def soak_tool() -> Any:
@@ -32,6 +32,6 @@ def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: Unpac
     assert panel.workbench.stage.settle(90)
     report = soak_tool().soak(viewer, panel, SECONDS, samples=4)
     assert report.errors == [], report
-    assert report.commands.total() > 100
-    # An hour must be flat within 5 %; two minutes have caches to fill.
+    assert report.commands.total() > 20
+    # An hour must be flat within 5 %; half a minute has caches to fill.
     assert report.growth < 0.15, report
