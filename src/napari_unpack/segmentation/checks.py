@@ -11,6 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 Spacing = tuple[float, float, float]
 
 
+def proportions(spacing: Spacing) -> Spacing:
+    """Return voxel edges in edges of a cube of the same volume."""
+    z, y, x = (np.array(spacing) / np.cbrt(np.prod(spacing))).tolist()
+    return z, y, x
+
+
 def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     """Return a density volume as an array, or say what is wrong with it.
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.affinity import PAIR_FEATURES, Affinity, Parts, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
-from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.checks import Spacing, proportions
 from napari_unpack.segmentation.fragments import Ties
 from napari_unpack.segmentation.linkage import Bar
 from napari_unpack.segmentation.materials import MaterialScale, log_density
@@ -132,8 +132,7 @@ def seen_parts(
         1, 2, ...; those of fewer than 100 voxels are part of a neighbour or of nothing.
     measured : SeenParts
     """
-    a, b, c = np.array(spacing) / np.cbrt(np.prod(spacing))
-    size = (float(a), float(b), float(c))
+    size = proportions(spacing)
     parts = absorb_small(parts, size, FEWEST)
     top = int(max(parts.max(initial=0) + 1, len(owner)))
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
@@ -152,18 +151,7 @@ def seen_parts(
         np.add.at(across, (one[differ], two[differ]), sums[differ])
         across += across.swapaxes(0, 1).copy()
     return labels, SeenParts(
-        plain.sums,
-        plain.area,
-        plain.middle,
-        plain.step,
-        plain.hulls,
-        plain.hull_volumes,
-        plain.voxel,
-        between,
-        pairs,
-        within,
-        inner,
-        weights,
+        **vars(plain), between=between, pairs=pairs, within=within, inner=inner, weights=weights
     )
 
 

@@ -78,6 +78,8 @@ class Seen:
         How densities are compared.
     weights : (K,) ndarray of float64
         Of pairs of cells in a mean, by reach.
+    noise : float
+        Of the density from one voxel to the next, a standard deviation.
     """
 
     parts: NDArray[np.int32]
@@ -85,6 +87,7 @@ class Seen:
     said: Prediction
     scale: MaterialScale
     weights: NDArray[np.float64]
+    noise: float
 
 
 def learned_parts(
@@ -152,7 +155,8 @@ def learned_parts(
     tell(0.85, "Drawing borders")
     parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
     parts = _believed(parts, said.matter, 255 * limits.object)
-    plain = np.greater(density, levels.air + CONTRAST * grain(density))
+    noise = grain(density)
+    plain = np.greater(density, levels.air + CONTRAST * noise)
     parts = _believed(parts, plain.astype(np.uint8), PLAIN)
     if supports:
         parts = _believed(parts, (~held).astype(np.uint8), 0.5)
@@ -162,7 +166,7 @@ def learned_parts(
     tell(0.9, "Looking for what is left")
     parts = _with_the_rest(parts, seen, shell, spacing)
     parts, measured = seen_parts(parts, density, spacing, scale, ties, owner, weights)
-    return Seen(parts, measured, said, scale, weights)
+    return Seen(parts, measured, said, scale, weights, noise)
 
 
 def seen_objects(
@@ -250,7 +254,7 @@ def sharpened(
 ) -> NDArray[np.int32]:
     """Move the borders of labels to where the density steps; see `sharpening.sharpen`."""
     scale = seen.scale
-    return sharpen(labels, density, scale.air, seen.said.next, grain(density), DENSE * scale.knee)
+    return sharpen(labels, density, scale.air, seen.said.next, seen.noise, DENSE * scale.knee)
 
 
 def _with_the_rest(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import edt
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.checks import Spacing
@@ -53,11 +52,17 @@ def measure_contacts(labels: NDArray[np.int32], spacing: Spacing) -> Contacts:
     -------
     Contacts
     """
-    top = int(labels.max())
-    area = _contact_area(labels, top, np.prod(spacing) / np.array(spacing))
-    counts, depths = _depths(labels, edt.edt(labels, anisotropy=spacing, black_border=True), top)
+    found = find_neighbours(labels, spacing)
+    count = len(found.voxels)
+    area = np.zeros((count, count))
+    area[np.repeat(np.arange(count), np.diff(found.start)), found.other] = found.area
+    # What of a surface touches no label, background touches.
+    area[0] = area[:, 0] = found.surface - area.sum(axis=1)
+    deep = edt.edt(labels, anisotropy=spacing, black_border=True)
+    depths = np.bincount(labels.reshape(-1), deep.reshape(-1), count)
     # A plate of thickness t has mean depth t / 4.
-    return Contacts(area, counts * np.prod(spacing), 4 * depths / np.maximum(counts, 1))
+    thickness = np.asarray(4 * depths / np.maximum(found.voxels, 1), np.float64)
+    return Contacts(area, found.voxels * np.float64(np.prod(spacing)), thickness)
 
 
 def absorb_small(
@@ -205,41 +210,3 @@ def _root(owner: NDArray[np.int64], k: int) -> int:
     while owner[k] != k and seen < len(owner):
         k, seen = int(owner[k]), seen + 1
     return k
-
-
-@njit(cache=True, nogil=True)
-def _contact_area(labels, top, faces):  # type: ignore[no-untyped-def]
-    area = np.zeros((top + 1, top + 1), np.float64)
-    depth, height, width = labels.shape
-    for z in range(depth):
-        for y in range(height):
-            for x in range(width):
-                here = labels[z, y, x]
-                for axis in range(3):
-                    k, j, i = z + (axis == 0), y + (axis == 1), x + (axis == 2)
-                    other = 0
-                    if k < depth and j < height and i < width:
-                        other = labels[k, j, i]
-                    if other != here:
-                        area[here, other] += faces[axis]
-                        area[other, here] += faces[axis]
-                if here:
-                    if z == 0:
-                        area[here, 0] += faces[0]
-                    if y == 0:
-                        area[here, 0] += faces[1]
-                    if x == 0:
-                        area[here, 0] += faces[2]
-    area[0, 0] = 0
-    return area
-
-
-@njit(cache=True, nogil=True)
-def _depths(labels, distance, top):  # type: ignore[no-untyped-def]
-    counts = np.zeros(top + 1, np.float64)
-    depths = np.zeros(top + 1, np.float64)
-    flat, deep = labels.reshape(-1), distance.reshape(-1)
-    for k in range(len(flat)):
-        counts[flat[k]] += 1
-        depths[flat[k]] += deep[k]
-    return counts, depths

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
 from napari_unpack.segmentation.boundaries import REACHES
-from napari_unpack.segmentation.checks import Spacing
+from napari_unpack.segmentation.checks import Spacing, proportions
 from napari_unpack.segmentation.fragments import cells_of, tie, tie_within
 from napari_unpack.segmentation.joining import FEATURES, SeenParts
 from napari_unpack.segmentation.materials import MaterialScale, crossed, log_density, material_parts
@@ -132,12 +132,11 @@ def pieces_of(
         1, 2, ...
     measured : Pieces
     """
-    a, b, c = np.array(spacing) / np.cbrt(np.prod(spacing))
     mask = labels > 0
     pieces = material_parts(density, mask, replace(scale, step=STEP), FEWEST, labels)
     if pieces.max(initial=0) > MANY:
         pieces = crossed(labels, np.zeros_like(labels))
-    plain = measure_parts(pieces, log_density(density, mask, scale), (float(a), float(b), float(c)))
+    plain = measure_parts(pieces, log_density(density, mask, scale), proportions(spacing))
     count = len(plain.sums)
     host = np.zeros(count, np.int64)
     host[pieces.reshape(-1)] = labels.reshape(-1)
@@ -151,21 +150,15 @@ def pieces_of(
     # The smallest piece may be the main one of no cell.
     within, inner = (np.pad(s, ((0, count - len(s)), (0, 0))) for s in tie_within(cells, far))
     return pieces, Pieces(
-        plain.sums,
-        plain.area,
-        plain.middle,
-        plain.step,
-        plain.hulls,
-        plain.hull_volumes,
-        plain.voxel,
-        between,
-        pairs,
-        within,
-        inner,
-        weights,
-        host,
-        np.asarray(np.bincount(host, plain.sums[:, 0], top)[host], np.float64),
-        np.bincount(host, minlength=top).astype(np.float64)[host],
+        **vars(plain),
+        between=between,
+        pairs=pairs,
+        within=within,
+        inner=inner,
+        weights=weights,
+        host=host,
+        whole=np.asarray(np.bincount(host, plain.sums[:, 0], top)[host], np.float64),
+        number=np.bincount(host, minlength=top).astype(np.float64)[host],
     )
 
 

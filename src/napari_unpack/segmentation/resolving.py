@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.voting import LEAD, MOST, count_votes
+
 
 def resolve(
     cells: NDArray[np.int32],
@@ -51,45 +53,17 @@ def _expand(cells, matter):  # type: ignore[no-untyped-def]
 def _vote(labels, following):  # type: ignore[no-untyped-def]
     result = labels.copy()
     size = labels.shape
-    names = np.zeros(7, np.int32)
-    votes = np.zeros(7, np.float64)
+    names = np.zeros(MOST, np.int32)
+    votes = np.zeros(MOST, np.float64)
     for z in range(size[0]):
         for y in range(size[1]):
             for x in range(size[2]):
-                mine = labels[z, y, x]
-                if mine == 0:
+                if labels[z, y, x] == 0:
                     continue
-                count, mixed = 1, False
-                names[0], votes[0] = mine, 0.0
-                for side in range(6):
-                    axis, ahead = side // 2, side % 2
-                    k, j, i = z, y, x
-                    if axis == 0:
-                        k += 2 * ahead - 1
-                    elif axis == 1:
-                        j += 2 * ahead - 1
-                    else:
-                        i += 2 * ahead - 1
-                    if k < 0 or j < 0 or i < 0 or k >= size[0] or j >= size[1] or i >= size[2]:
-                        continue
-                    name = labels[k, j, i]
-                    if name == 0:
-                        continue
-                    said = following[axis, z, y, x] if ahead else following[axis, k, j, i]
-                    lift = said / 255.0 - 0.5
-                    mixed |= name != mine
-                    for n in range(count + 1):
-                        if n == count:
-                            names[n], votes[n] = name, lift
-                            count += 1
-                            break
-                        if names[n] == name:
-                            votes[n] += lift
-                            break
-                if mixed:
-                    best = 0
-                    for n in range(1, count):
-                        if votes[n] > votes[best] + 0.2:
-                            best = n
-                    result[z, y, x] = names[best]
+                count, _ = count_votes(labels, following, 0.5, z, y, x, names, votes)
+                best = 0
+                for n in range(1, count):
+                    if votes[n] > votes[best] + LEAD:
+                        best = n
+                result[z, y, x] = names[best]
     return result

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.voting import LEAD, MOST, count_votes
+
 # Voxels around a border in which the densities of both sides are taken.
 REACH = 3
 # What matter varies by itself, a share of its density.
@@ -94,40 +96,15 @@ def _inside(labels):  # type: ignore[no-untyped-def]
 def _moved(labels, values, inside, following, noise, blurred):  # type: ignore[no-untyped-def]
     result = labels.copy()
     size = labels.shape
-    names = np.zeros(7, np.int32)
-    votes = np.zeros(7, np.float64)
+    names = np.zeros(MOST, np.int32)
+    votes = np.zeros(MOST, np.float64)
     for z in range(size[0]):
         for y in range(size[1]):
             for x in range(size[2]):
                 mine = labels[z, y, x]
                 if mine == 0 or inside[z, y, x]:
                     continue
-                count, bare = 1, False
-                names[0], votes[0] = mine, 0.0
-                for side in range(6):
-                    axis, ahead = side // 2, side % 2
-                    k, j, i = z, y, x
-                    if axis == 0:
-                        k += 2 * ahead - 1
-                    elif axis == 1:
-                        j += 2 * ahead - 1
-                    else:
-                        i += 2 * ahead - 1
-                    if k < 0 or j < 0 or i < 0 or k >= size[0] or j >= size[1] or i >= size[2]:
-                        continue
-                    name = labels[k, j, i]
-                    if name == 0:
-                        bare = True
-                        continue
-                    said = following[axis, z, y, x] if ahead else following[axis, k, j, i]
-                    for n in range(count + 1):
-                        if n == count:
-                            names[n], votes[n] = name, said / 255.0
-                            count += 1
-                            break
-                        if names[n] == name:
-                            votes[n] += said / 255.0
-                            break
+                count, bare = count_votes(labels, following, 0.0, z, y, x, names, votes)
                 bare &= blurred[mine]
                 if count == 1 and not bare:
                     continue
@@ -143,8 +120,7 @@ def _moved(labels, values, inside, following, noise, blurred):  # type: ignore[n
                 best = 0
                 for n in range(count):
                     votes[n] -= loud * ((value - means[n]) / max(step, 1e-6)) ** 2
-                    # Who holds a voxel keeps it in doubt.
-                    if votes[n] > votes[best] + 0.2:
+                    if votes[n] > votes[best] + LEAD:
                         best = n
                 result[z, y, x] = names[best]
     return result
