@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io import save_png
-from napari_unpack.session.pictures import compose, object_patch, packed_patch, scene, sprite_patch
+from napari_unpack.session.picture_patch import compose
+from napari_unpack.session.pictures import object_patch, packed_patch, sprite_patch
+from napari_unpack.session.scene import scene
 
 PANEL = (640, 820)
 FILM = (400, 680)

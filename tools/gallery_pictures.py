@@ -15,10 +15,11 @@ from napari_unpack.appearance import PRESETS, Surroundings, TransferFunction, ti
 from napari_unpack.geometry.view import View
 from napari_unpack.imaging import cast_ids
 from napari_unpack.session import Session
+from napari_unpack.session.depicted import LIGHT
 from napari_unpack.session.picture_cache import PictureCache
 from napari_unpack.session.picture_casting import Look, cast_crop
 from napari_unpack.session.picture_patch import compose
-from napari_unpack.session.pictures import LIGHT, scene
+from napari_unpack.session.scene import scene
 
 Picture = NDArray[np.float32]
 SIDE = 392

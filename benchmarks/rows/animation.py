@@ -11,7 +11,8 @@ from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.transforms import packed_pose
 from napari_unpack.layers.flight_painter import FRAME_SECONDS, adapted, cast_moving
 from napari_unpack.layers.moving import Moving
-from napari_unpack.session.pictures import compose, object_patch, packed_patch
+from napari_unpack.session.picture_patch import compose
+from napari_unpack.session.pictures import object_patch, packed_patch
 
 WHAT = "animation frame"
 GOAL = "<= 30 ms CPU"

@@ -231,7 +231,7 @@ def render(
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import framed, unpack_in_order
     from napari_unpack.io.session_stores import holds_session
-    from napari_unpack.session.pictures import scene
+    from napari_unpack.session.scene import scene
 
     check_output(output, (".png",))
     around = wanted_surroundings(background, box, scale)

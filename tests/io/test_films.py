@@ -14,7 +14,7 @@ from napari_unpack.io.films import turned
 from napari_unpack.io.headless import framed, twin, unpack_in_order
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.session import Session
-from napari_unpack.session.pictures import scene
+from napari_unpack.session.scene import scene
 
 
 @pytest.fixture

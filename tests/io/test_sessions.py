@@ -16,7 +16,7 @@ import napari_unpack as nu
 from napari_unpack.appearance import Surroundings
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_stores import holds_session
-from napari_unpack.session.pictures import scene
+from napari_unpack.session.scene import scene
 
 SIZE = (72, 96)
 

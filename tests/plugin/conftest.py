@@ -43,7 +43,7 @@ def modules_and_manifests_read_once() -> Iterator[None]:
 def kernels_compiled() -> None:
     """Compile what casts, which takes a slow machine minutes, before any test waits for it."""
     from napari_unpack.session import Session
-    from napari_unpack.session.pictures import scene
+    from napari_unpack.session.scene import scene
 
     for density in (np.uint16, np.float32):
         volume, labels = phantom()

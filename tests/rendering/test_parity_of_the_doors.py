@@ -13,6 +13,8 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.transforms import Pose, rotation_about
+from napari_unpack.session.pictures import sprite_patch
 
 CLEAR = 3e-4
 """Voxels from a face within which a float32 position may fall on either side."""
@@ -120,3 +122,16 @@ def test_object_id_layers_and_render_agree_on_both_backends(gl, seed: int) -> No
     drawn = nu.render(*bag, backend="gl", hidden=hidden, **scene.place, **scene.look)
     assert image[..., 3].max() > 0.02
     assert np.abs(drawn - image)[clear].max() <= 2 / 255
+
+
+def test_both_backends_draw_the_same_smooth_sprite(gl) -> None:
+    away = np.linalg.norm(np.moveaxis(np.indices((40, 40, 40)), 0, -1) - 20.0, axis=-1)
+    labels = np.where(away < 12, 2, 0).astype(np.uint16)
+    labels[away < 5.2] = 1
+    session = nu.Session(np.where(labels > 0, 1000, 0).astype(np.uint16), labels, (1.0, 1.0, 1.0))
+    turn = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
+    pose = Pose(np.zeros(3), turn, 1.0)
+    ours, theirs = (sprite_patch(session, 1, pose, 8.0, backend=b).rgba for b in ("cpu", "gl"))
+    assert ours[..., 3].max() > 0.5
+    assert ours.shape == theirs.shape
+    assert np.abs(ours - theirs).mean() < 2 / 255

@@ -14,7 +14,7 @@ from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.film_files import Frame, checked_film, film_writer
 from napari_unpack.io.headless import Progress, framed, packed_count, surrounded, twin
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.session.pictures import scene
+from napari_unpack.session.scene import scene
 
 KINDS = ("unpacking", "turntable")
 ROOM = 1.03

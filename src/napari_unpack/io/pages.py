@@ -17,7 +17,8 @@ from napari_unpack.io.atomic import checked_target, written_whole
 from napari_unpack.io.headless import Progress, framed, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.page_parts import SCRIPT, STYLE
-from napari_unpack.session.pictures import scene, sprite_patch
+from napari_unpack.session.pictures import sprite_patch
+from napari_unpack.session.scene import scene
 
 SIDE = 112
 """Longer side of an object's picture, CSS pixels; it is cast twice as large."""

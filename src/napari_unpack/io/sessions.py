@@ -275,7 +275,7 @@ def _picture(session: Any) -> bytes:
     import imageio.v3 as iio
 
     from napari_unpack.io.images import straight_bytes
-    from napari_unpack.session.pictures import scene
+    from napari_unpack.session.scene import scene
 
     image = scene(session, session.camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))

@@ -16,7 +16,7 @@ from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.visuals.cards import Card
 from napari_unpack.rendering.visuals.outlines import Ink, outlined
-from napari_unpack.session.pictures import Patch
+from napari_unpack.session.picture_patch import Patch
 
 REST_MS = 160
 

@@ -12,9 +12,9 @@ from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging import cast_tinted
 from napari_unpack.layers.shots import Shot
+from napari_unpack.session.depicted import LIGHT
 from napari_unpack.session.picture_cache import Crop
 from napari_unpack.session.picture_patch import Patch, window_of
-from napari_unpack.session.pictures import LIGHT
 
 FRINGE = 3
 """Voxels around an object's box in which its picture can change: its fringe and one for

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.visuals.places import PivotPlace
-from napari_unpack.session.pictures import Patch
+from napari_unpack.session.picture_patch import Patch
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from napari_unpack.layers.picture_place import picture_place, sprite_place
 from napari_unpack.rendering.visuals.cards import Card
 from napari_unpack.rendering.visuals.pictures import Picture
 from napari_unpack.rendering.visuals.silhouettes import Silhouette, decorated
-from napari_unpack.session.pictures import Patch
+from napari_unpack.session.picture_patch import Patch
 
 RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
 CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)

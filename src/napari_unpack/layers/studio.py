@@ -26,9 +26,9 @@ from napari_unpack.rendering.store import VolumeStore
 from napari_unpack.rendering.tinted_pass import Look, PixelWindow
 from napari_unpack.rendering.visuals.caster import TintedCaster, Where
 from napari_unpack.rendering.visuals.pictures import Picture
+from napari_unpack.session.depicted import LIGHT
 from napari_unpack.session.picture_cache import Crop
 from napari_unpack.session.picture_patch import window_of
-from napari_unpack.session.pictures import LIGHT
 
 FRINGE = 2
 """Voxels around an object's box that its fringe reaches; see geometry.halo."""

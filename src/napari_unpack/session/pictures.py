@@ -1,92 +1,24 @@
-"""Pictures of a session, on either backend and without a window.
+"""Pictures of what is packed and of single objects, on either backend and without a window.
 
 The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
-napari's layers draw the same patches as cards (layers/); films and scripts compose them here.
+napari's layers draw these patches as cards (layers/); `session.scene` composes them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, Protocol
-
 import numpy as np
-from numpy.typing import NDArray
 
-from napari_unpack.appearance import Surroundings
-from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
-from napari_unpack.imaging import TransferFunctionLike
-from napari_unpack.session.fine_crops import look_at, refined
-from napari_unpack.session.picture_cache import CacheBook, Crop, Pictured
-from napari_unpack.session.picture_casting import Look, cast_crop
-from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
-from napari_unpack.session.study import Study
-
-__all__ = [
-    "Patch",
-    "compose",
-    "object_patch",
-    "packed_patch",
-    "scene",
-    "sprite_patch",
-]
-
-LIGHT = Shading()
-
-DIMMED = 0.16
-"""Opacity of everything else while one object is inspected."""
-
-SHARE_OF_VIEW = 0.72
-"""How much of the picture's shorter side an inspected object's bounding sphere fills."""
+from napari_unpack.session.depicted import BOOK, LIGHT, Depicted, packed_look, solo_look
+from napari_unpack.session.fine_crops import refined
+from napari_unpack.session.picture_casting import cast_crop
+from napari_unpack.session.picture_patch import Patch
 
 SAMPLES_AT_REST = 3
 """Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
-
-_BOOK = CacheBook()
-
-
-class Depicted(Pictured, Protocol):
-    """What pictures ask of a session; `session.Session` is one."""
-
-    @property
-    def transfer_function(self) -> TransferFunctionLike:
-        """Colour and opacity by density."""
-
-    @property
-    def states(self) -> Mapping[int, Any]:
-        """`ObjectState` by ID."""
-
-    @property
-    def poses(self) -> Mapping[int, Pose]:
-        """Poses of the unpacked objects, pivot space."""
-
-    @property
-    def flights(self) -> Mapping[int, Any]:
-        """Flights in the air."""
-
-    @property
-    def clipping(self) -> NDArray[np.float64]:
-        """(N, 2, 3) planes that cut what is packed, voxels."""
-
-    @property
-    def surroundings(self) -> Surroundings:
-        """Background, box and scale bar."""
-
-    def packed_tints(self) -> NDArray[np.float32]:
-        """(M, 4) tints, zero but for what is packed."""
-
-    def solo_tints(self, object_id: int) -> NDArray[np.float32]:
-        """(M, 4) tints, zero but for one object."""
-
-    def study(self, object_id: int) -> Study:
-        """Opacity and cut of an object's own."""
-
-    def transfer_function_of(self, object_id: int) -> TransferFunctionLike:
-        """What an object is shown with outside the bag."""
 
 
 def packed_patch(
@@ -120,8 +52,8 @@ def packed_patch(
         The window of the picture that the volume's box covers.
     """
     # The crop first: tints may be of more objects than the labels have, never of fewer.
-    crop = _BOOK.of(session).whole()
-    return cast_crop(crop, None, camera, size, _packed_look(session, shading, step_scale, backend))
+    crop = BOOK.of(session).whole()
+    return cast_crop(crop, None, camera, size, packed_look(session, shading, step_scale, backend))
 
 
 def object_patch(
@@ -174,7 +106,7 @@ def object_patch(
     Li et al. 2012, eq. 3: rays are mapped back by T^-1 into the packed volume. The samples are
     those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
     """
-    cache = _BOOK.of(session)
+    cache = BOOK.of(session)
     crop = cache.crop(object_id)
     if smooth:
         mm = np.asarray(session.spacing, dtype=np.float64)
@@ -183,7 +115,7 @@ def object_patch(
             lambda: refined(cache.crop(object_id), object_id, mm, cache.air),
         )
     moved = pose.world_from_world(crop.center, camera)
-    look = _solo_look(session, object_id, crop, shading, step_scale, backend)
+    look = solo_look(session, object_id, crop, shading, step_scale, backend)
     return cast_crop(crop, moved, camera, size, look)
 
 
@@ -229,7 +161,7 @@ def sprite_patch(
     """
     if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
         raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
-    cache = _BOOK.of(session)
+    cache = BOOK.of(session)
     crop = cache.crop(object_id)
     still = Pose(np.zeros(3), pose.rotation, pose.scale)
     reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
@@ -242,159 +174,3 @@ def sprite_patch(
     )
     patch = whole.trimmed()
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
-
-
-def scene(
-    session: Depicted,
-    camera: Camera,
-    size: tuple[int, int],
-    time: float | None = None,
-    backend: str = "auto",
-    shading: Shading | None = LIGHT,
-    surroundings: Surroundings | None = None,
-) -> Image:
-    """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
-
-    Parameters
-    ----------
-    session : Depicted
-        What is packed, in the air and unpacked.
-    camera : Camera
-        Where one looks from.
-    size : (int, int)
-        Height and width of the picture, pixels.
-    time : float, optional
-        When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
-    backend : {"auto", "cpu", "gl"}
-        Who casts.
-    shading : Shading, optional
-        The light; None for none.
-    surroundings : Surroundings, optional
-        Background, box and scale bar; by default the session's.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
-        Premultiplied.
-
-    Notes
-    -----
-    The packed bag and the sprites are cast again only when something they depend on has
-    changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
-    """
-    cache = _BOOK.of(session)
-    packed = _packed_look(session, shading, 1.0, backend)
-    key = ("packed", packed.key, _camera_key(camera), size)
-    patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
-    around = session.surroundings if surroundings is None else surroundings
-    if around.box:
-        patches.append(_box_patch(session, camera, size, around))
-    inspected = [i for i, state in session.states.items() if state.value == "inspected"]
-    for object_id, pose in session.poses.items():
-        if object_id not in session.flights and object_id not in inspected:
-            patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
-    flights = session.flights if time is not None else {}
-    for object_id, flight in flights.items():
-        pose = flight.pose(time, camera)
-        patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
-    if not inspected:
-        return _surrounded(compose(size, patches), camera, around)
-    dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
-    posed = [_inspected_pose(session, i, camera, size) for i in inspected]
-    fine = 1.0 / SAMPLES_AT_REST
-    alone = [
-        object_patch(session, i, pose, camera, size, fine, backend, shading, smooth=True)
-        for i, pose in zip(inspected, posed, strict=True)
-    ]
-    return _surrounded(compose(size, [dimmed, *alone]), camera, around)
-
-
-def _box_patch(
-    session: Depicted, camera: Camera, size: tuple[int, int], around: Surroundings
-) -> Patch:
-    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
-    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
-    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
-    rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
-    return Patch(rgba, depth, 0, 0)
-
-
-def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
-    """Lay a picture over the background, and the scale bar over both."""
-    size = image.shape[0], image.shape[1]
-    far = np.full(size, np.inf, np.float32)
-    patches = [Patch(image, far, 0, 0)]
-    if around.scale:
-        patches.append(Patch(draw_scale(camera, size, around.ink), far, 0, 0))
-    return compose(size, patches, around.background)
-
-
-def _inspected_pose(
-    session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
-) -> Pose:
-    corners = session.boxes.corners(object_id, np.asarray(session.spacing, dtype=np.float64))
-    diameter = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    height = camera.height * min(1.0, size[1] / size[0])
-    waiting = session.poses.get(object_id)
-    rotation = camera.rotation if waiting is None else waiting.rotation
-    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter)
-
-
-def _placed_sprite(
-    session: Depicted,
-    object_id: int,
-    pose: Pose,
-    camera: Camera,
-    size: tuple[int, int],
-    backend: str,
-    shading: Shading | None,
-) -> Patch:
-    nearness = 1.0 - pose.center[0] / camera.distance
-    if nearness <= 0.0:
-        return nothing()
-    resolution = size[0] / camera.height / nearness
-    crop = _BOOK.of(session).crop(object_id)
-    look = _solo_look(session, object_id, crop, shading, 1.0, backend)
-    key = ("sprite", look.key, pose.rotation.tobytes(), pose.scale, round(resolution, 6))
-    patch: Patch = _BOOK.of(session).keep(
-        key,
-        lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
-    )
-    row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
-    return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
-
-
-def _packed_look(
-    session: Depicted, shading: Shading | None, step_scale: float, backend: str
-) -> Look:
-    look = _look(session, session.packed_tints(), shading, step_scale, backend)
-    return replace(look, clipping=session.clipping)
-
-
-def _solo_look(
-    session: Depicted,
-    object_id: int,
-    crop: Crop,
-    shading: Shading | None,
-    step_scale: float,
-    backend: str,
-) -> Look:
-    look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
-    function, cut = session.transfer_function_of(object_id), session.study(object_id)
-    planes = cut.planes(crop.voxel_from_world)
-    return look_at(crop, replace(look, transfer_function=function, clipping=planes))
-
-
-def _look(
-    session: Depicted,
-    tints: NDArray[np.float32],
-    shading: Shading | None,
-    step_scale: float,
-    backend: str,
-) -> Look:
-    spacing = np.asarray(session.spacing, dtype=np.float64)
-    return Look(session.transfer_function, tints, shading, spacing, step_scale, backend)
-
-
-def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:
-    return camera.rotation.tobytes(), camera.center.tobytes(), camera.height, camera.fov

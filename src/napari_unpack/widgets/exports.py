@@ -54,7 +54,7 @@ class Export:
 def _picture(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import twin
-    from napari_unpack.session.pictures import scene
+    from napari_unpack.session.scene import scene
 
     progress(0.0, "Drawing the picture")
     image = scene(twin(session, packed=False), session.camera, prints.size, backend="cpu")

@@ -1,0 +1,149 @@
+"""The whole picture that a person sees, for films, scripts and pages."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.session.depicted import BOOK, LIGHT, Depicted, packed_look, solo_look
+from napari_unpack.session.picture_patch import Image, Patch, compose, nothing
+from napari_unpack.session.pictures import (
+    SAMPLES_AT_REST,
+    object_patch,
+    packed_patch,
+    sprite_patch,
+)
+
+DIMMED = 0.16
+"""Opacity of everything else while one object is inspected."""
+
+SHARE_OF_VIEW = 0.72
+"""How much of the picture's shorter side an inspected object's bounding sphere fills."""
+
+
+def scene(
+    session: Depicted,
+    camera: Camera,
+    size: tuple[int, int],
+    time: float | None = None,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+    surroundings: Surroundings | None = None,
+) -> Image:
+    """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
+
+    Parameters
+    ----------
+    session : Depicted
+        What is packed, in the air and unpacked.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    time : float, optional
+        When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+    surroundings : Surroundings, optional
+        Background, box and scale bar; by default the session's.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied.
+
+    Notes
+    -----
+    The packed bag and the sprites are cast again only when something they depend on has
+    changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
+    """
+    cache = BOOK.of(session)
+    packed = packed_look(session, shading, 1.0, backend)
+    key = ("packed", packed.key, _camera_key(camera), size)
+    patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
+    around = session.surroundings if surroundings is None else surroundings
+    if around.box:
+        patches.append(_box_patch(session, camera, size, around))
+    inspected = [i for i, state in session.states.items() if state.value == "inspected"]
+    for object_id, pose in session.poses.items():
+        if object_id not in session.flights and object_id not in inspected:
+            patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
+    flights = session.flights if time is not None else {}
+    for object_id, flight in flights.items():
+        pose = flight.pose(time, camera)
+        patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
+    if not inspected:
+        return _surrounded(compose(size, patches), camera, around)
+    dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
+    posed = [_inspected_pose(session, i, camera, size) for i in inspected]
+    fine = 1.0 / SAMPLES_AT_REST
+    alone = [
+        object_patch(session, i, pose, camera, size, fine, backend, shading, smooth=True)
+        for i, pose in zip(inspected, posed, strict=True)
+    ]
+    return _surrounded(compose(size, [dimmed, *alone]), camera, around)
+
+
+def _box_patch(
+    session: Depicted, camera: Camera, size: tuple[int, int], around: Surroundings
+) -> Patch:
+    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
+    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
+    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
+    rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
+    return Patch(rgba, depth, 0, 0)
+
+
+def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
+    """Lay a picture over the background, and the scale bar over both."""
+    size = image.shape[0], image.shape[1]
+    far = np.full(size, np.inf, np.float32)
+    patches = [Patch(image, far, 0, 0)]
+    if around.scale:
+        patches.append(Patch(draw_scale(camera, size, around.ink), far, 0, 0))
+    return compose(size, patches, around.background)
+
+
+def _inspected_pose(
+    session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
+) -> Pose:
+    corners = session.boxes.corners(object_id, np.asarray(session.spacing, dtype=np.float64))
+    diameter = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    height = camera.height * min(1.0, size[1] / size[0])
+    waiting = session.poses.get(object_id)
+    rotation = camera.rotation if waiting is None else waiting.rotation
+    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter)
+
+
+def _placed_sprite(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    camera: Camera,
+    size: tuple[int, int],
+    backend: str,
+    shading: Shading | None,
+) -> Patch:
+    nearness = 1.0 - pose.center[0] / camera.distance
+    if nearness <= 0.0:
+        return nothing()
+    resolution = size[0] / camera.height / nearness
+    crop = BOOK.of(session).crop(object_id)
+    look = solo_look(session, object_id, crop, shading, 1.0, backend)
+    key = ("sprite", look.key, pose.rotation.tobytes(), pose.scale, round(resolution, 6))
+    patch: Patch = BOOK.of(session).keep(
+        key,
+        lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
+    )
+    row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
+    return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
+
+
+def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:
+    return camera.rotation.tobytes(), camera.center.tobytes(), camera.height, camera.fov
