@@ -22,7 +22,7 @@ from napari_unpack.session.pictures import object_patch, packed_patch, sprite_pa
 from napari_unpack.session.scene import scene
 
 PANEL = (640, 820)
-FILM = (400, 680)
+FILM = (440, 740)
 LINE = 4
 EDGE = 24
 LOOKING = (0.45, 0.75, 0.35)
@@ -70,7 +70,7 @@ def film(path: Path) -> None:
     session.view = View(LOOKING, fov=18.0)
     session.look(session.overview())
     session.recolor()
-    movie(session, path, 10, FILM, fps=14, seconds=0.7, backend="cpu")
+    movie(session, path, 10, FILM, fps=15, seconds=0.7, backend="cpu")
 
 
 def _bag() -> Any:

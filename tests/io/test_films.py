@@ -10,6 +10,7 @@ import pytest
 
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
+from napari_unpack.io.film_files import film_writer
 from napari_unpack.io.films import turned
 from napari_unpack.io.headless import framed, twin, unpack_in_order
 from napari_unpack.io.images import straight_bytes
@@ -170,3 +171,23 @@ def test_a_turned_camera_goes_once_round(direction: Any) -> None:
         # Seen along the ground, half a turn shows the other side, upright still.
         np.testing.assert_allclose(half.direction, -camera.direction, atol=1e-12)
         np.testing.assert_allclose(half.up, camera.up, atol=1e-12)
+
+
+def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    still = np.zeros((64, 96, 3), np.uint8)
+    still[8:40, 8:60] = (200, 120, 40)
+    still[20:50, 50:90, 2] = np.linspace(40, 250, 40).astype(np.uint8)
+    written = []
+    with film_writer(tmp_path / "film.gif", (64, 96), 10) as write:
+        for k in range(12):
+            frame = still.copy()
+            frame[52:60, 6 * k : 6 * k + 8] = rng.integers(60, 255, 3)
+            write(frame)
+            written.append(frame)
+    read = iio.imread(tmp_path / "film.gif", index=None)[..., :3].astype(int)
+    assert read.shape == (12, 64, 96, 3)
+    assert np.abs(read - np.stack(written)).max() <= 8
+    assert (read[:, :50] == read[0, :50]).all(), "nothing flickers where nothing moves"
+    assert (tmp_path / "film.gif").stat().st_size < 12 * 1500
+    assert [p.name for p in tmp_path.iterdir()] == ["film.gif"]

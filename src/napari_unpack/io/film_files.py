@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -54,17 +56,44 @@ def film_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callabl
 @contextmanager
 def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
     """Open an H.264 film; what it yields takes (H, W, 3) uint8 frames of an even size."""
-    import imageio_ffmpeg
-
-    writer = imageio_ffmpeg.write_frames(
-        str(path),
-        (size[1], size[0]),
+    with _encoded(
+        path,
+        size,
         fps=fps,
         codec="libx264",
         quality=8,
         macro_block_size=2,
         output_params=["-movflags", "+faststart"],
-        ffmpeg_log_level="error",
+    ) as write:
+        yield write
+
+
+@contextmanager
+def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open a GIF: its 256 colours are chosen once all frames are known and kept without loss.
+
+    A ninth as large as with colours chosen frame by frame and dithered: what stands still
+    stays the same and is left out.
+    """
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
+        film, colors = Path(folder) / "film.mkv", Path(folder) / "colors.png"
+        with _encoded(
+            film, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
+        ) as write:
+            yield write
+        _ffmpeg("-i", str(film), "-vf", "palettegen", str(colors))
+        palette = "paletteuse=dither=none:diff_mode=rectangle"
+        _ffmpeg("-i", str(film), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
+
+
+@contextmanager
+def _encoded(
+    path: Path, size: tuple[int, int], **options: Any
+) -> Iterator[Callable[[Frame], None]]:
+    import imageio_ffmpeg
+
+    writer = imageio_ffmpeg.write_frames(
+        str(path), (size[1], size[0]), ffmpeg_log_level="error", **options
     )
     writer.send(None)
     try:
@@ -73,12 +102,13 @@ def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable
         writer.close()
 
 
-@contextmanager
-def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
-    import imageio.v2 as iio
+def _ffmpeg(*arguments: str) -> None:
+    from imageio_ffmpeg import get_ffmpeg_exe
 
-    with iio.get_writer(path, format="GIF", mode="I", duration=1000 / fps, loop=0) as writer:
-        yield writer.append_data  # type: ignore[attr-defined]
+    command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    if done.returncode:
+        raise OSError(f"the film could not be written: {done.stderr.strip()[-300:]}")
 
 
 def _pictures_writer(folder: Path) -> Callable[[Frame], None]:
