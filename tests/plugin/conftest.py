@@ -22,6 +22,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(Screen().close)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the soak, which takes minutes: another worker does the rest meanwhile."""
+    items.sort(key=lambda item: item.path.name != "test_soak.py")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def modules_and_manifests_read_once() -> Iterator[None]:
     """Import what all tests need; keep the manifests of the plugins, which do not change.

@@ -1,4 +1,4 @@
-"""A short soak: `make soak` goes on for an hour."""
+"""Two minutes of the soak: `make soak` goes on for an hour."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from widget_phantoms import pile_of_balls
 from napari_unpack.session import Session
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
-SECONDS = 20.0
+SECONDS = 120.0
 
 
 def soak_tool() -> Any:
@@ -30,8 +30,7 @@ def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: Unpac
     panel.workbench.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
     panel.workbench.stage.seconds = 0.1
     assert panel.workbench.stage.settle(90)
-    report = soak_tool().soak(viewer, panel, SECONDS, samples=4)
+    report = soak_tool().soak(viewer, panel, SECONDS, samples=9)
     assert report.errors == [], report
-    assert report.commands.total() > 20
-    # An hour must be flat within 5 %; half a minute has caches to fill.
-    assert report.growth < 0.15, report
+    assert report.commands.total() > 100, report
+    assert report.growth < soak_tool().FLAT, report
