@@ -4,7 +4,7 @@ from phantoms import ball
 from napari_unpack.segmentation.affinity import measure_parts
 from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.convexity import hull_volume, support_points
-from napari_unpack.segmentation.merging import absorb_fringes, fill_cavities
+from napari_unpack.segmentation.merging import absorb_fringes
 
 
 def canister():
@@ -56,20 +56,6 @@ def test_the_support_points_of_a_box_span_it_and_those_of_a_ball_nearly():
     few = support_points(sphere)
     assert len(few) <= 96
     assert 0.9 < hull_volume(few) / (4 / 3 * np.pi) < 1
-
-
-def test_air_belongs_to_what_makes_up_nearly_half_of_its_walls_and_to_nobody_else():
-    labels = np.zeros((20, 20, 20), np.int32)
-    labels[2:18, 2:18, 2:18] = 1
-    labels[6:14, 6:14, 6:14] = 0
-    labels[2:18, 2:18, 14:18] = 2
-    # One of six walls is the other's.
-    assert (fill_cavities(labels, (1.0, 1.0, 1.0))[6:14, 6:14, 6:14] == 1).all()
-    for name, walls in enumerate(
-        [np.s_[:, :, 2:6], np.s_[:, 2:6, :], np.s_[:, 14:18, :], np.s_[2:6], np.s_[14:18]], 3
-    ):
-        labels[walls] = np.where(labels[walls] > 0, name, 0)
-    assert not fill_cavities(labels, (1.0, 1.0, 1.0))[6:14, 6:14, 6:14].any()
 
 
 def test_a_lace_of_voxels_joins_what_it_lies_on_and_a_sheet_does_not():

@@ -144,67 +144,6 @@ def absorb_fringes(
     return np.where(grown > 0, grown, labels)
 
 
-def fill_cavities(
-    labels: NDArray[np.int32], spacing: Spacing, share: float = 0.45
-) -> NDArray[np.int32]:
-    """Give enclosed air to the object that encloses it.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        Objects. Not changed.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    share : float
-        A cavity belongs to an object that makes up at least this share of its surface.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-
-    Notes
-    -----
-    A cavity is a 6-connected component of background that does not reach the volume's border.
-    The air of a closed bottle leaves with the bottle; the gaps between packed things stay open.
-    """
-    import cc3d
-
-    holes = cc3d.connected_components((labels == 0).view(np.uint8), connectivity=6)
-    top, count = int(labels.max()), int(holes.max())
-    opens = np.zeros(count + 1, np.bool_)
-    for axis in range(3):
-        for end in (0, -1):
-            opens[np.unique(np.take(holes, end, axis=axis))] = True
-    opens[0] = True
-    if opens.all():
-        return labels
-    names = np.where(opens, 0, np.cumsum(~opens))
-    keys, area = _hole_contacts(labels, names[holes].astype(np.int32), top, spacing)
-    hole, label = np.divmod(keys, top + 1)
-    total = np.bincount(hole, area, count + 1)
-    owner = np.zeros(count + 1, np.int64)
-    # The largest contact of each hole comes last.
-    order = np.lexsort((-label, area, hole))
-    owner[hole[order]] = np.where(area >= share * total[hole], label, 0)[order]
-    return np.where(labels > 0, labels, owner[names].astype(np.int32)[holes])
-
-
-def _hole_contacts(
-    labels: NDArray[np.int32], holes: NDArray[np.int32], top: int, spacing: Spacing
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return hole * (top + 1) + label of all that touch, rising, and over how much, mm^2."""
-    found, faces = [], []
-    for axis, face in enumerate(np.prod(spacing) / np.array(spacing)):
-        hole, label = np.moveaxis(holes, axis, 0), np.moveaxis(labels, axis, 0)
-        for one, two in ((hole[:-1], label[1:]), (hole[1:], label[:-1])):
-            touch = (one > 0) & (two > 0)
-            found.append(one[touch].astype(np.int64) * (top + 1) + two[touch])
-            faces.append(np.full(len(found[-1]), face))
-    keys, where = np.unique(np.concatenate(found), return_inverse=True)
-    area = np.bincount(where, np.concatenate(faces), len(keys))
-    return keys.astype(np.int64), area.astype(np.float64)
-
-
 def _root(owner: NDArray[np.int64], k: int) -> int:
     seen = 0
     while owner[k] != k and seen < len(owner):

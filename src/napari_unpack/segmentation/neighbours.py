@@ -52,6 +52,13 @@ class Neighbours:
         best[touched > 0] = self.other[order][self.start[1:][touched > 0] - 1]
         return best
 
+    def touched(self, one: int, two: int) -> float:
+        """Return the area over which two labels touch, mm^2."""
+        others = self.other[self.start[one] : self.start[one + 1]]
+        where = int(np.searchsorted(others, two))
+        there = where < len(others) and others[where] == two
+        return float(self.area[self.start[one] + where]) if there else 0.0
+
 
 def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     """Find all contacts between labels.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.affinity import Affinity, measure_parts
 from napari_unpack.segmentation.agglomeration import agglomerate
+from napari_unpack.segmentation.cavities import fill_cavities, join_hanging
 from napari_unpack.segmentation.checks import Spacing, check_out, checked_spacing, checked_volume
 from napari_unpack.segmentation.confidence import default_oracle
 from napari_unpack.segmentation.containers import join_containers
@@ -25,7 +26,7 @@ from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.learned import seen_objects
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
 from napari_unpack.segmentation.matter import checked_way, find_matter, typical_knee
-from napari_unpack.segmentation.merging import absorb_fringes, absorb_small, fill_cavities
+from napari_unpack.segmentation.merging import absorb_fringes, absorb_small
 from napari_unpack.segmentation.object_table import object_table
 from napari_unpack.segmentation.ranking import rank_labels
 from napari_unpack.segmentation.recursion import take_apart
@@ -265,7 +266,8 @@ def segment_grid(
         labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     if hidden:
         labels = to_half_height(labels, given, spacing)
-    labels = rank_labels(fill_cavities(labels, spacing))
+    filled = fill_cavities(labels, spacing, leaky=not hidden)
+    labels = rank_labels(filled if hidden else join_hanging(labels, filled, spacing))
     if not labels.any():
         raise ValueError(
             f"nothing found: no object has {smallest:g} mm^3; "
