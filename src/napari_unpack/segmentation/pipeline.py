@@ -22,6 +22,7 @@ from napari_unpack.segmentation.containers import join_containers
 from napari_unpack.segmentation.crumpled import bundle_folds
 from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.grainy import cleared, looks_grainy, to_half_height
+from napari_unpack.segmentation.inclusions import take_out_inclusions
 from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.learned import seen_objects
 from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
@@ -246,6 +247,7 @@ def segment_grid(
         )
         if not hidden:
             labels = gather_wires(labels, density)
+            labels = take_out_inclusions(labels, density, spacing, smallest)
     else:
         parts, scale = split_parts(
             density,

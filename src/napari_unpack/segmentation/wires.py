@@ -80,7 +80,7 @@ def gather_wires(
     whose middle lines are two voxels apart are one bundle. A bundle changes nothing unless an
     object is mostly thread of it: the rim of a can and the edge of a box are threads too.
     """
-    limits, compared = rule or WireRule(), scale or _scale_of(labels, density)
+    limits, compared = rule or WireRule(), scale or scale_of(labels, density)
     if compared is None:
         return labels
     lifted = _lifted(density, compared.air, compared.knee)
@@ -107,7 +107,8 @@ def gather_wires(
     return result
 
 
-def _scale_of(labels: NDArray[np.int32], density: NDArray[np.generic]) -> MaterialScale | None:
+def scale_of(labels: NDArray[np.int32], density: NDArray[np.generic]) -> MaterialScale | None:
+    """Return how densities compare, by what is labelled; None where nothing is, or all."""
     thin = tuple(slice(None, None, max(1, n // 128)) for n in labels.shape)
     around = density[thin][labels[thin] == 0].astype(np.float64)
     around = around[np.isfinite(around)]
