@@ -85,3 +85,22 @@ def test_bad_input_changes_nothing():
     np.testing.assert_array_equal(gather_wires(empty, np.full((4, 4, 4), np.nan)), empty)
     full = np.ones((1, 5, 9), np.int32)
     np.testing.assert_array_equal(gather_wires(full, np.arange(45.0).reshape(1, 5, 9)), full)
+
+
+def test_a_strand_that_goes_on_in_the_coil_beside_it_joins_it():
+    wire = coil()
+    # From the fourth turn on the network took it for another thing.
+    found = np.where(wire, np.where(np.arange(SHAPE[0]) < 36, 1, 2)[:, None, None], 0)
+    result = gather_wires(found.astype(np.int32), scan(np.where(wire, 2, 0)), SCALE)
+    assert (result[wire] == 1).mean() > 0.95
+
+
+def test_a_cord_that_lies_beside_a_coil_stays_a_cord():
+    z, y, x = np.indices(SHAPE)
+    cord = (np.hypot(y - 32, x - 53) <= 1.3) & (z > 4) & (z < 56)
+    wire = coil(radius=16.0) & ~cord
+    volume = scan(np.where(wire | cord, 2, 0))
+    found = np.where(cord, 2, np.where(wire, 1, 0)).astype(np.int32)
+    result = gather_wires(found, volume, SCALE)
+    assert (result[cord] == 2).mean() > 0.9
+    assert (result[wire] == 1).mean() > 0.9

@@ -15,6 +15,9 @@ from napari_unpack.segmentation.materials import MaterialScale
 from napari_unpack.segmentation.matter import typical_knee
 from napari_unpack.segmentation.sources import grown
 
+GOES_ON = 20
+"""Voxels of a middle line: more than the end of a strand that lies across another has."""
+
 
 @dataclass(frozen=True)
 class WireRule:
@@ -148,7 +151,23 @@ def _given(
     # Of what belongs to nobody only whole threads, not the blurred rim of the wire.
     lost = (labels == 0) & (edt.edt(~(lines & (labels == 0)), black_border=False) <= limits.radius)
     keeper = int(wires[np.argmax(sizes[wires])])
-    return np.where((whole & hosts[labels]) | (thread & lost), np.int32(keeper), nothing)
+    strands = (near <= limits.radius) & np.isin(labels, _going_on(labels, lines, wires, keeper))
+    taken = (whole & hosts[labels]) | (thread & lost) | strands
+    return np.where(taken, np.int32(keeper), nothing)
+
+
+def _going_on(
+    labels: NDArray[np.int32], lines: NDArray[np.bool_], wires: NDArray[np.int64], keeper: int
+) -> NDArray[np.int64]:
+    """Return the wires most of whose middle lines go on in another: strands of one cable.
+
+    Lines of cables that merely touch lie two radii apart.
+    """
+    threads = cc3d.connected_components(lines, connectivity=26)
+    kept = np.bincount(threads[lines & (labels == keeper)], minlength=int(threads.max()) + 1)
+    others = [int(w) for w in wires if w != keeper]
+    shared = {w: kept[threads[lines & (labels == w)]] >= GOES_ON for w in others}
+    return np.array([w for w in others if shared[w].mean() > 0.5], np.int64)
 
 
 def _kernels(width: float = 1.0, reach: int = 3) -> NDArray[np.float32]:
