@@ -11,8 +11,11 @@ from napari_unpack.geometry.view import View
 SHAPE, SPACING = (10, 20, 30), (2.0, 1.0, 0.5)
 
 
-def rays_of(fov: float = 0.0, size: tuple[int, int] = (9, 11), step: float = 0.5):
-    camera = View(direction=(0.2, -0.4, 1.0), fov=fov).camera(SHAPE, SPACING)
+SHEARED = -np.array([[1.1, 0.2, 0.1], [0.2, 0.9, -0.3], [0.1, -0.3, 1.2]])
+
+
+def rays_of(fov: float = 0.0, size: tuple[int, int] = (9, 11), step: float = 0.5, stretch=None):
+    camera = View(direction=(0.2, -0.4, 1.0), fov=fov).camera(SHAPE, SPACING, stretch)
     return camera, cast_rays(camera, size, voxel_from_world(SPACING), step)
 
 
@@ -28,9 +31,10 @@ def test_an_axis_aligned_orthographic_ray_in_numbers() -> None:
     np.testing.assert_allclose(rays.point(0, 4, 0.0), (7.5, -0.5, 3.5))
 
 
+@pytest.mark.parametrize("stretch", [None, -np.eye(3), SHEARED], ids=["as is", "mirror", "shear"])
 @pytest.mark.parametrize("fov", [0.0, 35.0])
-def test_every_point_of_a_ray_projects_to_its_pixel(fov: float) -> None:
-    camera, rays = rays_of(fov)
+def test_every_point_of_a_ray_projects_to_its_pixel(fov: float, stretch) -> None:
+    camera, rays = rays_of(fov, stretch=stretch)
     for row, col, t in [(0, 0, -3.0), (4, 5, 0.0), (8, 10, 7.5), (2, 9, 1.25)]:
         world = rays.point(row, col, t) * SPACING
         np.testing.assert_allclose(camera.project(world, rays.size), (row, col), atol=1e-9)
@@ -49,6 +53,15 @@ def test_perspective_rays_meet_in_the_eye_and_visit_nothing_behind_it() -> None:
     eye = (camera.center - camera.distance * camera.direction) / SPACING
     np.testing.assert_allclose(rays.point(0, 10, rays.near), eye, atol=1e-9)
     assert rays.near == -camera.distance
+
+
+@pytest.mark.parametrize("fov", [0.0, 35.0])
+def test_depth_is_measured_as_the_bag_is_drawn_where_it_is_sheared(fov: float) -> None:
+    camera, rays = rays_of(fov, stretch=SHEARED)
+    for row, col, t in [(0, 0, -3.0), (8, 10, 7.5)]:
+        world = rays.point(row, col, t) * SPACING
+        drawn = camera.rotation @ SHEARED @ (world - camera.center)
+        assert -drawn[0] == pytest.approx(t, abs=1e-9)
 
 
 @pytest.mark.parametrize("fov", [0.0, 35.0])

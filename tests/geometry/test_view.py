@@ -91,3 +91,32 @@ def test_flip_and_flip_matrix_agree() -> None:
 
 def test_unit_has_length_one() -> None:
     np.testing.assert_allclose(unit((0, 3, 4)), (0, 0.6, 0.8))
+
+
+SHEARED = np.array([[1.1, 0.2, 0.1], [0.2, 0.9, -0.3], [0.1, -0.3, 1.2]])
+
+
+@pytest.mark.parametrize("stretch", [np.eye(3), -np.eye(3), SHEARED, -SHEARED])
+def test_a_stretched_bag_is_looked_at_along_the_direction_asked_for(stretch) -> None:
+    camera = Camera.looking((1.0, 2.0, -0.5), (0.2, -1.0, 0.3), (4, 5, 6), 10.0, stretch=stretch)
+    np.testing.assert_allclose(camera.direction, np.array([1, 2, -0.5]) / np.sqrt(5.25))
+    # One step along the direction of looking changes the depth alone.
+    there = camera.center + camera.direction
+    np.testing.assert_allclose(camera.project(there, (64, 64)), [31.5, 31.5], atol=1e-9)
+    # What is up in the world is up in the picture, as far as the view lets it.
+    row, col = camera.project(camera.center + np.array([0.2, -1.0, 0.3]), (64, 64))
+    assert row < 31.5
+    assert col == pytest.approx(31.5)
+    np.testing.assert_allclose(camera.in_world(camera.linear @ [3.0, 1.0, 2.0]), [3.0, 1.0, 2.0])
+    assert np.linalg.det(camera.rotation) == pytest.approx(1.0)
+
+
+def test_a_mirrored_camera_shows_what_the_other_shows_with_left_and_right_swapped() -> None:
+    points = np.random.default_rng(0).normal(size=(9, 3))
+    for fov in (0.0, 30.0):
+        plain, mirrored = (
+            Camera.looking((1.0, 2.0, -0.5), (0, -1, 0), (0, 0, 0), 10.0, fov, stretch)
+            for stretch in (None, -np.eye(3))
+        )
+        seen, swapped = plain.project(points, (50, 60)), mirrored.project(points, (50, 60))
+        np.testing.assert_allclose(swapped, [0, 59] + [1, -1] * seen, atol=1e-9)

@@ -8,17 +8,19 @@ import pytest
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import (
     camera_from_render,
+    camera_in_session,
     napari_view,
+    parts_of,
     same_camera,
-    similarity,
 )
 
 
 def test_an_orthographic_matrix_gives_height_centre_and_axes() -> None:
-    # Looking along +z with x right and y down; 2 / 0.02 = 100 mm are visible.
+    # Looking along +z with x right and y down, which is left-handed; 100 mm are visible.
     matrix = np.array([[0.01, 0, 0, -0.3], [0, -0.02, 0, 0.8], [0, 0, 0.001, 0.0], [0, 0, 0, 1.0]])
     camera = camera_from_render(matrix, (5.0, 40.0, 30.0))
-    np.testing.assert_allclose(camera.rotation, [[-1, 0, 0], [0, 1, 0], [0, 0, -1]], atol=1e-12)
+    np.testing.assert_allclose(camera.linear, [[-1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=1e-12)
+    assert np.linalg.det(camera.rotation) == pytest.approx(1.0)
     assert camera.height == pytest.approx(100.0)
     assert camera.fov == 0.0
     np.testing.assert_allclose(camera.center, [5.0, 40.0, 30.0])
@@ -42,14 +44,82 @@ def test_a_matrix_that_projects_nothing_is_refused() -> None:
         camera_from_render(np.full((4, 4), np.nan), (0, 0, 0))
 
 
-def test_only_uniform_scales_and_turns_are_similarities() -> None:
+def test_where_angles_stay_nothing_is_stretched() -> None:
     quarter = np.array([[0, -1, 0, 7], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-    found = similarity(np.diag([3, 3, 3, 1.0]) @ quarter)
-    assert found is not None
-    assert found[0] == pytest.approx(3.0)
-    np.testing.assert_allclose(found[1], quarter[:3, :3], atol=1e-12)
-    assert similarity(np.diag([1, 1, 2, 1.0])) is None
-    assert similarity(np.diag([1, 1, -1, 1.0])) is None
+    scale, rotation, stretch = parts_of(np.diag([3, 3, 3, 1.0]) @ quarter)
+    assert scale == pytest.approx(3.0)
+    np.testing.assert_allclose(rotation, quarter[:3, :3], atol=1e-12)
+    np.testing.assert_array_equal(stretch, np.eye(3))
+
+
+def test_a_mirror_is_a_reflection_in_a_point_and_a_half_turn() -> None:
+    _, rotation, stretch = parts_of(np.diag([1, 1, -1, 1.0]))
+    np.testing.assert_allclose(rotation, np.diag([-1, -1, 1]), atol=1e-12)
+    np.testing.assert_array_equal(stretch, -np.eye(3))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_every_affine_is_a_length_a_turn_and_a_stretch(seed: int) -> None:
+    matrix = random_affine(seed)
+    scale, rotation, stretch = parts_of(matrix)
+    np.testing.assert_allclose(scale * rotation @ stretch, matrix[:3, :3], atol=1e-9)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    np.testing.assert_array_equal(stretch, stretch.T)
+    assert abs(np.linalg.det(stretch)) == pytest.approx(1.0)
+    lengths = np.linalg.eigvalsh(stretch)
+    assert (lengths > 0).all() or (lengths < 0).all()
+
+
+def test_an_affine_that_flattens_space_is_refused() -> None:
+    with pytest.raises(ValueError, match="can be inverted"):
+        parts_of(np.diag([1.0, 0.0, 1.0, 1.0]))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_camera_in_the_session_sees_a_point_where_napari_shows_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix = random_affine(seed)
+    fov = float(rng.uniform(10, 50)) if seed % 2 else 0.0
+    seen = Camera.looking(rng.normal(size=3), None, rng.normal(size=3), 40.0, fov)
+    points = rng.uniform(-4, 4, (20, 3))
+    in_napari = points @ matrix[:3, :3].T + matrix[:3, 3]
+    camera = camera_in_session(seen, matrix)
+    np.testing.assert_allclose(
+        camera.project(points, (300, 400)), seen.project(in_napari, (300, 400)), atol=1e-6
+    )
+    # And the way back: what to set on napari's camera.
+    center, zoom, direction, up = napari_view(camera, matrix, view_height=300)
+    np.testing.assert_allclose(center, seen.center, atol=1e-9)
+    assert zoom == pytest.approx(300 / 40.0)
+    np.testing.assert_allclose(direction, seen.direction, atol=1e-9)
+    np.testing.assert_allclose(up, seen.up, atol=1e-9)
+
+
+@pytest.mark.parametrize("fov", [0.0, 90.0])
+def test_a_canvas_that_swaps_left_and_right_gives_a_mirrored_camera(fov: float) -> None:
+    swapped = np.diag([-1.0, 1.0, 1.0, 1.0])
+    if fov:
+        matrix = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1.0, -0.2], [0, 0, 1, 0.0]])
+    else:
+        matrix = np.array([[0.02, 0, 0, 0], [0, -0.02, 0, 0], [0, 0, 0.001, 0], [0, 0, 0, 1.0]])
+    size, point = (100, 100), np.array([[55.0, 7.0, 20.0]])
+    plain = camera_from_render(matrix, (50.0, 0.0, 0.0)).project(point, size)[0]
+    other = camera_from_render(swapped @ matrix, (50.0, 0.0, 0.0))
+    assert np.linalg.det(other.rotation) == pytest.approx(1.0)
+    np.testing.assert_allclose(other.project(point, size)[0], [plain[0], 99.0 - plain[1]])
+
+
+def random_affine(seed: int) -> np.ndarray:
+    """Turned, scaled and moved, and by the seed mirrored, stretched or sheared."""
+    rng = np.random.default_rng(100 + seed)
+    turn = Camera.looking(rng.normal(size=3), rng.normal(size=3), (0, 0, 0), 1.0).rotation
+    shape = np.diag(rng.choice([1.0, -1.0], 3) * (1.0 if seed % 3 == 0 else rng.uniform(0.4, 3, 3)))
+    if seed % 3 == 2:
+        shape[np.triu_indices(3, 1)] = rng.uniform(-0.6, 0.6, 3)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rng.uniform(0.2, 5) * turn @ shape, rng.normal(size=3)
+    return matrix
 
 
 def test_a_camera_becomes_napari_units_under_a_scaled_world() -> None:

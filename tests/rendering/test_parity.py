@@ -50,7 +50,7 @@ class Case:
         self.domain = (200.0, 2000.0)
         direction = tuple(rng.normal(size=3))
         view = View(direction=direction, fov=0.0 if seed % 2 else float(rng.uniform(20, 60)))
-        camera = view.camera(self.shape, self.spacing)
+        camera = view.camera(self.shape, self.spacing, stretch_of(seed))
         step = float(rng.uniform(0.4, 1.2) * min(self.spacing))
         self.rays = cast_rays(camera, SIZE, voxel_from_world(self.spacing), step)
         self.shading = Shading() if seed % 4 else None
@@ -66,6 +66,15 @@ class Case:
         p = start[..., None, :] + t[:, None] * slope[..., None, :] + 0.5
         inside = ((p > -CLEAR) & (p < np.array(self.shape) + CLEAR)).all(-1) & (t > self.rays.near)
         return ~(inside & (np.abs(p - np.rint(p)) < CLEAR).any(-1)).any(-1)
+
+
+def stretch_of(seed):
+    """How napari's affine bends the bag: not at all, mirrored, stretched, or sheared and both."""
+    rng = np.random.default_rng(1000 + seed)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    lengths = np.exp(rng.normal(0.0, 0.4, 3))
+    sheared = turn * (lengths / lengths.prod() ** (1 / 3)) @ turn.T
+    return (None, -np.eye(3), np.diag([2.0, 1.0, 0.5]), sheared, -sheared)[seed % 5]
 
 
 @pytest.mark.parametrize("seed", range(50))

@@ -91,14 +91,14 @@ def cast_rays(
         raise ValueError(f"step must be a positive number of mm, got {step!r}")
     height, width = int(size[0]), int(size[1])
     pixel = camera.height / height
-    down, right = camera.rotation[1] * pixel, camera.rotation[2] * pixel
+    towards, down, right = camera.in_world(np.diag([1.0, pixel, pixel]))
     first = camera.center - down * (height - 1) / 2 - right * (width - 1) / 2
     zero = np.zeros(3)
     if camera.fov == 0.0:
-        near, directions = -np.inf, [camera.direction, zero, zero]
+        near, directions = -np.inf, [-towards, zero, zero]
     else:
         # D = (P - eye) / distance, so that t advances one mm of depth per unit.
-        eye = camera.center - camera.direction * camera.distance
+        eye = camera.center + towards * camera.distance
         near = -camera.distance
         directions = [(first - eye) / camera.distance, down / -near, right / -near]
     affine = np.asarray(voxel_from_world, dtype=np.float64)

@@ -1,11 +1,11 @@
-"""Rigid placements of objects: equations 3 and 4, rotations, and their interpolation.
+"""Placements of objects: equations 3 and 4, rotations, and their interpolation.
 
 All matrices are (4, 4), act on column vectors (z, y, x, 1) in mm, and compose right to left.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,26 +38,29 @@ class Pose:
     """Where an object stands in pivot space: its centre, its turn, its size.
 
     A point w of the bag (world mm) whose object has box centre b appears at
-    center + scale * rotation @ (w - b) in pivot space.
+    center + scale * rotation @ stretch @ (w - b) in pivot space.
 
     Parameters
     ----------
     center : (3,) ndarray of float64
         Where the object's box centre is, pivot space mm (the paper's u).
     rotation : (3, 3) ndarray of float64
-        From world axes to pivot axes.
+        From (stretched) world axes to pivot axes.
     scale : float
         Enlargement, 1 being true to the bag.
+    stretch : (3, 3) ndarray of float64
+        The bag's, see `Camera`: objects keep in the air the shape that they have in the bag.
     """
 
     center: Vector
     rotation: Matrix
     scale: float = 1.0
+    stretch: Matrix = field(default_factory=lambda: np.eye(3))
 
     def pivot_from_world(self, box_center: ArrayLike) -> Matrix:
         """Return the (4, 4) map from the packed bag's world mm to pivot space."""
         matrix = np.eye(4)
-        matrix[:3, :3] = self.scale * self.rotation
+        matrix[:3, :3] = self.scale * self.rotation @ self.stretch
         matrix[:3, 3] = self.center - matrix[:3, :3] @ np.asarray(box_center, dtype=np.float64)
         return matrix
 
@@ -66,7 +69,7 @@ class Pose:
 
         Notes
         -----
-        Li et al. 2012, eq. 3, w = V T M v. V is the camera's rigid pivot map here, M the
+        Li et al. 2012, eq. 3, w = V T M v. V is the camera's pivot map here, M the
         identity since the bag's world is the world.
         """
         return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
@@ -74,17 +77,19 @@ class Pose:
     def toward(self, other: Pose, fraction: float) -> Pose:
         """Interpolate to another pose: straight centre, shortest turn, geometric size."""
         f = float(np.clip(fraction, 0.0, 1.0))
-        return Pose(
-            (1 - f) * self.center + f * other.center,
-            slerp(self.rotation, other.rotation, f),
-            self.scale ** (1 - f) * other.scale**f,
+        return replace(
+            self,
+            center=(1 - f) * self.center + f * other.center,
+            rotation=slerp(self.rotation, other.rotation, f),
+            scale=self.scale ** (1 - f) * other.scale**f,
         )
 
 
 def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0, 0)) -> Pose:
     """Return the pose of an object at its packed place, moved by a world offset in mm."""
     moved = np.asarray(box_center, dtype=np.float64) + np.asarray(offset, dtype=np.float64)
-    return Pose(transform_points(camera.pivot_from_world(), moved), camera.rotation.copy())
+    center = transform_points(camera.pivot_from_world(), moved)
+    return Pose(center, camera.rotation.copy(), stretch=camera.stretch)
 
 
 def unpacking_displacement(

@@ -6,7 +6,7 @@ turns into rays (`geometry.rays`) and into pivot space, where sprites live.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +68,9 @@ class View:
         if self.height is not None and not (np.isfinite(self.height) and self.height > 0):
             raise ValueError(f"height must be a positive number of mm, got {self.height!r}")
 
-    def camera(self, shape: tuple[int, ...], spacing: ArrayLike) -> Camera:
+    def camera(
+        self, shape: tuple[int, ...], spacing: ArrayLike, stretch: Matrix | None = None
+    ) -> Camera:
         """Settle everything left open for a volume.
 
         Parameters
@@ -77,6 +79,8 @@ class View:
             Voxels along z, y, x.
         spacing : (3,) array_like
             Voxel size in mm, z y x.
+        stretch : (3, 3) ndarray of float64, optional
+            The camera's; none unless told.
 
         Returns
         -------
@@ -89,7 +93,7 @@ class View:
         # the frame touches it where sin a = r/d, so h = 2 r / cos a.
         height = self.height or 2 * radius / np.cos(np.radians(self.fov) / 2)
         center = middle if self.center is None else np.asarray(self.center, dtype=np.float64)
-        return Camera.looking(self.direction, self.up, center, float(height), self.fov)
+        return Camera.looking(self.direction, self.up, center, float(height), self.fov, stretch)
 
     def orthographic(self) -> View:
         """Return the same view without perspective."""
@@ -103,20 +107,32 @@ class Camera:
     Parameters
     ----------
     rotation : (3, 3) ndarray of float64
-        Rows are the pivot-space axes in world coordinates: towards the viewer, down the
-        picture, right in the picture. A proper rotation; the identity is napari's default view.
+        Rows are the pivot-space axes in (stretched) world coordinates: towards the viewer, down
+        the picture, right in the picture. A proper rotation; the identity is napari's default
+        view.
     center : (3,) ndarray of float64
         World point at the origin of pivot space, mm.
     height : float
         Visible height at the centre, mm.
     fov : float
         Vertical field of view, degrees; 0 is orthographic.
+    stretch : (3, 3) ndarray of float64
+        How the world is stretched, sheared or mirrored before it is turned and looked at: what
+        the affine of a napari layer does besides turning. Symmetric, of determinant 1 or -1;
+        the identity for nearly every bag, minus the identity for one that is mirrored.
+
+    Notes
+    -----
+    Every affine is a length times `rotation @ stretch` (polar decomposition). A mirror is taken
+    as a reflection in a point, which commutes with all turns, so that turns stay proper.
+    Objects are rigid in the stretched world, where they stand as napari draws them.
     """
 
     rotation: Matrix
     center: Vector
     height: float
     fov: float = 0.0
+    stretch: Matrix = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def looking(
@@ -126,31 +142,48 @@ class Camera:
         center: ArrayLike,
         height: float,
         fov: float = 0.0,
+        stretch: Matrix | None = None,
     ) -> Camera:
-        """Make a camera from a direction of looking and an up vector."""
+        """Make a camera from a direction of looking and an up vector, both in world."""
         towards = -unit(direction, "direction")
         wanted = np.asarray(GRAVITY_UP if up is None else up, dtype=np.float64)
         if up is None and abs(towards @ wanted) > STEEPEST:
             wanted = np.array([-1.0, 0.0, 0.0])
+        if stretch is None:
+            stretch = np.eye(3)
+        else:
+            towards, wanted = unit(stretch @ towards), stretch @ wanted
         down = -(wanted - towards * (wanted @ towards))
         down /= np.linalg.norm(down)
         rotation = np.stack([towards, down, np.cross(towards, down)])
-        return cls(rotation, np.asarray(center, dtype=np.float64), float(height), float(fov))
+        middle = np.asarray(center, dtype=np.float64)
+        return cls(rotation, middle, float(height), float(fov), stretch)
+
+    @property
+    def linear(self) -> Matrix:
+        """(3, 3) map of vectors from world to pivot space: the stretch, then the turn."""
+        linear: Matrix = self.rotation @ self.stretch
+        return linear
+
+    def in_world(self, pivot_vectors: ArrayLike) -> NDArray[np.float64]:
+        """Return the world vectors that (..., 3) vectors of pivot space are."""
+        vectors = np.asarray(pivot_vectors, dtype=np.float64) @ self.rotation
+        return vectors @ np.linalg.inv(self.stretch)
 
     @property
     def direction(self) -> Vector:
         """Direction of looking, (3,) unit vector, world."""
-        return -self.rotation[0]
+        return unit(self.in_world((-1.0, 0.0, 0.0)))
 
     @property
     def up(self) -> Vector:
         """What is up in the picture, (3,) unit vector, world."""
-        return -self.rotation[1]
+        return unit(self.in_world((0.0, -1.0, 0.0)))
 
     @property
     def right(self) -> Vector:
         """What is right in the picture, (3,) unit vector, world."""
-        return self.rotation[2]
+        return unit(self.in_world((0.0, 0.0, 1.0)))
 
     @property
     def distance(self) -> float:
@@ -164,10 +197,10 @@ class Camera:
         return replace(self, fov=0.0)
 
     def pivot_from_world(self) -> Matrix:
-        """Return the rigid (4, 4) map from world mm to pivot space (towards, down, right)."""
+        """Return the (4, 4) map from world mm to pivot space (towards, down, right)."""
         matrix = np.eye(4)
-        matrix[:3, :3] = self.rotation
-        matrix[:3, 3] = -self.rotation @ self.center
+        matrix[:3, :3] = self.linear
+        matrix[:3, 3] = -matrix[:3, :3] @ self.center
         return matrix
 
     def pixels(self, pivot_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:

@@ -72,7 +72,8 @@ def rays_for(
         else np.asarray(voxel_from_world, dtype=np.float64)
     )
     # An enlarged object passes fewer mm of volume per mm of ray.
-    speed = float(np.linalg.norm(mm * (affine[:3, :3] @ camera.direction)))
+    looking = camera.in_world((-1.0, 0.0, 0.0))
+    speed = float(np.linalg.norm(mm * (affine[:3, :3] @ looking)))
     rays = geometry_rays.cast_rays(camera, size, affine, step_scale * float(mm.min()) / speed)
     if window is None:
         return rays

@@ -169,7 +169,7 @@ def _close(session: Any, size: tuple[int, int]) -> Camera:
     aspect = min(1.0, size[1] / size[0])
     camera: Camera = session.overview()
     half_angle = np.radians(camera.fov) / 2
-    height = 2 * ROOM * session.bag.radius / (aspect * np.cos(half_angle))
+    height = 2 * ROOM * session.bag.radius_in(camera.stretch) / (aspect * np.cos(half_angle))
     return replace(camera, height=float(height))
 
 
@@ -184,4 +184,5 @@ def turned(camera: Camera, angle: float) -> Camera:
     """
     upright = np.array(GRAVITY_UP)
     axis = upright if abs(float(camera.direction @ upright)) < STEEPEST else camera.up
-    return replace(camera, rotation=camera.rotation @ rotation_about(axis, -angle))
+    turn = rotation_about(camera.stretch @ axis, -angle)
+    return replace(camera, rotation=camera.rotation @ turn)

@@ -171,7 +171,7 @@ def _picture(session: Any, object_id: int, backend: str) -> str:
         object_id, 0, (object_id,), session.unpack_direction, session.camera
     )
     held = berth.rotation if berth.placed is None else berth.placed.rotation
-    pose = Pose(np.zeros(3), held, 1.0)
+    pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
     pixels = 2 * SIDE / max(berth.picture_mm)
     patch = sprite_patch(session, object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Vector, transform_points
+from napari_unpack.geometry.axes import Vector, transform_points, unit
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.shots import FRONT
 from napari_unpack.layers.view_camera import Frame
@@ -105,8 +105,7 @@ def drawn_direction(pixels: NDArray[np.float64], camera: Camera) -> Vector | Non
     length = float(np.hypot(down, right))
     if length < LEAST_PIXELS:
         return None
-    direction: Vector = (down * camera.rotation[1] + right * camera.rotation[2]) / length
-    return direction
+    return unit(camera.in_world((0.0, down, right)))
 
 
 def surface_normal(
@@ -137,6 +136,5 @@ def surface_normal(
     towards = -part[rows, cols].astype(np.float64)
     flat = np.stack([rows * mm, cols * mm, np.ones(len(rows))], axis=1)
     slopes = np.linalg.lstsq(flat, towards, rcond=None)[0]
-    normal = np.array([1.0, -slopes[0], -slopes[1]]) @ camera.rotation
-    found: Vector = normal / np.linalg.norm(normal)
-    return found
+    # The direction that is normal as the bag is drawn, also where that is sheared.
+    return unit(camera.in_world((1.0, -slopes[0], -slopes[1])))

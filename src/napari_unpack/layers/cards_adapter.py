@@ -8,10 +8,10 @@ import numpy as np
 from vispy import gloo
 from vispy.scene.visuals import create_visual_node
 
-from napari_unpack.geometry.axes import Matrix, flip, flip_matrix, transform_points
+from napari_unpack.geometry.axes import Matrix, flip, flip_matrix
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.compat import PictureAdapter, PictureLayer
-from napari_unpack.layers.view_camera import Frame, camera_from_render
+from napari_unpack.layers.view_camera import Frame, camera_from_render, camera_in_session
 from napari_unpack.rendering.visuals.cards import CardsVisual
 from napari_unpack.rendering.visuals.matrices import matrix_of
 from napari_unpack.rendering.visuals.places import clip_from_pivot
@@ -62,9 +62,8 @@ class CardsAdapter(PictureAdapter):
         )
         local = _ndc_from_pixels(view.size) @ matrix_of(view.scene.transform)
         try:
-            world_from_scene: Matrix = np.linalg.inv(scene_from_world).astype(np.float64)
-            center = transform_points(world_from_scene, view.camera.center)
-            camera = camera_from_render(local @ scene_from_world, flip(center))
+            seen = camera_from_render(local, flip(view.camera.center))
+            camera = camera_in_session(seen, flip_matrix(scene_from_world))
         except (ValueError, np.linalg.LinAlgError):
             return None
         whole = matrix_of(self.node.get_transform("scene", "render"))

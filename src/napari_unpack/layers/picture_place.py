@@ -83,7 +83,7 @@ def picture_place(
     """
     mm = made_for.height / size[0]
     height, width = patch.size
-    towards, down, right = seen_by.rotation @ (made_for.center - seen_by.center)
+    towards, down, right = seen_by.linear @ (made_for.center - seen_by.center)
     return PicturePlace(
         center=(
             float(towards),

@@ -10,51 +10,29 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.rays import voxel_from_world
-from napari_unpack.layers.view_camera import similarity
 
 FIELDS = ("scale", "translate", "rotate", "shear", "affine", "units")
 
 
 def placement_of(sources: Sequence[Any], spacing: NDArray[np.float64]) -> dict[str, Any]:
-    """Return where our layers stand: on the user's own layer, if that keeps shapes.
+    """Return where our layers stand: on the user's own layer.
 
     Parameters
     ----------
     sources : sequence of napari layers
         The session's volume and labels come from the first of three dimensions.
     spacing : (3,) ndarray of float64
-        Voxel size of the session, mm z y x.
+        Voxel size of the session, mm z y x, for a session that comes from no layer.
 
     Returns
     -------
     dict
-        Arguments of a napari layer whose data are voxels. A source whose transform shears or
-        mirrors, or whose scale is not in proportion to the spacing, is not followed: the bag then
-        stands at the origin in mm.
+        Arguments of a napari layer whose data are voxels.
     """
-    layer = _leading(sources)
-    if layer is None or not _keeps_shapes(layer, spacing):
+    layer = next((layer for layer in sources if layer.ndim == 3), None)
+    if layer is None:
         return {"scale": np.asarray(spacing, dtype=np.float64)}
     return {name: getattr(layer, name) for name in FIELDS}
-
-
-def not_followed(sources: Sequence[Any], spacing: NDArray[np.float64]) -> str:
-    """Return what to say where `placement_of` cannot follow the user's layer; else nothing."""
-    layer = _leading(sources)
-    if layer is None or _keeps_shapes(layer, spacing):
-        return ""
-    return (
-        f"{layer.name} is sheared, mirrored, or scaled otherwise than its voxels of "
-        f"{' x '.join(f'{mm:g}' for mm in spacing)} mm. The bag is shown as it is, at the origin."
-    )
-
-
-def _leading(sources: Sequence[Any]) -> Any | None:
-    return next((layer for layer in sources if layer.ndim == 3), None)
-
-
-def _keeps_shapes(layer: Any, spacing: NDArray[np.float64]) -> bool:
-    return similarity(data_to_world(layer) @ voxel_from_world(spacing)) is not None
 
 
 def data_to_world(layer: Any) -> Matrix:

@@ -9,7 +9,6 @@ import numpy as np
 from napari.layers import Labels
 from napari.utils.colormaps import DirectLabelColormap
 
-from napari_unpack.geometry.axes import Matrix, transform_points, unit
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat, steering
 from napari_unpack.layers.at_rest import AtRest
@@ -19,6 +18,7 @@ from napari_unpack.layers.placement import napari_from_world, placement_of
 from napari_unpack.layers.stage import Stage
 from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.studio import BACKENDS
+from napari_unpack.layers.view_camera import camera_in_session
 
 OPACITY = 0.9
 
@@ -203,20 +203,14 @@ class PlainStage:
     def _moved(self, _event: Any = None) -> None:
         """Tell the session where the viewer looks from, which hues and queue depend on."""
         seen = self.viewer.scene.camera
-        inverse = np.linalg.inv(napari_from_world(self.packed))
-        world_from_napari: Matrix = inverse.astype(np.float64)
-        linear = world_from_napari[:3, :3]
-        scale = float(np.linalg.det(linear)) ** (1 / 3)
-        height = self.viewer.canvas.size[0] * scale / seen.zoom
-        self.session.look(
-            Camera.looking(
-                unit(linear @ np.asarray(seen.view_direction)),
-                unit(linear @ np.asarray(seen.up_direction)),
-                transform_points(world_from_napari, np.asarray(seen.center, dtype=np.float64)),
-                height,
-                float(seen.perspective),
-            )
+        camera = Camera.looking(
+            seen.view_direction,
+            seen.up_direction,
+            seen.center,
+            self.viewer.canvas.size[0] / seen.zoom,
+            float(seen.perspective),
         )
+        self.session.look(camera_in_session(camera, napari_from_world(self.packed)))
         self._at_rest.moved()
 
 

@@ -121,6 +121,7 @@ def surface_voxel(stage: Any, pixel: NDArray[np.float64], object_id: int) -> Vox
     )
     reach = float(np.linalg.norm(np.array(session.labels.shape) * session.spacing))
     reach += float(np.linalg.norm(frame.camera.center - session.bag.center))
+    reach *= float(np.linalg.norm(frame.camera.stretch, 2))
     t = np.arange(max(-reach, rays.near), reach, rays.step)
     weights = np.array([1.0, row, col])
     points = weights @ rays.table[:3] + t[:, None] * (weights @ rays.table[3:])

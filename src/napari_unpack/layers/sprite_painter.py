@@ -101,7 +101,8 @@ class SpritePainter:
     def _key(self, object_id: int, pose: Pose, fine: float) -> tuple[Any, ...]:
         tint = self._session.tint_alone(object_id).tobytes()
         study = self._session.study(object_id)
-        return pose.rotation.tobytes(), pose.scale, tint, fine, study, self._state
+        held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
+        return *held, tint, fine, study, self._state
 
     def _ask(self, object_id: int, pose: Pose, fine: float, key: Any) -> None:
         self._jobs.ask(

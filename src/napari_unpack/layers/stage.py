@@ -20,7 +20,7 @@ from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.own_context import guard
 from napari_unpack.layers.pacing import Pacing
 from napari_unpack.layers.packed import PackedLayer
-from napari_unpack.layers.placement import not_followed, placement_of
+from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.pointer import Pointer
 from napari_unpack.layers.projector import Projector
 from napari_unpack.layers.slice_hues import SliceHues
@@ -174,8 +174,7 @@ class Stage(Hands):
         viewer.layers.selection.active = self.packed
         self._connect()
         self._projector.open()
-        if words := not_followed(self.sources, np.asarray(self.session.spacing)):
-            self.events.message.emit(words)
+        steering.look_through(self.session, self.packed)
         self.frame_bag()
         self._on_states()
 

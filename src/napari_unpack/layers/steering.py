@@ -7,12 +7,13 @@ from functools import partial
 from time import monotonic, sleep
 from typing import Any, Literal
 
+import numpy as np
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world
-from napari_unpack.layers.view_camera import napari_view
+from napari_unpack.layers.view_camera import ALIKE, napari_view, parts_of
 
 GLIMPSE_SECONDS = 0.04
 """How long objects are moved one by one before the question goes to a worker."""
@@ -41,6 +42,24 @@ def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
     theirs.center = tuple(center)
     theirs.set_view_direction(tuple(direction), tuple(up))
     theirs.zoom = zoom
+
+
+def look_through(session: Any, layer: Any) -> None:
+    """Have a session look at its bag as a layer places it: mirrored, stretched or as it is.
+
+    Parameters
+    ----------
+    session : Session
+        It keeps its direction of looking.
+    layer : napari layer
+        One of ours.
+    """
+    stretch = parts_of(napari_from_world(layer))[2]
+    seen = session.camera
+    if not np.allclose(stretch, seen.stretch, rtol=0, atol=ALIKE):
+        session.look(
+            Camera.looking(seen.direction, seen.up, seen.center, seen.height, seen.fov, stretch)
+        )
 
 
 def wait_until(settled: Callable[[], bool], seconds: float) -> bool:

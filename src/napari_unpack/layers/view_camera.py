@@ -36,11 +36,16 @@ class Frame:
         )
 
 
+ALIKE = 1e-5
+"""Relative lengths that differ by less count as equal."""
+
+
 def same_camera(a: Camera, b: Camera) -> bool:
     """Return whether two cameras see the same to within a thousandth of a pixel or so."""
     scale = 1e-6 * a.height
     return bool(
         np.allclose(a.rotation, b.rotation, rtol=0, atol=1e-6)
+        and np.allclose(a.stretch, b.stretch, rtol=0, atol=1e-6)
         and np.allclose(a.center, b.center, rtol=0, atol=scale)
         and abs(a.height - b.height) <= scale
         and abs(a.fov - b.fov) <= 1e-4
@@ -53,14 +58,15 @@ def camera_from_render(render_from_world: ArrayLike, center: ArrayLike) -> Camer
     Parameters
     ----------
     render_from_world : (4, 4) array_like
-        From world mm (x, y, z, 1) to clip space (x right, y up, z away, w), acting on column
-        vectors. The map before the projection must be a similarity.
+        From a world (x, y, z, 1), napari's say, to clip space (x right, y up, z away, w), acting
+        on column vectors. The map before the projection must be a similarity; it may mirror.
     center : (3,) array_like
-        World point the camera turns about, mm z y x; it is in the middle of the picture.
+        World point the camera turns about, z y x; it is in the middle of the picture.
 
     Returns
     -------
     Camera
+        Its lengths are units of that world.
 
     Raises
     ------
@@ -82,30 +88,77 @@ def camera_from_render(render_from_world: ArrayLike, center: ArrayLike) -> Camer
         distance = float(last[:3] @ middle + last[3]) / per_mm
         height, fov = 2 * distance * tangent, float(np.degrees(2 * np.arctan(tangent)))
     down = unit(away * (up @ away) - up)
-    return Camera(np.stack([-away, down, np.cross(-away, down)]), middle, height, fov)
+    axes = np.stack([-away, down, np.cross(-away, down)])
+    if axes[2] @ matrix[0, :3] >= 0:
+        return Camera(axes, middle, height, fov)
+    # A canvas that shows left what is right: the axes of its picture are a proper turn of the
+    # world reflected in a point.
+    axes[2] *= -1
+    return Camera(-axes, middle, height, fov, -np.eye(3))
 
 
-def similarity(matrix: Matrix) -> tuple[float, Matrix] | None:
-    """Split the linear part of an affine into scale and rotation; None if it is no similarity.
+def parts_of(matrix: ArrayLike) -> tuple[float, Matrix, Matrix]:
+    """Split the linear part of an affine into a length, a turn and a stretch.
 
     Parameters
     ----------
-    matrix : (4, 4) ndarray of float64
+    matrix : (4, 4) array_like
+        Any affine that can be inverted.
 
     Returns
     -------
-    (float, (3, 3) ndarray) or None
-        Scale and proper rotation.
+    scale : float
+        The cube root of the factor by which volumes grow.
+    rotation : (3, 3) ndarray of float64
+        Proper.
+    stretch : (3, 3) ndarray of float64
+        As `Camera.stretch`: exactly the identity, or minus that, where angles stay.
+
+    Raises
+    ------
+    ValueError
+        If it flattens space.
+
+    Notes
+    -----
+    The linear part is scale * rotation @ stretch, its polar decomposition.
     """
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     determinant = float(np.linalg.det(linear))
-    if determinant <= 0:
-        return None
-    scale = determinant ** (1 / 3)
-    rotation = linear / scale
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4):
-        return None
-    return scale, rotation
+    scale = abs(determinant) ** (1 / 3)
+    if not np.isfinite(scale) or scale == 0.0:
+        raise ValueError(f"matrix must be an affine that can be inverted, got {matrix!r}")
+    turned = linear * (np.sign(determinant) / scale)
+    u, lengths, vh = np.linalg.svd(turned)
+    rotation: Matrix = u @ vh
+    upright = np.eye(3) if np.allclose(lengths, 1.0, atol=ALIKE) else (vh.T * lengths) @ vh
+    return scale, rotation, np.sign(determinant) * (upright + upright.T) / 2
+
+
+def camera_in_session(seen: Camera, seen_from_world: Matrix) -> Camera:
+    """Return a camera of one world, napari's, as one of a session's world.
+
+    Parameters
+    ----------
+    seen : Camera
+        In the world that is seen, not stretched but for a mirror.
+    seen_from_world : (4, 4) ndarray of float64
+        Any affine from the session's world, mm, to that one.
+
+    Returns
+    -------
+    Camera
+        In mm, with the stretch of the affine: it shows the same picture.
+    """
+    scale, rotation, stretch = parts_of(seen_from_world)
+    back: Matrix = np.linalg.inv(seen_from_world).astype(np.float64)
+    return Camera(
+        seen.rotation @ rotation,
+        transform_points(back, seen.center),
+        seen.height / scale,
+        seen.fov,
+        seen.stretch @ stretch,
+    )
 
 
 def napari_view(
@@ -118,7 +171,7 @@ def napari_view(
     camera : Camera
         In the session's world, mm.
     napari_from_world : (4, 4) ndarray of float64
-        A similarity from the session's world to napari's.
+        From the session's world to napari's.
     view_height : float
         Height of the view in logical pixels.
 
@@ -131,7 +184,7 @@ def napari_view(
         Of looking, and up in the picture.
     """
     linear = napari_from_world[:3, :3]
-    scale = float(np.linalg.det(linear)) ** (1 / 3)
+    scale = abs(float(np.linalg.det(linear))) ** (1 / 3)
     center = transform_points(napari_from_world, camera.center)
     zoom = view_height / (camera.height * scale)
     return center, zoom, unit(linear @ camera.direction), unit(linear @ camera.up)

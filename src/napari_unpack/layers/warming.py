@@ -48,8 +48,8 @@ class Warming:
 def warm(session: Any, object_id: int) -> None:
     """Cast small pictures of an object and keep what that needs; for worker threads."""
     camera = session.camera
-    session.bag.oriented(object_id)
-    pose = Pose(np.zeros(3), camera.rotation)
+    session.bag.oriented(object_id, camera.stretch)
+    pose = Pose(np.zeros(3), camera.rotation, stretch=camera.stretch)
     object_patch(session, object_id, pose, camera, (48, 48), 1.25, "cpu")
     fine = 24.0 / camera.height
     Sprite.of(sprite_patch(session, object_id, pose, fine, 3.0, "cpu"), pose, 1.0 / fine)

@@ -173,7 +173,7 @@ class SessionCore:
         """Poses in pivot space of unpacked objects that are in sight and not in the air."""
         slots = self.slots
         return {
-            i: berth.pose(slots)
+            i: berth.pose(slots, self._camera.stretch)
             for i, berth in self._situation.out.items()
             if i not in self._flights and i not in self._situation.hidden
         }
@@ -192,7 +192,7 @@ class SessionCore:
     def view(self, view: View) -> None:
         if not isinstance(view, View):
             raise TypeError(f"view must be a View, got {view!r}")
-        self._camera = view.camera(self.labels.shape, self.spacing)
+        self._camera = view.camera(self.labels.shape, self.spacing, self._camera.stretch)
         self._view = view
         self.events.view.emit(self._camera)
 
@@ -203,6 +203,9 @@ class SessionCore:
 
     def look(self, camera: Camera) -> None:
         """Take over a camera from whoever draws."""
+        if np.linalg.det(camera.stretch @ self._camera.stretch) < 0:
+            out = {i: berth.mirrored() for i, berth in self._situation.out.items()}
+            self._situation = replace(self._situation, out=out)
         self._camera = camera
         z, y, x = (float(v) for v in camera.center)
         self._view = View(
@@ -231,18 +234,17 @@ class SessionCore:
         if (height, width) == self._canvas_size:
             return
         self._canvas_size = height, width
-        slots = self.slots
         for i, berth in self._situation.out.items():
             if i in self._flights:
-                self._flights[i] = self._flights[i].toward(berth.pose(slots))
+                self._flights[i] = self._flights[i].toward(self._pose(berth))
         self._tell_states(self._situation.out)
 
     @property
     def slots(self) -> Slots:
         """Where unpacked objects wait, planned for all of them at once."""
-        key = (self._canvas_size, self._camera.fov, self._most, self.bag.radius)
+        radius = self.bag.radius_in(self._camera.stretch)
+        key = (self._canvas_size, self._camera.fov, self._most, radius)
         if self._slots is None or self._slots[0] != key:
-            radius = self.bag.radius
             self._slots = key, arrange(self._most, radius, self._canvas_size, self._camera.fov)
         return self._slots[1]
 
@@ -347,11 +349,15 @@ class SessionCore:
             if i not in self._flights:
                 starting[back][i] = berth
             elif self._flights[i].back != back:
-                self._flights[i] = self._flights[i].reversed(now).toward(berth.pose(self.slots))
+                self._flights[i] = self._flights[i].reversed(now).toward(self._pose(berth))
         for back, berths in starting.items():
             order = reversed(list(berths.items())) if back else berths.items()
-            flights = launch(self.bag, dict(order), self.slots, now, self.seconds, back)
+            stretch = self._camera.stretch
+            flights = launch(self.bag, dict(order), self.slots, stretch, now, self.seconds, back)
             self._flights.update(flights)
+
+    def _pose(self, berth: Berth) -> Pose:
+        return berth.pose(self.slots, self._camera.stretch)
 
     def _state(self, object_id: int) -> ObjectState:
         flight = self._flights.get(object_id)

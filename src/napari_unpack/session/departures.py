@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.session.state import Berth
 from napari_unpack.unpacking import (
@@ -27,6 +28,11 @@ from napari_unpack.unpacking import (
 
 STAGGER = 0.2
 """Between the departures of two groups of one command, in flight times."""
+
+UNSTRETCHED = np.eye(3)
+
+CORNERS = np.indices((2, 2, 2)).reshape(3, 8)
+"""Which end of a box each of its corners has along z, y and x."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,8 @@ class Bag:
     labels: NDArray[np.uint16]
     boxes: LabelBoxes
     spacing: NDArray[np.float64]
-    _oriented: dict[int, OrientedBox] = field(default_factory=dict, repr=False)
+    _oriented: dict[tuple[int, bytes], OrientedBox] = field(default_factory=dict, repr=False)
+    _radii: dict[bytes, float] = field(default_factory=dict, repr=False)
 
     @property
     def lower(self) -> Vector:
@@ -66,9 +73,17 @@ class Bag:
     @cached_property
     def radius(self) -> float:
         """Radius of the sphere about `center` that holds every object's box, mm."""
-        low = (self.boxes.lower - 0.5) * self.spacing - self.center
-        high = (self.boxes.upper - 0.5) * self.spacing - self.center
-        return float(np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=1)).max())
+        return self.radius_in(np.eye(3))
+
+    def radius_in(self, stretch: Matrix) -> float:
+        """Return the radius, mm, in a world that is stretched so (`Camera.stretch`)."""
+        key = stretch.tobytes()
+        if key not in self._radii:
+            ends = np.stack([self.boxes.lower - 0.5, self.boxes.upper - 0.5]) * self.spacing
+            ends -= self.center
+            corners = np.stack([ends[c, :, axis] for axis, c in enumerate(CORNERS)], axis=-1)
+            self._radii[key] = float(np.linalg.norm(corners @ stretch.T, axis=-1).max())
+        return self._radii[key]
 
     def depths(self, direction: Vector) -> dict[int, float]:
         """Return by ID how far an object's box reaches along a direction, mm, foremost least."""
@@ -87,10 +102,12 @@ class Bag:
         """Return (n, 3) voxel centres around everything, world mm."""
         return outline(self.labels > 0, (0, 0, 0), self.spacing)
 
-    def ball(self, object_id: int, scale: float) -> Ball:
-        """Return what the centre of an object, so much enlarged outside, must keep out of."""
-        half = np.ptp(self.boxes.corners(object_id, self.spacing), axis=0) / 2
-        return Ball(self.center, self.radius + float(np.linalg.norm(half)) * max(1.0, scale))
+    def ball(self, object_id: int, pose: Pose) -> Ball:
+        """Return what the centre of an object that is going to a pose must keep out of."""
+        corners = self.boxes.corners(object_id, self.spacing)
+        reach = (corners - corners.mean(axis=0)) @ pose.stretch.T
+        half = float(np.linalg.norm(reach, axis=1).max())
+        return Ball(self.center, self.radius_in(pose.stretch) + half * max(1.0, pose.scale))
 
     def clear_way(self, group: Iterable[int], direction: Vector) -> float:
         """Return how far a group must go together until every member is clear of the bag, mm."""
@@ -101,19 +118,26 @@ class Bag:
             ways.append(clearance(low, high, self.lower, self.upper, direction))
         return max(ways)
 
-    def oriented(self, object_id: int) -> OrientedBox:
-        """Return an object's tightest box; a tenth of a second the first time, on any thread."""
-        if object_id not in self._oriented:
-            self._oriented[object_id] = oriented_box(self.points(object_id), self.spacing)
-        return self._oriented[object_id]
+    def oriented(self, object_id: int, stretch: Matrix = UNSTRETCHED) -> OrientedBox:
+        """Return an object's tightest box; a tenth of a second the first time, on any thread.
+
+        Where the bag is stretched it is one of the stretched world.
+        """
+        # A mirrored box lies as it did.
+        upright = stretch * np.sign(np.linalg.det(stretch))
+        key = object_id, upright.tobytes()
+        if key not in self._oriented:
+            thickness = np.abs(upright) @ self.spacing
+            self._oriented[key] = oriented_box(self.points(object_id) @ upright.T, thickness)
+        return self._oriented[key]
 
     def berth(
         self, object_id: int, slot: int, group: Sequence[int], direction: Vector, camera: Camera
     ) -> Berth:
         """Choose how an unpacked object is held."""
         points = self.points(object_id)
-        rotation = broad_side(self.oriented(object_id), camera.rotation)
-        picture = picture_size(points, rotation, self.spacing)
+        rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
+        picture = picture_size(points, rotation @ camera.stretch, self.spacing)
         return Berth(slot, rotation, picture, direction, tuple(group))
 
 
@@ -121,6 +145,7 @@ def launch(
     bag: Bag,
     berths: Mapping[int, Berth],
     slots: Slots,
+    stretch: Matrix,
     now: float,
     seconds: float,
     back: bool,
@@ -134,6 +159,8 @@ def launch(
         Who flies, the first to leave first.
     slots : Slots
         Where they wait.
+    stretch : (3, 3) ndarray of float64
+        How the bag is stretched (`Camera.stretch`).
     now : float
         When the first departs, s.
     seconds : float
@@ -153,15 +180,16 @@ def launch(
             start = now + len(departures) * STAGGER * seconds
             departures[berth.group] = start, bag.clear_way(berth.group, berth.direction)
         start, clear = departures[berth.group]
+        pose = berth.pose(slots, stretch)
         flights[object_id] = Flight(
             object_id,
             bag.boxes.center(object_id, bag.spacing),
             berth.direction,
             clear,
-            berth.pose(slots),
+            pose,
             start,
             seconds,
             back,
-            bag.ball(object_id, berth.pose(slots).scale),
+            bag.ball(object_id, pose),
         )
     return flights

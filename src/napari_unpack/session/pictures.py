@@ -163,11 +163,11 @@ def sprite_patch(
         raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
     cache = BOOK.of(session)
     crop = cache.crop(object_id)
-    still = Pose(np.zeros(3), pose.rotation, pose.scale)
+    still = replace(pose, center=np.zeros(3))
     reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
-    camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm)
+    camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
     step = step_scale / SAMPLES_AT_REST
     whole = object_patch(
         session, object_id, still, camera, size, step, backend, shading, smooth=True

@@ -113,12 +113,12 @@ def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
 def _inspected_pose(
     session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
 ) -> Pose:
-    corners = session.boxes.corners(object_id, np.asarray(session.spacing, dtype=np.float64))
-    diameter = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    spacing = np.asarray(session.spacing, dtype=np.float64)
+    diameter = 2 * session.boxes.radius(object_id, spacing, camera.stretch)
     height = camera.height * min(1.0, size[1] / size[0])
     waiting = session.poses.get(object_id)
     rotation = camera.rotation if waiting is None else waiting.rotation
-    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter)
+    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter, camera.stretch)
 
 
 def _placed_sprite(
@@ -136,7 +136,8 @@ def _placed_sprite(
     resolution = size[0] / camera.height / nearness
     crop = BOOK.of(session).crop(object_id)
     look = solo_look(session, object_id, crop, shading, 1.0, backend)
-    key = ("sprite", look.key, pose.rotation.tobytes(), pose.scale, round(resolution, 6))
+    held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
+    key = ("sprite", look.key, *held, round(resolution, 6))
     patch: Patch = BOOK.of(session).keep(
         key,
         lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
@@ -146,4 +147,4 @@ def _placed_sprite(
 
 
 def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:
-    return camera.rotation.tobytes(), camera.center.tobytes(), camera.height, camera.fov
+    return camera.linear.tobytes(), camera.center.tobytes(), camera.height, camera.fov

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 
+import numpy as np
+
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
@@ -25,6 +27,10 @@ class ObjectState(Enum):
     HIDDEN = "hidden"
 
 
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""A reflection in a point and this: a reflection of right and left in the picture."""
+
+
 @dataclass(frozen=True, eq=False)
 class Berth:
     """How an unpacked object is kept.
@@ -34,7 +40,7 @@ class Berth:
     slot : int
         Number of its place beside the bag.
     rotation : (3, 3) ndarray of float64
-        How it is held, from world axes to pivot axes.
+        How it is held, from (stretched) world axes to pivot axes.
     picture_mm : (float, float)
         Width and height of its picture at scale 1.
     direction : (3,) ndarray of float64
@@ -52,11 +58,20 @@ class Berth:
     group: tuple[int, ...]
     placed: Pose | None = None
 
-    def pose(self, slots: Slots) -> Pose:
-        """Return its pose in pivot space."""
+    def pose(self, slots: Slots, stretch: Matrix) -> Pose:
+        """Return its pose in pivot space, where the bag is stretched so (`Camera.stretch`)."""
         if self.placed is not None:
-            return self.placed
-        return Pose(slots.centers[self.slot], self.rotation, slots.scale(*self.picture_mm))
+            same = np.array_equal(self.placed.stretch, stretch)
+            return self.placed if same else replace(self.placed, stretch=stretch)
+        scale = slots.scale(*self.picture_mm)
+        return Pose(slots.centers[self.slot], self.rotation, scale, stretch)
+
+    def mirrored(self) -> Berth:
+        """Return it for a bag that is mirrored from now on, its picture mirrored likewise."""
+        placed = self.placed
+        if placed is not None:
+            placed = replace(placed, rotation=HALF_TURN @ placed.rotation)
+        return replace(self, rotation=HALF_TURN @ self.rotation, placed=placed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.fields import Fields
 
@@ -15,6 +18,7 @@ def camera_record(camera: Camera) -> dict[str, Any]:
         "center": camera.center.tolist(),
         "height": camera.height,
         "fov": camera.fov,
+        "stretch": camera.stretch.tolist(),
     }
 
 
@@ -25,6 +29,7 @@ def camera_from(fields: Fields) -> Camera:
         fields.array("center", (3,)),
         fields.positive("height"),
         _angle(fields),
+        _stretch(fields) if fields.has("stretch") else np.eye(3),
     )
 
 
@@ -51,6 +56,19 @@ def view_from(fields: Fields) -> View:
     height = fields.positive("height") if fields.has("height") else None
     direction = triple("direction") or (0.0, 0.0, 1.0)
     return View(direction, triple("up"), triple("center"), height, _angle(fields))
+
+
+def _stretch(fields: Fields) -> NDArray[np.float64]:
+    stretch = fields.array("stretch", (3, 3))
+    upright = stretch * np.sign(np.linalg.det(stretch))
+    lengths = np.linalg.eigvalsh(upright)
+    same = np.allclose(stretch, stretch.T, atol=1e-6)
+    if not same or lengths.min() <= 1e-3 or abs(np.prod(lengths) - 1) > 1e-3:
+        raise ValueError(
+            "session.camera.stretch must be symmetric, definite and of determinant 1 or -1, got "
+            f"{stretch.tolist()}"
+        )
+    return stretch
 
 
 def _angle(fields: Fields) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.unpacking.skirting import Ball, skirt
@@ -142,19 +142,17 @@ class Flight:
         if fraction < first:
             gone = (fraction / first) ** 2
             center = (1 - gone) * leaving.center + gone * outside.center
-            return Pose(center, leaving.rotation)
+            return replace(leaving, center=center)
         rest = (fraction - first) / (1.0 - first)
         pose = outside.toward(self.target, _smooth(rest))
+        along = unit(camera.linear @ self.direction)
         if self.around is not None:
-            along, middle = (
-                camera.rotation @ self.direction,
-                packed_pose(self.around.center, camera),
-            )
+            middle = packed_pose(self.around.center, camera).center
             ends = outside.center, along, self.target.center
-            place = skirt(*ends, middle.center, self.around.radius, 1.0 - (1.0 - rest) ** 2)
+            place = skirt(*ends, middle, self.around.radius, 1.0 - (1.0 - rest) ** 2)
             return replace(pose, center=_before_the_eye(place, camera))
         gone = 1.0 - (1.0 - rest) ** 3
-        ahead = outside.center + camera.rotation @ self.direction * min(0.35 * self.clear, way / 3)
+        ahead = outside.center + along * min(0.35 * self.clear, way / 3)
         ahead = _before_the_eye(ahead, camera)
         return replace(pose, center=_bezier(outside.center, ahead, self.target.center, gone))
 

@@ -19,7 +19,7 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
     Parameters
     ----------
     box : OrientedBox
-        Around the object, world.
+        Around the object, (stretched) world.
     seen : (3, 3) array_like
         From world axes to pivot axes, as the object is seen now (the camera's rotation).
     slant : (float, float)
@@ -52,7 +52,7 @@ def picture_size(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tup
     points : (n, 3) array_like
         Voxel centres, world mm.
     rotation : (3, 3) ndarray of float64
-        From world axes to pivot axes.
+        From world axes to pivot axes, a stretch of the bag included.
     spacing : (3,) array_like
         Voxel size in mm, added around the centres.
 

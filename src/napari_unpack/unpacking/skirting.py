@@ -26,7 +26,7 @@ class Ball:
     center : (3,) ndarray of float64
         Of the bag, world mm.
     radius : float
-        Of the bag and of whoever flies together, mm.
+        Of the bag and of whoever flies together, mm of pivot space.
     """
 
     center: Vector

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from napari.layers import Labels
 
+from napari_unpack.layers.placement import data_to_world
+
 WATER = 1000
 """Density of water, HU + 1000."""
 
@@ -158,7 +160,7 @@ def names_of(layer: Any) -> dict[int, str]:
 
 
 def spacing_of(layer: Any) -> tuple[float, float, float]:
-    """Read the voxel size of a 3D layer from its scale and units.
+    """Read the voxel size of a 3D layer from where it stands in the world.
 
     Parameters
     ----------
@@ -167,13 +169,19 @@ def spacing_of(layer: Any) -> tuple[float, float, float]:
     Returns
     -------
     (float, float, float)
-        Millimetres, z y x. A scale without a unit of length counts as millimetres.
+        Millimetres, z y x. A world without a unit of length counts as millimetres.
+
+    Notes
+    -----
+    Scale, affine and units together. Where the layer is sheared, as by the gantry of a CT
+    scanner, it is the length of a pixel along x, the distance of rows, and the distance of
+    slices: their product is a voxel's true volume.
     """
-    sizes = (
-        abs(float(scale)) * _millimetres(unit)
-        for scale, unit in zip(layer.scale[-3:], layer.units[-3:], strict=True)
-    )
-    z, y, x = sizes
+    units = [_millimetres(unit) for unit in layer.units[-3:]]
+    edges = np.diag(units) @ data_to_world(layer)[:3, :3]
+    # Householder's triangle of the edges, x first; its diagonal is what each adds to the others.
+    lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
+    z, y, x = (float(f"{mm:.12g}") for mm in lengths)
     return (z, y, x)
 
 
