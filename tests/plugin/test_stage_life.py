@@ -96,25 +96,6 @@ def test_the_stage_stands_on_the_users_layer(make_napari_viewer_proxy, bag, sess
     )
 
 
-@pytest.mark.parametrize(
-    "placed",
-    [{"scale": (3, 1, 1)}, {"scale": (-1.5, 1.5, 1.5)}, {"shear": (0.4, 0.0, 0.0)}],
-    ids=["stretched", "mirrored", "sheared"],
-)
-def test_who_cannot_be_followed_is_named_and_the_bag_stands_at_the_origin(
-    make_napari_viewer_proxy, bag, session, placed
-) -> None:
-    viewer = make_napari_viewer_proxy()
-    image = viewer.add_image(bag[0], name="my scan", **placed)
-    stage, heard = Stage(viewer, session, [image]), []
-    stage.events.message.connect(heard.append)
-    stage.open()
-    np.testing.assert_allclose(stage.packed.scale, [1.5] * 3)
-    assert len(heard) == 1
-    assert "my scan is sheared, mirrored, or scaled otherwise" in heard[0]
-    stage.close()
-
-
 def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session, qtbot) -> None:
     viewer = make_napari_viewer_proxy(show=True)
     stage = Stage(viewer, session)

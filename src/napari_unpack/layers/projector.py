@@ -320,7 +320,8 @@ class Projector:
     def _draw_moving(self) -> None:
         if self.frame is not None:
             moving = self._director.moving(self._clock.now(), self.frame)
-            if moving or self.transition.shots:
+            # A picture still being cast must not appear once nothing moves any more.
+            if moving or self.transition.shots or self._flights.busy:
                 self._flights.cast(moving, self.frame)
 
     def _supply(self, crop: Crop) -> None:

@@ -1,0 +1,176 @@
+"""The stage on layers that napari mirrors, stretches or shears: everything where napari has it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from conftest import canvas, complaints
+from napari_unpack.appearance import TransferFunction
+from napari_unpack.geometry.view import View
+from napari_unpack.layers import compat
+from napari_unpack.layers.split_clicks import surface_voxel
+from napari_unpack.layers.stage import Stage
+from napari_unpack.session import ObjectState, Session
+
+TILT = np.eye(4)
+TILT[1, 0], TILT[:3, 3] = np.tan(np.radians(15)), (7, -30, 12)
+PLACES: dict[str, dict[str, Any]] = {
+    "mirrored": {"scale": (1.5, 1.5, -1.5), "translate": (0, 40, 90)},
+    "stretched": {"scale": (3.0, 1.5, 1.0), "rotate": (20.0, 30.0, -40.0)},
+    "sheared": {"scale": (1.5, 1.5, 1.5), "affine": TILT},
+    "all of it": {"scale": (2.0, -1.0, 1.5), "shear": (0.3, 0.1, -0.2), "rotate": (9.0, 50.0, 7.0)},
+}
+OPAQUE = TransferFunction([(300, 0.0), (600, 1.0), (2000, 1.0)])
+
+
+@pytest.fixture(params=list(PLACES))
+def placed(request, make_napari_viewer_proxy, bag):
+    """Return (viewer, stage, labels): the phantom on a layer that stands so, at rest."""
+    warnings.filterwarnings("ignore", "Non-orthogonal slicing")
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    place = PLACES[request.param]
+    image = viewer.add_image(bag[0], **place)
+    labels = viewer.add_labels(bag[1].astype(np.int32), **place)
+    session = Session(*bag, spacing=(1.5, 1.5, 1.5))
+    session.transfer_function = OPAQUE
+    session.view = View((0.6, 0.55, 0.4))
+    stage = Stage(viewer, session, [image, labels])
+    heard: list[str] = []
+    stage.events.message.connect(heard.append)
+    stage.seconds = 0.2
+    stage.overlays.mark_free = stage.recolor_at_rest = False
+    stage.open()
+    yield viewer, stage, labels
+    stage.close()
+    assert heard == []
+    assert complaints(viewer) == []
+
+
+def naparis_pixels(viewer, layer, voxels: np.ndarray) -> np.ndarray:
+    """Return (n, 2) row and column at which napari draws voxels of a layer."""
+    visual = compat.unwrap(viewer).window._qt_viewer.canvas.layer_to_visual[compat.unwrap(layer)]
+    # vispy's pixels count from the canvas's corner, ours from the middle of the first.
+    found = visual.node.get_transform("visual", "canvas").map(voxels[:, ::-1])
+    return found[:, 1::-1] / found[:, 3:] - 0.5
+
+
+def seen(viewer, layers) -> np.ndarray:
+    """Return (H, W) of bool: where these layers show something."""
+    pictures = []
+    before = [layer.visible for layer in viewer.layers]
+    for visible in (True, False):
+        for layer in viewer.layers:
+            layer.visible = visible and compat.unwrap(layer) in [compat.unwrap(i) for i in layers]
+        pictures.append(canvas(viewer))
+    for layer, visible in zip(viewer.layers, before, strict=True):
+        layer.visible = visible
+    return np.abs(pictures[0] - pictures[1]).max(axis=2) > 12
+
+
+def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
+    viewer, stage, labels = placed
+    session = stage.session
+    voxels = np.array([session.boxes.center(i, np.ones(3)) for i in session.ids])
+    for fov in (35.0, 0.0):
+        viewer.scene.camera.perspective = fov
+        assert stage.settle(60)
+        frame = stage.frame
+        pixels = frame.camera.project(voxels * session.spacing, frame.size)
+        np.testing.assert_allclose(pixels, naparis_pixels(viewer, labels, voxels), atol=0.02)
+        ours, theirs = seen(viewer, stage.layers), seen(viewer, [labels])
+        assert theirs.sum() > 8000
+        # napari's surface runs through the outermost voxels' middles or around them, ours between.
+        assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
+    # The mouse finds what napari finds, and a click to split lands under it.
+    found = [(stage.packed_at(pixel) or [0])[0] for pixel in pixels]
+    for pixel, object_id in zip(pixels, found, strict=True):
+        voxel = surface_voxel(stage, pixel, object_id)
+        assert session.labels[voxel] == object_id
+        there = naparis_pixels(viewer, labels, np.array([voxel], dtype=float))[0]
+        assert np.abs(there - pixel).max() < 6
+    looking = viewer.scene.camera.view_direction
+    labels.visible = True
+    wanted = [
+        labels.get_value(
+            labels.data_to_world(voxel),
+            view_direction=looking,
+            dims_displayed=[0, 1, 2],
+            world=True,
+        )
+        for voxel in voxels
+    ]
+    labels.visible = False
+    assert len(set(found)) > 3
+    assert found == wanted
+
+
+def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot) -> None:
+    viewer, stage, labels = placed
+    assert stage.settle(60)
+    session, frame = stage.session, stage.frame
+    packed = canvas(viewer)
+    stage.drawn(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
+    ends = np.stack([session.bag.center, session.bag.center + 10 * session.unpack_direction])
+    way = np.diff(naparis_pixels(viewer, labels, ends / session.spacing), axis=0)[0]
+    np.testing.assert_allclose(way / np.linalg.norm(way), np.array([-60, 130]) / 143.18, atol=1e-3)
+    (left,) = stage.unpack(1)[:1]
+    start = session.flights[left].pose_at(0.0, frame.camera)
+    home = naparis_pixels(viewer, labels, session.boxes.center(left, np.ones(3))[None])[0]
+    np.testing.assert_allclose(frame.camera.pixels(start.center, frame.size), home, atol=0.02)
+    stage.finish()
+    assert stage.settle(60)
+    pose = session.poses[left]
+    assert stage.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
+    # A sprite is turned, not bent or mirrored: its map is the bag's and a turn.
+    of_bag, of_sprite = frame.camera.linear, pose.rotation @ pose.stretch
+    np.testing.assert_allclose(of_sprite.T @ of_sprite, of_bag.T @ of_bag, atol=1e-9)
+    assert np.linalg.det(of_sprite) * np.linalg.det(of_bag) > 0
+    stage.restore(len(session.ids))
+    stage.finish()
+    session.direction = None
+    assert set(session.states.values()) == {ObjectState.PACKED}
+    assert stage.settle(60)
+    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=60000)
+    assert (np.abs(canvas(viewer) - packed).max(axis=2) > 3).mean() < 0.001
+
+
+@pytest.mark.parametrize("placed", ["all of it"], indirect=True)
+def test_both_backends_draw_the_same(placed) -> None:
+    viewer, stage, _ = placed
+    viewer.scene.camera.perspective = 30
+    assert stage.settle(60)
+    wanted = canvas(viewer)
+    stage.backend = "gl"
+    assert stage.settle(60)
+    assert stage.casts_with == "gl"
+    assert np.quantile(np.abs(canvas(viewer) - wanted).max(axis=2), 0.97) <= 3.0
+    stage.backend = "cpu"
+
+
+def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
+    make_napari_viewer_proxy, bag
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    image = viewer.add_image(bag[0], **PLACES["mirrored"])
+    session = Session(*bag, spacing=(1.5, 1.5, 1.5))
+    stage = Stage(viewer, session, [image])
+    stage.open()
+    assert stage.settle(60)
+    (left,) = stage.unpack(1)[:1]
+    stage.finish()
+    assert stage.settle(60)
+    pose = session.poses[left]
+    towards = np.linalg.inv(pose.rotation @ pose.stretch) @ [5.0, 0.0, 0.0]
+    from napari_unpack.layers.pointer import drag_rotation
+
+    stage.turn(left, drag_rotation(np.array([0.0, 30.0])))
+    stage.turned(left)
+    pose = session.poses[left]
+    # What faced the viewer has followed the mouse to the right.
+    assert (pose.rotation @ pose.stretch @ towards)[2] > 0.5
+    stage.close()
