@@ -96,6 +96,26 @@ def test_the_stage_stands_on_the_users_layer(make_napari_viewer_proxy, bag, sess
     )
 
 
+def test_a_layer_in_finer_units_beside_it_changes_nothing(
+    make_napari_viewer_proxy, bag, session
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    image = viewer.add_image(bag[0], scale=(1.5,) * 3, units=("mm",) * 3)
+    # napari draws everything in micrometres from here on.
+    viewer.add_points([[0.0, 0.0, 0.0]], units=("um",) * 3)
+    stage = Stage(viewer, session, [image])
+    stage.open()
+    assert stage.settle(60)
+    np.testing.assert_allclose(stage.frame.camera.center, session.bag.center)
+    assert stage.frame.camera.height == pytest.approx(session.slots.height_mm, rel=0.1)
+    session.select([6])
+    viewer.dims.ndisplay = 2
+    middle = (session.boxes.lower[5] + session.boxes.upper[5] - 1) // 2
+    np.testing.assert_allclose(viewer.dims.point, middle * 1500, atol=1)
+    assert stage.in_slice(viewer.dims.point) == 6
+    stage.close()
+
+
 def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session, qtbot) -> None:
     viewer = make_napari_viewer_proxy(show=True)
     stage = Stage(viewer, session)

@@ -55,6 +55,23 @@ class LabelBoxes:
         row = self.index(object_id)
         return box_corners(self.lower[row] - 0.5, self.upper[row] - 0.5) * spacing
 
+    def radius(
+        self, object_id: int, spacing: NDArray[np.float64], stretch: NDArray[np.float64]
+    ) -> float:
+        """Return the radius of the sphere around an object's box, mm.
+
+        Parameters
+        ----------
+        object_id : int
+        spacing : (3,) ndarray of float64
+            Voxel size in mm, z y x.
+        stretch : (3, 3) ndarray of float64
+            Of the world in which it is measured; see `Camera.stretch`.
+        """
+        corners = self.corners(object_id, spacing)
+        out = (corners - corners.mean(axis=0)) @ stretch.T
+        return float(np.linalg.norm(out, axis=1).max())
+
     def front_areas(
         self, spacing: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> NDArray[np.float64]:

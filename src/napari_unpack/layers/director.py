@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.layers.inspection import Inspection, inspection_of
 from napari_unpack.layers.moving import Moving
@@ -96,13 +95,10 @@ class Director:
         """Bring an object to the middle of the view."""
         session = self._session
         spacing = np.asarray(session.spacing, dtype=np.float64)
-        row = session.boxes.index(object_id)
-        edges = (session.boxes.upper[row] - session.boxes.lower[row]) * spacing
-        reach = frame.camera.stretch @ (box_corners(-edges / 2, edges / 2)).T
         home = session.poses.get(object_id)
         if home is None:
             home = packed_pose(session.boxes.center(object_id, spacing), frame.camera)
-        diameter = 2 * float(np.linalg.norm(reach, axis=0).max())
+        diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
         self.inspection = inspection_of(object_id, home, diameter, frame.camera, now)
 
     def _shown_elsewhere(self, object_id: int, target: Pose | None) -> bool:

@@ -19,6 +19,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.imaging import cast_ids
 from napari_unpack.imaging.arguments import checked_labels
 from napari_unpack.layers.label_colors import MOST_ROWS, label_colormap, shared_row
+from napari_unpack.layers.placement import unit_ratios, units_of
 
 DISTANCE, LAYERS, MARGIN = 5.0, 2, 0.4
 """DT in pixels of the canvas and LT of eq. 1, and the empty part of every hue arc."""
@@ -132,6 +133,7 @@ def question(viewer: Any, layer: Any) -> SolidView | FlatView:
     cut = tuple(slice(None) if axis in shown else int(at[axis]) for axis in range(layer.ndim))
     labels = np.transpose(np.asarray(data[cut]), np.argsort(np.argsort(shown)))
     zoom, matrix = viewer.scene.camera.zoom, _world_from_data(layer, at, shown)
+    matrix[:-1] *= unit_ratios(layer, units_of(viewer))[shown, None]
     if len(shown) == 2:
         down, right = np.linalg.norm(matrix[:-1, :-1], axis=0) * zoom
         return FlatView(labels, (float(down), float(right)))

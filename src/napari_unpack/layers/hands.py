@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.arrow import drawn_direction, surface_normal
 from napari_unpack.layers.overlays import Overlays
+from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.layers.projector import Projector, mark
 from napari_unpack.layers.slice_steps import SliceSteps
 from napari_unpack.layers.sprites import SpriteLayer
@@ -55,7 +56,7 @@ class Hands:
         there = np.asarray(position, dtype=np.float64)[-3:]
         if len(there) < 3 or not np.isfinite(there).all():
             return 0
-        voxel = np.rint(packed.world_to_data(there)).astype(int)
+        voxel = voxel_at(packed, there, units_of(self.viewer))
         if (voxel < 0).any() or (voxel >= labels.shape).any():
             return 0
         return int(labels[tuple(voxel)])

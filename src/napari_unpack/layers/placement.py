@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.rays import voxel_from_world
 
 FIELDS = ("scale", "translate", "rotate", "shear", "affine", "units")
@@ -35,16 +35,47 @@ def placement_of(sources: Sequence[Any], spacing: NDArray[np.float64]) -> dict[s
     return {name: getattr(layer, name) for name in FIELDS}
 
 
-def data_to_world(layer: Any) -> Matrix:
-    """Return a 3D layer's (4, 4) map from its data to napari's world, z y x."""
+def units_of(viewer: Any) -> Sequence[Any] | None:
+    """Return the units a viewer draws in, the finest of its layers'; None where they clash."""
+    units: Sequence[Any] | None = viewer.layers.extent.units
+    return units
+
+
+def data_to_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
+    """Return a 3D layer's (4, 4) map from its data to napari's world, z y x.
+
+    Parameters
+    ----------
+    layer : napari layer
+    units : sequence of pint.Unit, optional
+        Of that world (`units_of`), by default the layer's own.
+    """
     origin = np.asarray(layer.data_to_world((0.0, 0.0, 0.0)), dtype=np.float64)
     matrix = np.eye(4)
     matrix[:3, 3] = origin
     for axis in range(3):
         matrix[:3, axis] = np.asarray(layer.data_to_world(np.eye(3)[axis])) - origin
+    matrix[:3] *= unit_ratios(layer, units)[:, None]
     return matrix
 
 
-def napari_from_world(layer: Any) -> Matrix:
+def unit_ratios(layer: Any, units: Sequence[Any] | None) -> NDArray[np.float64]:
+    """Return how many units of a world each unit of a layer's is, along its axes."""
+    if units is None or len(units) < layer.ndim:
+        return np.ones(layer.ndim)
+    pairs = zip(layer.units, units[-layer.ndim :], strict=True)
+    return np.array([float((1.0 * own).to(other).magnitude) for own, other in pairs])
+
+
+def napari_from_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
     """Return the map from the session's world, mm, to napari's for one of our layers."""
-    return data_to_world(layer) @ voxel_from_world(layer.spacing)
+    return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
+
+
+def voxel_at(
+    layer: Any, position: ArrayLike, units: Sequence[Any] | None = None
+) -> NDArray[np.int64]:
+    """Return the voxel nearest to a point of napari's world, whose last three axes count."""
+    there = np.asarray(position, dtype=np.float64)[-3:]
+    data_from_world: Matrix = np.linalg.inv(data_to_world(layer, units)).astype(np.float64)
+    return np.rint(transform_points(data_from_world, there)).astype(np.int64)

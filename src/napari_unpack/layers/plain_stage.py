@@ -14,7 +14,7 @@ from napari_unpack.layers import compat, steering
 from napari_unpack.layers.at_rest import AtRest
 from napari_unpack.layers.guest import Borrowed
 from napari_unpack.layers.jobs import Jobs
-from napari_unpack.layers.placement import napari_from_world, placement_of
+from napari_unpack.layers.placement import napari_from_world, placement_of, units_of
 from napari_unpack.layers.stage import Stage
 from napari_unpack.layers.stage_events import StageEvents
 from napari_unpack.layers.studio import BACKENDS
@@ -210,7 +210,8 @@ class PlainStage:
             self.viewer.canvas.size[0] / seen.zoom,
             float(seen.perspective),
         )
-        self.session.look(camera_in_session(camera, napari_from_world(self.packed)))
+        world = napari_from_world(self.packed, units_of(self.viewer))
+        self.session.look(camera_in_session(camera, world))
         self._at_rest.moved()
 
 

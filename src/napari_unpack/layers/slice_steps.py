@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.layers.placement import data_to_world, units_of
+
 SCROLL_SECONDS = 0.4
 """So long after the user's last scroll the slices are theirs."""
 
@@ -79,7 +82,7 @@ class SliceSteps:
         boxes = self._session.boxes
         row = boxes.index(object_id)
         middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
-        world = self._layer.data_to_world(middle)
+        world = transform_points(data_to_world(self._layer, units_of(self._viewer)), middle)
         self._moving = True
         try:
             dims.set_point(range(dims.ndim - 3, dims.ndim), [float(v) for v in world])

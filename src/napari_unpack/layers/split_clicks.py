@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.imaging.casting import rays_for
-from napari_unpack.layers.placement import data_to_world
+from napari_unpack.layers.placement import units_of, voxel_at
 
 CLICK_PIXELS = 4.0
 BELOW_SURFACE = 3
@@ -92,8 +91,7 @@ class SplitClicks:
 
     def _in_slice(self, position: NDArray[np.float64]) -> tuple[int, Voxel] | None:
         layer, session = self._stage.packed, self._stage.session
-        world = np.linalg.inv(data_to_world(layer))
-        spot = np.rint(transform_points(world.astype(np.float64), position[-3:])).astype(int)
+        spot = voxel_at(layer, position, units_of(self._stage.viewer))
         if (spot < 0).any() or (spot >= session.labels.shape).any():
             return None
         label = int(session.labels[tuple(spot)])

@@ -174,7 +174,7 @@ class Stage(Hands):
         viewer.layers.selection.active = self.packed
         self._connect()
         self._projector.open()
-        steering.look_through(self.session, self.packed)
+        steering.look_through(viewer, self.session, self.packed)
         self.frame_bag()
         self._on_states()
 

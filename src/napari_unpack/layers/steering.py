@@ -12,7 +12,7 @@ from qtpy.QtCore import QCoreApplication, QEventLoop
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
-from napari_unpack.layers.placement import napari_from_world
+from napari_unpack.layers.placement import napari_from_world, units_of
 from napari_unpack.layers.view_camera import ALIKE, napari_view, parts_of
 
 GLIMPSE_SECONDS = 0.04
@@ -36,7 +36,8 @@ def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
         Of the session.
     """
     height = viewer.canvas.size[0]
-    center, zoom, direction, up = napari_view(camera, napari_from_world(layer), height)
+    world = napari_from_world(layer, units_of(viewer))
+    center, zoom, direction, up = napari_view(camera, world, height)
     theirs = viewer.scene.camera
     theirs.perspective = camera.fov
     theirs.center = tuple(center)
@@ -44,17 +45,18 @@ def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
     theirs.zoom = zoom
 
 
-def look_through(session: Any, layer: Any) -> None:
+def look_through(viewer: Any, session: Any, layer: Any) -> None:
     """Have a session look at its bag as a layer places it: mirrored, stretched or as it is.
 
     Parameters
     ----------
+    viewer : napari.Viewer
     session : Session
         It keeps its direction of looking.
     layer : napari layer
         One of ours.
     """
-    stretch = parts_of(napari_from_world(layer))[2]
+    stretch = parts_of(napari_from_world(layer, units_of(viewer)))[2]
     seen = session.camera
     if not np.allclose(stretch, seen.stretch, rtol=0, atol=ALIKE):
         session.look(

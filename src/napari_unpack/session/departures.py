@@ -104,9 +104,7 @@ class Bag:
 
     def ball(self, object_id: int, pose: Pose) -> Ball:
         """Return what the centre of an object that is going to a pose must keep out of."""
-        corners = self.boxes.corners(object_id, self.spacing)
-        reach = (corners - corners.mean(axis=0)) @ pose.stretch.T
-        half = float(np.linalg.norm(reach, axis=1).max())
+        half = self.boxes.radius(object_id, self.spacing, pose.stretch)
         return Ball(self.center, self.radius_in(pose.stretch) + half * max(1.0, pose.scale))
 
     def clear_way(self, group: Iterable[int], direction: Vector) -> float:

@@ -6,6 +6,8 @@ napari's layers draw these patches as cards (layers/); `session.scene` composes 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from napari_unpack.geometry.axes import transform_points
