@@ -13,12 +13,13 @@ from napari_unpack.geometry.halo import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import pictures
+from napari_unpack.session import scene as composed
 from napari_unpack.session.study import Study
 
 object_patch = partial(pictures.object_patch, backend="cpu")
 packed_patch = partial(pictures.packed_patch, backend="cpu")
 sprite_patch = partial(pictures.sprite_patch, backend="cpu")
-scene = partial(pictures.scene, backend="cpu")
+scene = partial(composed.scene, backend="cpu")
 SIZE = (120, 160)
 
 
