@@ -152,6 +152,27 @@ def test_both_backends_draw_the_same(placed) -> None:
     stage.backend = "cpu"
 
 
+@pytest.mark.parametrize("placed", ["mirrored", "all of it"], indirect=True)
+def test_a_point_is_hidden_behind_an_object_and_seen_before_it(placed) -> None:
+    viewer, stage, labels = placed
+    viewer.scene.camera.perspective = 30
+    assert stage.settle(60)
+    session, camera = stage.session, stage.frame.camera
+    center = session.boxes.center(6, session.spacing)
+    ray = camera.direction
+    for way, wanted in ((-45.0, True), (20.0, False)):
+        without = canvas(viewer)
+        world = labels.data_to_world((center + way * ray) / session.spacing)
+        probe = viewer.add_points([world], size=9, face_color="white", border_width=0)
+        viewer.layers.selection.active = stage.packed
+        assert stage.settle(60)
+        changed = np.abs(canvas(viewer) - without).max(axis=2) > 30
+        row, col = camera.project(center + way * ray, stage.frame.size).round().astype(int)
+        assert changed[row - 1 : row + 2, col - 1 : col + 2].all() == wanted
+        assert changed.any() == wanted
+        viewer.layers.remove(probe.name)
+
+
 def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     make_napari_viewer_proxy, bag
 ) -> None:

@@ -88,3 +88,20 @@ def test_the_workbench_opens_it_and_says_why(
     viewer.layers.remove("Packed")
     assert bench.stage is None
     bench.close()
+
+
+def test_the_session_looks_as_napari_does_at_a_mirrored_layer(
+    make_napari_viewer_proxy, session, bag, without_registry
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(bag[0], scale=(1.5, 1.5, -1.5))
+    stage = PlainStage(viewer, session, [image])
+    stage.open()
+    viewer.scene.camera.orientation = ("towards", "down", "right")
+    viewer.scene.camera.set_view_direction((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+    camera = session.camera
+    # Larger x is drawn further left.
+    rows, cols = camera.project([[0.0, 0.0, 0.0], [0.0, 0.0, 30.0], [0.0, 30.0, 0.0]], (90, 90)).T
+    assert cols[1] < cols[0] == pytest.approx(cols[2])
+    assert rows[2] > rows[0] == pytest.approx(rows[1])
+    stage.close()
