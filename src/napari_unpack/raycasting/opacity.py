@@ -49,7 +49,7 @@ def correction(rays: Rays, spacing: ArrayLike) -> tuple[NDArray[np.float64], NDA
     return exponents, (1.0 - through[None] ** exponents[:, None]).astype(np.float32)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def family_of(exponent, exponents):  # type: ignore[no-untyped-def]
     """Return the row of the table nearest to one ray's exponent."""
     n = np.rint(np.log(exponent / exponents[0]) / np.log(RATIO))

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
+from napari_unpack.raycasting.blocks import Blocks
 from napari_unpack.raycasting.bricks import Bricks, Density, Strides
-from napari_unpack.raycasting.lattice import band_of, clipping_planes, ray_numbers
+from napari_unpack.raycasting.lattice import BRICK, band_of, clipping_planes, ray_numbers
 from napari_unpack.raycasting.marching import march
 from napari_unpack.raycasting.opacity import correction
 from napari_unpack.raycasting.threads import over_bands
@@ -77,33 +78,38 @@ def tinted(
     -----
     Opacity is corrected for the length of a step, 1 - (1 - a)^(length / min(spacing)), after
     the tint's alpha is multiplied on. A sample's colour is at most 1 in each channel, highlight
-    included. A ray ends at alpha `marching.OPAQUE`. The gradient is the central difference of
+    included. A ray ends at alpha `chunks.OPAQUE`. The gradient is the central difference of
     the interpolated density one voxel to both sides, in density per `min(spacing)` mm of the
     bag; see `Shading` for the light.
     """
     numbers, step, near = ray_numbers(rays)
     image = np.zeros((*rays.size, 4), np.float32)
     depth = np.full(rays.size, np.inf, np.float32)
-    strides, full = Strides.none(), np.zeros((0, 0, 0), np.bool_)
+    full = np.ones([-(-n // BRICK) for n in labels.shape], np.bool_)
     if bricks is not None:
         full = bricks.occupied(table, domain, tints)
-        strides = Strides.of(full.astype(np.int32), rays)
+    strides = Strides.of(full.astype(np.int32), rays)
     look = _look(spacing, domain, len(table), shading)
     planes = clipping_planes(clipping)
     exponents, corrected = correction(rays, spacing)
-    shine = (np.linspace(0, 1, 4097) ** (shading or UNLIT).shininess).astype(np.float32)
+    shine = (np.linspace(0, 1, 513) ** (shading or UNLIT).shininess).astype(np.float32)
     table = np.ascontiguousarray(table, np.float32)
-    opacity = table[:, 3].copy()
     # Always a copy: numba compiles a kernel again for read-only arrays.
     tints = np.array(tints, np.float32, order="C")
+    shown = tints[:, 3] > 0
+    families = np.zeros(depth.size if len(corrected) else 0, np.int32)
 
-    def work(_: None, first: int, last: int) -> None:
+    def work(blocks: Blocks, first: int, last: int) -> None:
         march(
-            volume, labels, numbers, step, near, jitter, planes, strides.grids, strides.slots, full,
-            table, opacity, tints, look, exponents, corrected, shine, first, last, image, depth,
+            volume, labels, numbers, step, near, jitter, planes, strides.grids, strides.slots,
+            table, tints, shown, look, exponents, corrected, shine, first, last,
+            blocks, families, image, depth,
         )  # fmt: skip
 
-    over_bands(rays.size[0], work, lambda: None, threads, band=band_of(rays.size[0]))
+    def blocks() -> Blocks:
+        return Blocks.of(volume, full, bricks)
+
+    over_bands(rays.size[0], work, blocks, threads, band=band_of(rays.size[0]))
     return image, depth
 
 

@@ -1,0 +1,83 @@
+"""Blocks of density and differences against numpy, and pictures that need more than there are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ray_scenes import VIEWS, along, patches, ramp
+
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.raycasting import Bricks, tinted
+from napari_unpack.raycasting.blocks import BLOCK, CAPACITY, Blocks, fill
+from napari_unpack.raycasting.vectors import EDGE
+
+SHAPE = (20, 29, 34)
+
+
+def filled(volume, labels, bricks, brick):
+    """Return (10, 10, 10, 4) cells and (10, 10, 10) labels of one brick, in the third block."""
+    grid = tuple(-(-n // 8) for n in volume.shape)
+    blocks = Blocks.of(volume, np.ones(grid, bool), bricks)
+    at = 2 * BLOCK
+    number = int(np.ravel_multi_index(brick, grid))
+    fill(
+        volume.ravel(), labels.ravel(), number, *volume.shape, at, blocks.cells, blocks.names,
+        blocks.around, blocks.starts, blocks.ids,
+    )  # fmt: skip
+    cells = blocks.cells[4 * at : 4 * (at + EDGE**3)].reshape(EDGE, EDGE, EDGE, 4)
+    return cells, blocks.names[at : at + EDGE**3].reshape(EDGE, EDGE, EDGE)
+
+
+@pytest.mark.parametrize("brick", [(0, 0, 0), (1, 1, 1), (1, 2, 2), (2, 3, 4), (0, 1, 4)])
+@pytest.mark.parametrize(
+    ("dtype", "largest", "looked_over", "kept"),
+    [
+        (np.uint16, 32767, True, np.int16),
+        (np.uint16, 32767, False, np.float32),
+        (np.uint16, 65535, True, np.float32),
+        (np.float32, 4000, True, np.float32),
+    ],
+)
+def test_a_block_holds_density_and_differences(brick, dtype, largest, looked_over, kept) -> None:
+    rng = np.random.default_rng(3)
+    volume = rng.choice([0, 1, largest // 2, largest], SHAPE).astype(dtype)
+    labels = patches(rng, SHAPE)
+    labels[8:16, 8:16, 8:16] = 3
+    bricks = Bricks.of(labels, volume) if looked_over else None
+    cells, names = filled(volume, labels, bricks, brick)
+    assert cells.dtype == kept
+    corner = 8 * np.array(brick)
+    # The block begins a voxel before the brick; two more all around are clamped copies.
+    padded = np.pad(volume.astype(np.float64), 16, mode="edge")
+    at = tuple(slice(c + 15, c + 15 + EDGE) for c in corner)
+    np.testing.assert_array_equal(cells[..., 0], padded[at])
+    for axis in range(3):
+        after, before = np.roll(padded, -1, axis), np.roll(padded, 1, axis)
+        np.testing.assert_array_equal(cells[..., 1 + axis], (after - before)[at])
+    own = tuple(slice(c, c + 8) for c in corner)
+    expected = labels[own]
+    within = tuple(slice(1, 1 + n) for n in expected.shape)
+    np.testing.assert_array_equal(names[within], expected)
+
+
+@pytest.mark.parametrize(("direction", "spacing", "fov"), VIEWS)
+def test_a_picture_of_more_bricks_than_there_are_blocks(direction, spacing, fov) -> None:
+    rng = np.random.default_rng(8)
+    shape = (80, 72, 104)
+    volume = rng.uniform(0, 4000, shape).astype(np.uint16)
+    labels = np.ones(shape, np.uint16)
+    labels[rng.uniform(size=shape) < 0.1] = 2
+    table, domain = ramp()
+    table[:, 3] *= 0.02
+    tints = np.array([[0, 0, 0, 0], [1, 0.5, 0.2, 1], [0.1, 0.2, 1, 0.7]], np.float32)
+    bricks = Bricks.of(labels, volume)
+    rays = along(direction, shape, spacing, (30, 31), fov)
+    given = (spacing, table, domain, tints, Shading(), bricks)
+    image, _ = tinted(volume, labels, rays, *given, threads=1)
+    assert bricks.occupied(table, domain, tints).sum() > 2 * CAPACITY
+    assert (image[..., 3] > 0.1).sum() > 100
+    for row, col in rng.integers(0, 30, (25, 2)):
+        # A single ray meets far fewer bricks.
+        one, _ = tinted(volume, labels, rays.window(row, col, (1, 1)), *given, threads=1)
+        # Origins of windows are rounded otherwise.
+        np.testing.assert_allclose(image[row, col], one[0, 0], atol=2e-4)
