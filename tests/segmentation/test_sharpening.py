@@ -50,10 +50,12 @@ def test_the_network_decides_on_a_bump_between_two_of_one_density(belongs, goes)
     truth = side_by_side(20)
     density = scanned(truth, {1: 800.0, 2: 800.0})
     found = truth.copy()
-    found[10, 10, 18:20] = 2
+    # Three voxels wide: a spike of one would be evened.
+    found[9:12, 9:12, 18:20] = 2
     following = np.full((3, *SHAPE), 255 - belongs, np.uint8)
-    following[2, 10, 10, 17] = 255 - belongs
-    following[2, 10, 10, 18:20] = belongs
+    following[2, 9:12, 9:12, 17] = 255 - belongs
+    following[2, 9:12, 9:12, 18:20] = belongs
+    following[0, 9:11, 9:12, 18:20] = following[1, 9:12, 9:11, 18:20] = belongs
     moved = sharpen(found, density, 0.0, following, 25.0)
     assert (moved[10, 10, 19] == 1) == goes
 
@@ -70,3 +72,19 @@ def test_metal_loses_its_blur_to_the_background_and_nothing_else_does():
     np.testing.assert_array_equal(bare == 2, found == 2)
     assert ((bare == 1) != metal).sum() < 0.1 * metal.sum()
     np.testing.assert_array_equal(sharpen(found, density, 0.0, unsure(shape), 25.0), found)
+
+
+def test_a_frayed_border_between_two_of_one_density_becomes_even_and_a_corner_stays():
+    truth = side_by_side(20)
+    frayed = truth.copy()
+    doubtful = np.random.default_rng(0).random(SHAPE) < 0.35
+    frayed[:, :, 19:21] = (
+        np.where(doubtful, 3 - truth, truth)[:, :, 19:21] * (truth > 0)[:, :, 19:21]
+    )
+    density = scanned(truth, {1: 800.0, 2: 800.0})
+    even = sharpen(frayed, density, 0.0, unsure(), 25.0)
+    assert (even != truth).sum() < 0.2 * (frayed != truth).sum()
+    sunk = np.where(truth > 0, 1, 0).astype(np.int32)
+    sunk[box(SHAPE, (8, 8, 10), (16, 16, 24))] = 2
+    kept = sharpen(sunk, density, 0.0, unsure(), 25.0)
+    assert (kept != sunk).sum() < 0.05 * (sunk == 2).sum()
