@@ -97,7 +97,8 @@ def test_the_judge_decides_which_pieces_are_one():
 
 def test_pieces_of_two_objects_are_joined_more_reluctantly_than_those_of_one():
     objects, truth, density = three_in_a_row()
-    unsure = judge_of("one_host", 0.0, float(np.log(0.2 / 0.8)))
+    between = (parting.LEAST + parting.ACROSS) / 2
+    unsure = judge_of("one_host", 0.0, float(np.log(between / (1 - between))))
     joined = part_seen(*measured(objects, density), SCALE, unsure)
     assert len(names_in(joined, truth < 3) - {0}) == 1
     assert names_in(joined, truth == 3).isdisjoint(names_in(joined, (truth > 0) & (truth < 3)))

@@ -36,7 +36,7 @@ MANY = 2000
 LEAST = 0.15
 """Probability from which pieces are joined: what was one object before mostly is."""
 
-ACROSS = 0.3
+ACROSS = 0.2
 """Probability from which pieces of different objects are joined."""
 
 WORTHY = 1000
