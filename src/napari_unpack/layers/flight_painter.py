@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -16,6 +17,7 @@ from napari_unpack.layers.moving import Moving
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.studio import Studio
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.raycasting import WAY
 from napari_unpack.session.fine_crops import has_stairs
 from napari_unpack.session.pictures import object_patch
 
@@ -56,6 +58,7 @@ class FlightPainter:
         self._session, self._jobs, self._show, self._studio = session, jobs, show, studio
         self._share = 1.0
         self._wanted: tuple[int, ...] = ()
+        self._first = True
 
     @property
     def busy(self) -> bool:
@@ -67,6 +70,7 @@ class FlightPainter:
         self._wanted = tuple(moving)
         if not moving:
             self._jobs.drop("moving")
+            self._first = True
             self._show({})
             self._studio.landed()
             return
@@ -74,7 +78,14 @@ class FlightPainter:
             self._expose(moving, frame)
             return
         asked, share = dict(moving), self._share
-        self._jobs.ask("moving", "moving", lambda: self._work(asked, frame, share), self._done)
+        # A click is answered by the first picture; those after it share the cores with the bag.
+        way = WAY.taken if self._first else nullcontext
+
+        def work() -> tuple[dict[int, Shot], float, bool]:
+            with way():
+                return self._work(asked, frame, share)
+
+        self._jobs.ask("moving", "moving", work, self._done)
 
     def _is_enlarged(self, moving: Mapping[int, Moving]) -> bool:
         """Whether a small object is inspected, which has a finer grid of its own."""
@@ -96,6 +107,7 @@ class FlightPainter:
 
     def _done(self, result: tuple[dict[int, Shot], float, bool]) -> None:
         shots, seconds, sharp = result
+        self._first = False
         if not sharp:
             self._adapt(seconds, FRAME_SECONDS)
         self.frames += 1

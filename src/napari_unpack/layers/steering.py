@@ -14,6 +14,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, units_of
 from napari_unpack.layers.view_camera import ALIKE, napari_view, parts_of
+from napari_unpack.raycasting import WAY
 
 GLIMPSE_SECONDS = 0.04
 """How long objects are moved one by one before the question goes to a worker."""
@@ -104,7 +105,10 @@ def know_who_leaves(
     is at rest. Else that answer is waited for, drawing meanwhile.
     """
     question = None if n_or_ids is None else session.glimpse_question(n_or_ids)
-    glimpse = None if question is None else question.answer(GLIMPSE_SECONDS)
+    glimpse = None
+    if question is not None:
+        with WAY.taken():
+            glimpse = question.answer(GLIMPSE_SECONDS)
     if glimpse is not None and session.accept_glimpse(glimpse):
         return
     if session.occlusion_question() is None:

@@ -6,9 +6,11 @@ from napari_unpack.raycasting.object_ids import id_layers
 from napari_unpack.raycasting.occlusion import occlusion_counts
 from napari_unpack.raycasting.picking import by_contribution, contributions
 from napari_unpack.raycasting.relabelling import relabelled
+from napari_unpack.raycasting.right_of_way import WAY
 from napari_unpack.raycasting.tinted import tinted
 
 __all__ = [
+    "WAY",
     "Bricks",
     "OcclusionCounts",
     "by_contribution",

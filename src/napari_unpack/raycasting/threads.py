@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 from typing import TypeVar
 
+from napari_unpack.raycasting.right_of_way import PATIENCE, WAY
+
 State = TypeVar("State")
 
 
@@ -41,16 +43,23 @@ def over_bands(
     -------
     list
         The state of every worker, to be reduced by the caller.
+
+    Notes
+    -----
+    Between bands, workers let those go first that a thread with the right of way has begun.
     """
     workers = max(1, threads or os.cpu_count() or 1)
     height = band or max(1, -(-rows // (16 * workers)))
     workers = min(workers, -(-rows // height))
     starts = iter(range(0, rows, height))
     lock = Lock()
+    goes_first = WAY.mine
 
     def worker() -> State:
         own = state()
+        patience = 0.0 if goes_first else PATIENCE
         while True:
+            patience = WAY.give(patience)
             with lock:
                 first = next(starts, None)
             if first is None:
