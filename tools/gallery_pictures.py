@@ -80,6 +80,9 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
         path = gallery / f"{name}-{part}.png"
         _save(np.hstack([_captioned(make(), words) for words, make in pictures]), path)
         yield path
+    path = gallery / f"{name}-sides.png"
+    _save(_from_three_sides(session), path)
+    yield path
 
 
 def opened(
@@ -88,8 +91,14 @@ def opened(
     """Return a session whose camera just holds the bag."""
     session = Session(volume, labels, spacing)
     session.backend = "cpu"
-    session.view = View(direction)
     session.canvas_size = (SIDE, SIDE)
+    _frame(session, View(direction))
+    return session
+
+
+def _frame(session: Any, view: View) -> None:
+    """Look at the bag along a view from where it just fits."""
+    session.view = view
     boxes, mm = session.boxes, np.asarray(session.spacing)
     corners = np.concatenate([boxes.corners(i, mm) for i in session.ids])
     camera = session.camera
@@ -98,7 +107,6 @@ def opened(
     middle = (low + high) / 2 @ camera.rotation[1:]
     middle += (corners @ camera.rotation[0]).mean() * camera.rotation[0]
     session.look(replace(camera, center=middle, height=1.06 * float((high - low).max())))
-    return session
 
 
 def _look(session: Any, tints: Any, function: Any = None) -> Look:
@@ -170,6 +178,25 @@ def _densest(session: Any, share: float) -> Picture:
     low, high = np.quantile(densities, [1.0 - share, 1.0 - share / 4])
     points = [(float(low), 0.0), (float(max(high, low + 1)), 0.6)]
     return _tinted(session, session.packed_tints(), function=TransferFunction(points))
+
+
+def _from_three_sides(session: Any) -> NDArray[np.uint8]:
+    """Return all objects from three sides, and below them the densest tenth and fortieth of all."""
+    before, columns = session.camera, []
+    for words, direction, up in (
+        ("from the front", (1.0, 0.0, 0.0), None),
+        ("from above", (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)),
+        ("from the side", (0.0, 0.0, 1.0), None),
+    ):
+        _frame(session, View(direction, up=up))
+        session.recolor(keep=False)
+        whole = _tinted(session, session.packed_tints())
+        shares = ((0.1, "the densest 10%"), (0.025, "the densest 2.5%"))
+        denser = [_captioned(_densest(session, share), text) for share, text in shares]
+        columns.append(np.vstack([_captioned(whole, words), *denser]))
+    session.look(before)
+    session.recolor(keep=False)
+    return np.hstack(columns)
 
 
 def _through(session: Any, preset: str) -> Picture:

@@ -6,6 +6,7 @@ from napari_unpack.segmentation.confidence import Oracle, fit_features
 from napari_unpack.segmentation.convexity import solidity
 from napari_unpack.segmentation.features import FEATURES, features
 from napari_unpack.segmentation.measures import chamfer, quantiles
+from napari_unpack.segmentation.mixture import Mixture
 from napari_unpack.segmentation.region import Region
 from napari_unpack.segmentation.training import halves, merged_pairs, true_objects
 
@@ -237,3 +238,33 @@ def test_too_few_objects_to_learn_from_are_refused():
 def test_single_voxels_and_lines_can_be_judged():
     for mask in (np.ones((1, 1, 1), bool), np.ones((1, 1, 9), bool), np.ones((1, 5, 9), bool)):
         assert np.isfinite(features(region_of(mask))).all()
+
+
+def test_a_mixture_has_the_tails_of_students_distribution():
+    from scipy.stats import multivariate_t
+
+    rng = np.random.default_rng(5)
+    means = rng.normal(size=(2, 3))
+    shapes = np.array([np.diag([1.0, 2.0, 0.5]), [[1, 0.4, 0], [0.4, 1, 0], [0, 0, 2]]])
+    points = rng.normal(size=(20, 3)) * 4
+    found = Mixture(np.array([0.3, 0.7]), means, shapes).log_density(points)
+    parts = [
+        w * multivariate_t(m, s, df=10).pdf(points)
+        for w, m, s in zip((0.3, 0.7), means, shapes, strict=True)
+    ]
+    np.testing.assert_allclose(found, np.log(np.sum(parts, axis=0)))
+
+
+def test_two_scanners_objects_are_both_known_though_they_look_unlike():
+    rng = np.random.default_rng(6)
+    width = len(FEATURES)
+    far = rng.normal(size=width) * 6
+    good = [rng.normal(size=(120, width)), rng.normal(size=(120, width)) + far]
+    shift = np.where(np.arange(width) % 2, 2.0, -2.0)
+    bad = [rows + shift for rows in good]
+    oracle = fit_features(good, bad)
+    for rows, wrong in zip(good, bad, strict=True):
+        assert oracle.scores(rows).mean() > 0.8
+        assert oracle.scores(wrong).mean() < 0.2
+    with pytest.raises(ValueError, match="8 wrong"):
+        fit_features(good, [bad[0], bad[1][:3]])

@@ -18,11 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.features import FEATURES, features
-from napari_unpack.segmentation.mixture import Mixture, fit_mixture
+from napari_unpack.segmentation.mixture import Mixture, fit_mixture, pooled
 from napari_unpack.segmentation.region import Region
 
-FORMAT = "napari-unpack oracle 2"
+FORMAT = "napari-unpack oracle 3"
 LIMIT = 8.0
+MANY = 500
+"""Rows from which mixtures are fitted to three quarters of them in turn and averaged: what one
+alone says of things unlike all it learned hangs on which these were."""
+
+Rows = NDArray[np.float64] | list[NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,16 +190,15 @@ def _fits(oracle: Oracle) -> bool:
     return all(a.shape == shape and np.isfinite(a).all() for a, shape in shapes)
 
 
-def fit_features(
-    good: NDArray[np.float64], bad: NDArray[np.float64] | None = None, seed: int = 0
-) -> Oracle:
+def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
     """Fit an oracle to feature rows.
 
     Parameters
     ----------
-    good : (N, F) ndarray of float64
-        Of true objects, columns as `features.FEATURES`; N at least 8.
-    bad : (M, F) ndarray of float64, optional
+    good : (N, F) ndarray of float64, or a list of such
+        Of true objects, columns as `features.FEATURES`; N at least 8. Each of a list, such as the
+        scans of one scanner, gets a mixture of its own.
+    bad : (M, F) ndarray of float64, or a list of such, optional
         Of wrong regions; M at least 8.
     seed : int
         Of the mixtures' initialisation.
@@ -215,25 +219,45 @@ def fit_features(
     from false ones better than 99 %, and than median and MAD, which blow up features that are
     alike in most objects.
     """
-    for rows, name in ((good, "objects"), (good if bad is None else bad, "wrong regions")):
-        if len(rows) < 8:
-            raise ValueError(f"an oracle needs at least 8 {name} to learn from, got {len(rows)}")
-    center = good.mean(axis=0)
-    scale = np.maximum(good.std(axis=0), 1e-3)
-    axes = _principal(np.clip((good - center) / scale, -LIMIT, LIMIT), 0.95)
+    kinds, wrong = _listed(good), [] if bad is None else _listed(bad)
+    for side, name in ((kinds, "objects"), (kinds if bad is None else wrong, "wrong regions")):
+        if min(map(len, side)) < 8:
+            least = min(map(len, side))
+            raise ValueError(f"an oracle needs at least 8 {name} to learn from, got {least}")
+    true = np.concatenate(kinds)
+    center = true.mean(axis=0)
+    scale = np.maximum(true.std(axis=0), 1e-3)
+    axes = _principal(np.clip((true - center) / scale, -LIMIT, LIMIT), 0.95)
     blank = Oracle(
         center, scale, axes, Mixture(*(np.zeros(1),) * 3), np.zeros(101), None, np.zeros(2)
     )
-    model = fit_mixture(blank.project(good), seed)
-    quantiles = np.quantile(model.log_density(blank.project(good)), np.linspace(0, 1, 101))
+
+    def fit(side: list[NDArray[np.float64]]) -> Mixture:
+        parts = [rows for group in side for rows in _resampled(blank.project(group))]
+        return pooled([fit_mixture(rows, seed) for rows in parts], [len(rows) for rows in parts])
+
+    model = fit(kinds)
+    quantiles = np.quantile(model.log_density(blank.project(true)), np.linspace(0, 1, 101))
     if bad is None:
         return Oracle(center, scale, axes, model, quantiles, None, np.array([1.0, 0.0]))
-    other = fit_mixture(blank.project(bad), seed)
+    other = fit(wrong)
     ratios = [
         model.log_density(blank.project(rows)) - other.log_density(blank.project(rows))
-        for rows in (good, bad)
+        for rows in (true, np.concatenate(wrong))
     ]
     return Oracle(center, scale, axes, model, quantiles, other, _calibrate(*ratios))
+
+
+def _resampled(rows: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return rows without each quarter of them in turn, where they are many."""
+    if len(rows) < MANY:
+        return [rows]
+    quarters = np.array_split(np.arange(len(rows)), 4)
+    return [np.delete(rows, quarter, axis=0) for quarter in quarters]
+
+
+def _listed(rows: Rows) -> list[NDArray[np.float64]]:
+    return [rows] if isinstance(rows, np.ndarray) else list(rows)
 
 
 def _principal(rows: NDArray[np.float64], share: float) -> NDArray[np.float64]:
