@@ -245,16 +245,17 @@ def pieces_seen(
     measured : Pieces
         Of them, for `parting.part_seen`.
     """
-    labels = sharpened(join_seen(seen.parts, seen.measured), density, seen)
+    # The judge of pieces learned from borders as they are.
+    labels = sharpened(join_seen(seen.parts, seen.measured), density, seen, evening=0)
     return pieces_of(labels, density, spacing, seen.scale, seen.said.far, seen.weights)
 
 
 def sharpened(
-    labels: NDArray[np.int32], density: NDArray[np.generic], seen: Seen
+    labels: NDArray[np.int32], density: NDArray[np.generic], seen: Seen, evening: int = 2
 ) -> NDArray[np.int32]:
     """Move the borders of labels to where the density steps; see `sharpening.sharpen`."""
-    scale = seen.scale
-    return sharpen(labels, density, scale.air, seen.said.next, seen.noise, DENSE * scale.knee)
+    scale, dense = seen.scale, DENSE * seen.scale.knee
+    return sharpen(labels, density, scale.air, seen.said.next, seen.noise, dense, evening=evening)
 
 
 def _with_the_rest(

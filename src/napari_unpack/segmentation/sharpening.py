@@ -16,7 +16,7 @@ TEXTURE = 0.2
 LOUDEST = 8.0
 # In the last rounds every neighbour votes for its label too, one across a face with this weight,
 # one across an edge or a corner with less, as it is further away: borders do not fray.
-EVEN, LAST = 0.5, 2
+EVEN = 0.5
 
 
 def sharpen(
@@ -27,6 +27,7 @@ def sharpen(
     noise: float,
     dense: float = np.inf,
     rounds: int = 3,
+    evening: int = 2,
 ) -> NDArray[np.int32]:
     """Move borders between labels to half-way between the densities on both sides.
 
@@ -46,7 +47,9 @@ def sharpen(
         Above air; objects denser than this on average also lose to the background what has less
         than half of their density: it is the blur around them.
     rounds : int
-        Voxels that a border moves at most, before two more that even it.
+        Voxels that a border moves at most.
+    evening : int
+        Rounds after these that even it.
 
     Returns
     -------
@@ -65,7 +68,7 @@ def sharpen(
     flat = labels.reshape(-1)
     counts = np.bincount(flat)
     blurred = np.bincount(flat, values.reshape(-1), len(counts)) > dense * counts
-    for even in (0.0,) * rounds + (EVEN,) * LAST:
+    for even in (0.0,) * rounds + (EVEN,) * evening:
         labels = _moved(labels, values, _inside(labels), following, noise, blurred, even)
     return labels
 
