@@ -198,6 +198,19 @@ def test_fitting_arrays_are_not_copied() -> None:
     assert checked_volume(array) is array
 
 
+def test_densities_stay_so_far_below_the_largest_float_that_their_gradients_are_finite() -> None:
+    most = np.finfo(np.float32).max
+    volume = np.array([[[most, -most, 5, np.nan, np.inf, -np.inf]]], np.float32)
+    found = checked_volume(volume)
+    np.testing.assert_array_equal(
+        found, np.array([[[1e37, -1e37, 5, -1e37, 1e37, -1e37]]], np.float32)
+    )
+    assert volume[0, 0, 0] == most
+    with np.errstate(over="raise"):
+        twice = np.subtract.outer(found, found)
+        np.subtract.outer(twice, twice)
+
+
 ONES = np.ones((3, 3, 3), np.uint16)
 
 

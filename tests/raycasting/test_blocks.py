@@ -81,3 +81,25 @@ def test_a_picture_of_more_bricks_than_there_are_blocks(direction, spacing, fov)
         one, _ = tinted(volume, labels, rays.window(row, col, (1, 1)), *given, threads=1)
         # Origins of windows are rounded otherwise.
         np.testing.assert_allclose(image[row, col], one[0, 0], atol=2e-4)
+
+
+@pytest.mark.parametrize("hole", [np.nan, np.inf, -np.inf, np.finfo(np.float32).max])
+@pytest.mark.parametrize("looked_over", [False, True])
+def test_what_is_no_density_spoils_but_its_own_pixels(hole, looked_over) -> None:
+    # Volumes belong to a user, who may write into them after they have been looked over.
+    rng = np.random.default_rng(2)
+    volume = rng.uniform(0, 4000, (9, 19, 19)).astype(np.float32)
+    labels = np.ones(volume.shape, np.uint16)
+    table, domain = ramp()
+    rays = along((1, 0, 0), volume.shape, size=(25, 25))
+    tints, bricks = np.ones((2, 4), np.float32), Bricks.of(labels, volume) if looked_over else None
+    given = (labels, rays, (1, 1, 1), table, domain, tints, Shading(), bricks)
+    before, _ = tinted(volume, *given)
+    volume[3:5, 9, 9] = hole
+    after, _ = tinted(volume, *given)
+    far = np.ones(after.shape[:2], bool)
+    # A pixel is 1.12 mm; a sample's light comes from within two voxels.
+    far[9:16, 9:16] = False
+    assert (before[..., 3] > 0.1).sum() > 200
+    np.testing.assert_array_equal(after[far], before[far])
+    assert np.isfinite(after).all()

@@ -14,6 +14,9 @@ from napari_unpack.geometry.view import View
 MOST_IDS = 65_536
 """As many IDs as uint16 labels tell apart, the background among them."""
 
+MOST_DENSITY = 1e37
+"""Differences of such densities, and differences of those, are still float32 numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Labels:
@@ -123,7 +126,8 @@ def checked_volume(
     Parameters
     ----------
     volume : (Z, Y, X) array_like of real numbers
-        Density. NaN counts as the lowest density, as infinities do as the extremes.
+        Density. NaN counts as the lowest density, as infinities do as the extremes, and what is
+        beyond MOST_DENSITY as that.
     shape : tuple of int, optional
         The shape it must have.
 
@@ -148,13 +152,15 @@ def checked_volume(
     if array.dtype in (np.bool_, np.uint8, np.uint16):
         return np.ascontiguousarray(array, dtype=np.uint16)
     density = np.ascontiguousarray(array, dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        if density.min() >= -MOST_DENSITY and density.max() <= MOST_DENSITY:
+            return density
     finite = np.isfinite(density)
-    if finite.all():
-        return density
     if not finite.any():
         raise ValueError("volume must hold finite numbers, got none")
-    low, high = density[finite].min(), density[finite].max()
-    return np.nan_to_num(density, nan=float(low), posinf=float(high), neginf=float(low))
+    low, high = float(density[finite].min()), float(density[finite].max())
+    known = np.nan_to_num(density, nan=low, posinf=high, neginf=low)
+    return np.clip(known, -MOST_DENSITY, MOST_DENSITY, out=known)
 
 
 def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:

@@ -57,14 +57,15 @@ def _light(  # type: ignore[no-untyped-def]
     """Find every sample's place in the transfer function, and light it (geometry/shading.py).
 
     `v` holds density and differences, one sample after the other; hz, hy, hx take differences
-    between voxels two apart to the world. Writes all rows of `f` and `entries`; entries are at
-    most `top` - 1 and `gleam` - 1.
+    between voxels two apart to the world. Writes all rows of `f` and `entries`; entries are from
+    0 to `top` - 1 and `gleam` - 1, of samples that are no numbers too.
     """
     zero, one = np.float32(0), np.float32(1)
+    last, sharpest = np.int32(top - one), np.int32(gleam - one)
     for i in range(LANES):
         u = (v[4 * i] - low) * scale
         u = min(max(u, zero), top)
-        n = np.int32(min(u, top - one))
+        n = min(max(np.int32(u), np.int32(0)), last)
         entries[ENTRY + i] = n
         f[PART + i] = u - np.float32(n)
         gz, gy, gx = v[4 * i + 1] * hz, v[4 * i + 2] * hy, v[4 * i + 3] * hx
@@ -77,7 +78,7 @@ def _light(  # type: ignore[no-untyped-def]
         f[LIGHT + i] = ambient + diffuse * (one - s + s * facing)
         f[GLOSS + i] = specular * s
         u = facing * gleam
-        n = np.int32(min(u, gleam - one))
+        n = min(max(np.int32(u), np.int32(0)), sharpest)
         entries[SHINE + i] = n
         f[REST + i] = u - np.float32(n)
 
@@ -113,6 +114,9 @@ def shade(  # type: ignore[no-untyped-def]
     ended = False
     for i in range(count):
         a = min(colors[4 * i + 3], one)
+        # Not a number where the volume has been written to since it was looked over.
+        if not a > 0:
+            continue
         p = np.uint64(names[np.uint64(PIXEL + at + i)])
         if thicken:
             u = a * finest
