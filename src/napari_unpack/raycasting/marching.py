@@ -56,6 +56,9 @@ from napari_unpack.raycasting.lattice import (
 from napari_unpack.raycasting.opacity import family_of
 from napari_unpack.raycasting.vectors import LANES, forward
 
+BREADTH = 24.0
+"""Voxels across a tile, where TILE pixels would be more."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def phase_of(row, col, jitter):  # type: ignore[no-untyped-def]
@@ -96,7 +99,10 @@ def march(  # type: ignore[no-untyped-def]
     v, colors = np.zeros(4 * LANES, np.float32), np.zeros(4 * LANES, np.float32)
     f = np.zeros(FLOAT_ROWS * LANES, np.float32)
     entries = np.zeros(ENTRY_ROWS * LANES, np.int32)
-    tile, columns, at_pixel = 0, min(TILE, width), 0
+    # So narrow that the blocks behind a tile are not more than there are.
+    pitch = np.sqrt(numbers[2, 0] ** 2 + numbers[2, 1] ** 2 + numbers[2, 2] ** 2)
+    breadth = max(4, min(TILE, int(BREADTH / max(pitch, 1e-9))))
+    tile, columns, at_pixel = 0, min(breadth, width), 0
     # Samples that have joined the queue, those lit, blocks in use, and lanes.
     waiting = start = used = running = 0
     over, lit = True, turning
@@ -110,8 +116,8 @@ def march(  # type: ignore[no-untyped-def]
                 row, col = first_row + at_pixel // columns, tile + at_pixel % columns
                 at_pixel += 1
                 if at_pixel == height * columns:
-                    tile += TILE
-                    columns = min(TILE, width - tile)
+                    tile += breadth
+                    columns = min(breadth, width - tile)
                     at_pixel = 0
                 pz, py, px, dz, dy, dx = ray_of(numbers, row, col)
                 phase = phase_of(row, col, jitter)
