@@ -9,12 +9,14 @@ import pandas as pd
 import pytest
 
 from napari_unpack.appearance import TransferFunction
+from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import packed_pose
+from napari_unpack.geometry.view import Camera
 from napari_unpack.session import Session
 from napari_unpack.session.opening import opened, parts_by_density
 from napari_unpack.session.pictures import object_patch, packed_patch
 from napari_unpack.session.record import record_of, session_from
-from napari_unpack.session.study import Study, facts_of
+from napari_unpack.session.study import Study, cut_open, facts_of
 from tin import tin
 
 SPACING = (2.0, 1.0, 1.0)
@@ -120,3 +122,22 @@ def test_noise_alone_makes_no_parts():
     parts = parts_by_density(volume, inside)
     assert set(np.unique(parts[~inside])) == {0}
     assert parts[inside].all()
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+@pytest.mark.parametrize("sheared", [False, True])
+def test_the_cut_takes_what_is_nearest_on_mirrored_and_stretched_bags_too(
+    session, mirror, sheared
+) -> None:
+    stretch = (
+        np.array([[1.3, 0.4, 0.1], [0.4, 0.9, 0.2], [0.1, 0.2, 1.1]]) if sheared else np.eye(3)
+    )
+    stretch = mirror * stretch / np.cbrt(np.linalg.det(stretch))
+    session.look(Camera.looking((0.4, 0.7, -0.3), None, session.bag.center, 50.0, 0.0, stretch))
+    camera = session.camera
+    point, normal = cut_open(session, 1, camera.rotation, 0.3)
+    voxels = np.argwhere(tin()[1] == 1) * SPACING
+    gone = (voxels - point) @ normal < 0
+    nearness = transform_points(camera.pivot_from_world(), voxels)[:, 0]
+    assert 0.02 < gone.mean() < 0.5
+    assert nearness[gone].min() >= nearness[~gone].max() - 1e-9

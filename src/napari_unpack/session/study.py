@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.appearance import TransferFunction
-from napari_unpack.geometry.axes import Matrix, Vector, transform_points
+from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,31 @@ class Study:
         point, normal = self.cut
         across = np.linalg.inv(voxel_from_world[:3, :3]).T @ normal
         return np.stack([transform_points(voxel_from_world, point), across])[None]
+
+
+def cut_open(session: Any, object_id: int, rotation: Matrix, depth: float) -> tuple[Vector, Vector]:
+    """Return the cut that takes the nearest part of an object away.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    rotation : (3, 3) ndarray of float64
+        How the object is held, `Pose.rotation`.
+    depth : float
+        How much of its depth goes, 0 to 1.
+
+    Returns
+    -------
+    point, normal : (3,) ndarray of float64
+        Straight across the view; see `Study.cut`.
+    """
+    # Depths are taken by the map to pivot space, which a mirror turns round.
+    towards = unit(rotation[0] @ session.camera.stretch)
+    reaches = session.boxes.corners(object_id, session.spacing) @ towards
+    center = session.boxes.center(object_id, session.spacing)
+    reach = reaches.max() - depth * np.ptp(reaches)
+    return center + (reach - center @ towards) * towards, -towards
 
 
 @dataclass(frozen=True)

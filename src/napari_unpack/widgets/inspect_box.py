@@ -124,17 +124,13 @@ class InspectBox(QWidget):
 
     def _plane(self) -> Any:
         """Return the plane that takes the nearest part away, as the object is turned now."""
+        from napari_unpack.session.study import cut_open
+
         depth = self.cut.value() / 100
         if depth == 0:
             return None
-        session, stage, object_id = self._bench.session, self._bench.stage, self._shown
-        rotation = stage.rotation_of(object_id)
-        towards = rotation[0]
-        corners = session.boxes.corners(object_id, np.asarray(session.spacing)) @ towards
-        near, far = float(corners.max()), float(corners.min())
-        center = np.asarray(session.boxes.center(object_id, np.asarray(session.spacing)))
-        reach = near - depth * (near - far)
-        return center + (reach - float(center @ towards)) * towards, -towards
+        session, rotation = self._bench.session, self._bench.stage.rotation_of(self._shown)
+        return cut_open(session, self._shown, rotation, depth)
 
     def _reset(self) -> None:
         if self._bench.session is not None and self._shown:
