@@ -16,6 +16,7 @@ import napari_unpack as nu
 from napari_unpack.appearance import Surroundings
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_stores import holds_session
+from napari_unpack.io.sessions import standing_of
 from napari_unpack.session.scene import scene
 
 SIZE = (72, 96)
@@ -359,3 +360,19 @@ def test_background_box_and_scale_come_back(tmp_path):
         assert (back.box, back.scale) == (session.surroundings.box, session.surroundings.scale)
         wanted = session.surroundings.background.paint((9, 7))
         np.testing.assert_array_equal(back.background.paint((9, 7)), wanted)
+
+
+def test_a_session_tells_how_its_bag_stood_if_that_was_known(session, tmp_path):
+    stood = np.array([[0, 0, -1.5, 7], [0.2, 1, 0, -4], [1, 0, 0, 0.1], [0, 0, 0, 1]])
+    path = nu.save_session(session, tmp_path / "s.unpack", standing=stood)
+    np.testing.assert_array_equal(standing_of(path), stood)
+    assert everything(nu.open_session(path)) == everything(session)
+    # Files of before do not tell.
+    changed(path, lambda manifest: {k: v for k, v in manifest.items() if k != "standing"})
+    assert standing_of(path) is None
+    assert everything(nu.open_session(path)) == everything(session)
+    assert standing_of(nu.save_session(session, path)) is None
+    for wrong in (np.ones((4, 4)), np.zeros((4, 4)), np.eye(3), [["a"] * 4] * 4):
+        flat = np.asarray(wrong).tolist()
+        with pytest.raises(ValueError, match=r"standing|stands"):
+            standing_of(changed(path, lambda m, flat=flat: {**m, "standing": flat}))

@@ -250,3 +250,37 @@ def test_suffixes_are_added_where_they_are_missing() -> None:
     assert _with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
     assert _with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
     assert _with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
+
+
+def test_a_session_opens_where_its_layers_stood(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    image, expert = add_bag(viewer)
+    tilted = np.eye(4)
+    tilted[1, 0], tilted[:3, 3] = 0.25, (7, -30, 12)
+    for layer in (image, expert):
+        layer.scale = layer.scale * (1, 1, -1)
+        layer.rotate = (9.0, 50.0, 7.0)
+        layer.translate = (0, 40, 90)
+        layer.affine = tilted
+    points = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9], [3, 8, 5]])
+    wanted = [image.data_to_world(p) for p in points]
+    stage_with(panel, qtbot, expert)
+    rest(panel, qtbot)
+    camera = panel.workbench.session.camera
+    assert np.linalg.det(camera.stretch) < 0
+    path = tmp_path / "bent.unpack"
+    panel.files.save_to(path)
+    done(panel, qtbot)
+    panel.workbench.close()
+    for layer in list(viewer.layers):
+        viewer.layers.remove(layer.name)
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    rest(panel, qtbot)
+    np.testing.assert_allclose(
+        [viewer.layers["bent"].data_to_world(p) for p in points], wanted, atol=1e-6
+    )
+    again = panel.workbench.session.camera
+    np.testing.assert_allclose(again.linear, camera.linear, atol=1e-5)
+    np.testing.assert_allclose(again.center, camera.center, atol=1e-4)

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.io.session_arrays import ArrayFacts, Told, read_array, write_array
 from napari_unpack.io.session_stores import (
@@ -36,6 +36,7 @@ def save_session(
     volume_path: str | Path | None = None,
     labels_path: str | Path | None = None,
     progress: Progress | None = None,
+    standing: ArrayLike | None = None,
 ) -> Path:
     """Save a session: a file or folder from which `open_session` goes on.
 
@@ -53,6 +54,8 @@ def save_session(
         Files that `load_volume` and `load_labels` read these arrays from.
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves what was there.
+    standing : (4, 4) array_like, optional
+        How the session's world stands in that of a viewer, mm, for `standing_of`.
 
     Returns
     -------
@@ -85,6 +88,7 @@ def save_session(
         "version": VERSION,
         "written_by": f"napari-unpack {version('napari-unpack')}",
         "session": record_of(session),
+        "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
     }
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     files = {"volume": volume_path, "labels": labels_path}
@@ -177,6 +181,40 @@ def open_session(
     session = session_from(fields["session"], found["volume"], found["labels"])
     tell(1.0, "Opened")
     return session
+
+
+def standing_of(path: str | Path) -> NDArray[np.float64] | None:
+    """Return how the bag of a saved session stood in its viewer.
+
+    Parameters
+    ----------
+    path : str or Path
+        From `save_session`.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64 or None
+        Affine from mm along the scan's axes to mm of the viewer's world; None where the file
+        does not tell.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged, or no affine that can be inverted.
+    """
+    source = Path(path).expanduser()
+    with opened_for_reading(source) as store:
+        fields = _manifest(store, source)
+    if not fields.has("standing"):
+        return None
+    found = fields.array("standing", (4, 4))
+    volume = abs(float(np.linalg.det(found[:3, :3])))
+    if not 0 < volume < np.inf or found[3].tolist() != [0, 0, 0, 1]:
+        raise ValueError(
+            f"{source} must tell how its bag stands by an affine that can be inverted, got "
+            f"{found.tolist()}"
+        )
+    return found
 
 
 def _manifest(store: Source, source: Path) -> Fields:

@@ -72,6 +72,31 @@ def napari_from_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
     return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
 
 
+def standing(layer: Any, spacing: ArrayLike) -> Matrix:
+    """Return the map from a session's world, mm, to napari's in mm as well.
+
+    Parameters
+    ----------
+    layer : napari layer
+        One of the session's, of any affine.
+    spacing : (3,) array_like
+        Voxel size of the session, mm z y x.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        Along axes whose unit is no length, pixels say, to that unit.
+    """
+    matrix = data_to_world(layer) @ voxel_from_world(spacing)
+    lengths = [own.is_compatible_with("mm") for own in layer.units]
+    ratios = [
+        float((1.0 * own).to("mm").magnitude) if length else 1.0
+        for own, length in zip(layer.units, lengths, strict=True)
+    ]
+    matrix[:3] *= np.array(ratios)[:, None]
+    return matrix
+
+
 def voxel_at(
     layer: Any, position: ArrayLike, units: Sequence[Any] | None = None
 ) -> NDArray[np.int64]:

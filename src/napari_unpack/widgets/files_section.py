@@ -80,18 +80,22 @@ class FilesSection(Section):
             Refer to the files of the layers instead of copying them.
         """
         from napari_unpack.io import save_session
+        from napari_unpack.layers.placement import standing
 
         files = self._files() if refer else {}
-        work = partial(save_session, self._bench.session, path, copy=not refer, **files)
+        session, packed = self._bench.session, self._bench.stage.packed
+        files["standing"] = standing(packed, session.spacing)
+        work = partial(save_session, session, path, copy=not refer, **files)
         self._begin(lambda progress: work(progress=progress), self._say_written)
 
     def open_from(self, path: str | Path) -> None:
         """Open a session in a worker, and put it on the stage."""
         from napari_unpack.io import open_session
+        from napari_unpack.io.sessions import standing_of
 
         self._begin(
-            lambda progress: open_session(path, progress=progress),
-            lambda session: self._put_on_stage(session, Path(path).stem),
+            lambda progress: (open_session(path, progress=progress), standing_of(path)),
+            lambda found: self._put_on_stage(found[0], found[1], Path(path).stem),
         )
 
     def export_to(self, kind: Export, path: str | Path) -> None:
@@ -126,7 +130,7 @@ class FilesSection(Section):
     def _say_written(self, path: Any) -> None:
         self.set_status(f"{Path(path).name} written")
 
-    def _put_on_stage(self, session: Any, name: str) -> None:
+    def _put_on_stage(self, session: Any, affine: Any, name: str) -> None:
         from napari_unpack.session.record import given_labels
 
         # The viewer is where an inspection is looked at; it begins with the whole bag.
@@ -134,7 +138,8 @@ class FilesSection(Section):
         liked, camera = preferences(), session.camera
         session.backend = liked.backend
         viewer = self._bench.viewer
-        placed = {"scale": tuple(session.spacing), "units": ("mm",) * 3, "visible": False}
+        placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
+        placed |= {"affine": affine, "visible": False}
         image = viewer.add_image(session.volume, name=name, colormap="gray", **placed)
         labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
         self._bench.open(

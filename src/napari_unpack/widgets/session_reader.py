@@ -56,10 +56,12 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
 
 def _layers(path: Path) -> list[LayerData]:
     from napari_unpack.io import open_session
+    from napari_unpack.io.sessions import standing_of
     from napari_unpack.session.record import given_labels
 
     session = open_session(path)
-    about = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
+    about: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
+    about["affine"] = standing_of(path)
     return [
         (session.volume, {**about, "name": path.stem, "colormap": "gray"}, "image"),
         (given_labels(session), {**about, "name": f"{path.stem} objects"}, "labels"),
