@@ -13,7 +13,7 @@ from napari_unpack.segmentation.cavities import fill_cavities
 from napari_unpack.segmentation.checks import checked_spacing, checked_volume
 from napari_unpack.segmentation.grainy import flattened, is_grainy
 from napari_unpack.segmentation.merging import absorb_small
-from napari_unpack.segmentation.pipeline import split_parts
+from napari_unpack.segmentation.parts import split_parts
 from napari_unpack.segmentation.ranking import rank_labels
 from napari_unpack.segmentation.region import default_smallest
 from napari_unpack.segmentation.splitting import SplitRule

@@ -4,45 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.affinity import Affinity, measure_parts
-from napari_unpack.segmentation.agglomeration import agglomerate
+from napari_unpack.segmentation.affinity import Affinity
 from napari_unpack.segmentation.cavities import fill_cavities, join_hanging
 from napari_unpack.segmentation.checks import Spacing, check_out, checked_spacing, checked_volume
 from napari_unpack.segmentation.confidence import default_oracle
-from napari_unpack.segmentation.containers import join_containers
-from napari_unpack.segmentation.crumpled import bundle_folds
-from napari_unpack.segmentation.field_of_view import measured_section
 from napari_unpack.segmentation.grainy import cleared, looks_grainy, to_half_height
 from napari_unpack.segmentation.inclusions import take_out_inclusions
 from napari_unpack.segmentation.large import segment_large
 from napari_unpack.segmentation.learned import seen_objects
-from napari_unpack.segmentation.materials import MaterialScale, log_density, material_parts
-from napari_unpack.segmentation.matter import checked_way, find_matter, typical_knee
-from napari_unpack.segmentation.merging import absorb_fringes, absorb_small
+from napari_unpack.segmentation.matter import checked_way
+from napari_unpack.segmentation.merging import absorb_small
 from napari_unpack.segmentation.object_table import object_table
+from napari_unpack.segmentation.parts import default_affinity, join_parts, split_parts
 from napari_unpack.segmentation.ranking import rank_labels
-from napari_unpack.segmentation.recursion import take_apart
 from napari_unpack.segmentation.refine_by_oracle import RefineRule, join_touching
-from napari_unpack.segmentation.region import FEWEST, SMALLEST, Region, default_smallest
-from napari_unpack.segmentation.shells import find_shell
+from napari_unpack.segmentation.region import FEWEST, SMALLEST, default_smallest
 from napari_unpack.segmentation.sources import source_of
-from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule, split
-from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule
 from napari_unpack.segmentation.wires import gather_wires
 from napari_unpack.segmentation.working_grid import MOST
 
 METHODS = ("learned", "affinity", "cuts")
-# Times the median density of matter.
-LIGHT = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,125 +267,5 @@ def segment_grid(
     return labels
 
 
-def split_parts(
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    tell: Progress,
-    *,
-    foreground: str | float = "hysteresis",
-    supports: bool = True,
-    shell: bool = True,
-    step: float = 0.11,
-    rule: SplitRule | None = None,
-    oracle: Oracle | None = None,
-) -> tuple[NDArray[np.int32], MaterialScale]:
-    """Take a volume apart: matter, materials, necks.
-
-    Parameters
-    ----------
-    density : (Z, Y, X) ndarray
-        Checked density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    tell : callable
-        Progress.
-    foreground, supports, shell, step, rule, oracle
-        As for `segment`.
-
-    Returns
-    -------
-    parts : (Z, Y, X) ndarray of int32
-        1, 2, ...; usually more than there are objects.
-    scale : MaterialScale
-        How densities were compared.
-    """
-    limits = rule or SplitRule()
-    tell(0.0, "Finding matter")
-    matter, levels = find_matter(density, spacing, foreground)
-    section = measured_section(density)
-    if section is not None:
-        matter &= section
-    if supports:
-        matter &= ~find_supports(matter, spacing)
-    tell(0.1, "Finding materials")
-    fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
-    scale = MaterialScale(levels.air, typical_knee(density, matter, levels.air), step)
-    materials = material_parts(density, matter, scale, fewest)
-    tell(0.25, "Finding components")
-    regions = _components(materials, density, spacing, limits.smallest)
-
-    def told(fraction: float, text: str) -> None:
-        tell(0.3 + 0.5 * fraction, text)
-
-    if oracle is None:
-        found = split(regions, limits, told)
-    else:
-        found = take_apart(regions, oracle, limits.smallest, told)
-    parts = _label(found, density.shape)
-    if shell:
-        skin = find_shell(parts, spacing)
-        parts[skin[parts]] = 0
-    parts = bundle_folds(parts, density, spacing, levels.air + LIGHT * 4 * scale.knee)
-    return absorb_fringes(parts, density, spacing), scale
-
-
-def join_parts(
-    parts: NDArray[np.int32],
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    scale: MaterialScale,
-    affinity: Affinity,
-) -> NDArray[np.int32]:
-    """Put parts together that are one object.
-
-    Parameters
-    ----------
-    parts : (Z, Y, X) ndarray of int32
-        Parts 1, 2, ...
-    density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    scale : MaterialScale
-        How densities are compared.
-    affinity : Affinity
-        The judge of pairs.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-    """
-    measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
-    bottled = join_containers(measured, np.arange(len(measured.sums)))
-    joined = agglomerate(measured, lambda one, two, row: float(affinity.probability(row[None])[0]))
-    owner = join_containers(measured, joined[bottled])
-    return owner.astype(np.int32)[parts]
-
-
-@cache
-def default_affinity() -> Affinity:
-    """Return the judge of pairs that ships with the package."""
-    return Affinity.load(Path(__file__).with_name("affinity.npz"))
-
-
 def _silent(fraction: float, text: str) -> None:
     """Report nothing."""
-
-
-def _components(
-    parts: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, smallest: float
-) -> list[Region]:
-    boxes = label_boxes(parts)
-    large = boxes.counts * float(np.prod(spacing)) >= smallest
-    regions = []
-    for name in boxes.ids[large].tolist():
-        box = boxes.slices(name)
-        regions.append(Region.of(parts[box] == name, density, box, spacing))
-    return regions
-
-
-def _label(regions: list[Region], shape: tuple[int, ...]) -> NDArray[np.int32]:
-    labels = np.zeros(shape, np.int32)
-    for name, region in enumerate(regions, 1):
-        labels[region.box][region.mask] = name
-    return labels

@@ -18,7 +18,7 @@ from napari_unpack.segmentation.evaluation import contingency
 from napari_unpack.segmentation.features import features
 from napari_unpack.segmentation.materials import log_density
 from napari_unpack.segmentation.merging import measure_contacts
-from napari_unpack.segmentation.pipeline import split_parts
+from napari_unpack.segmentation.parts import split_parts
 from napari_unpack.segmentation.region import Region, bounding_box
 from napari_unpack.segmentation.splitting import Progress
 
