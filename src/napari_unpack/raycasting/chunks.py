@@ -102,7 +102,7 @@ def shade(  # type: ignore[no-untyped-def]
 
     Whoever has become opaque comes to the end of its ray; returns whether anybody has.
     """
-    one, half, opaque = np.float32(1), np.float32(0.5), np.float32(OPAQUE)
+    zero, one, half, opaque = np.float32(0), np.float32(1), np.float32(0.5), np.float32(OPAQUE)
     thicken, finest = corrected.size > 0, np.float32(corrected.shape[1] - 1)
     top, gleam = np.float32(table.size // 4 - 1), np.float32(shine.shape[0] - 1)
     _blend(cells, names, queue, at, v)
@@ -113,10 +113,9 @@ def shade(  # type: ignore[no-untyped-def]
     _color(table, tints, names, at, f, entries, colors)
     ended = False
     for i in range(count):
-        a = min(colors[4 * i + 3], one)
         # Not a number where the volume has been written to since it was looked over.
-        if not a > 0:
-            continue
+        a = colors[4 * i + 3]
+        a = min(a if a > zero else zero, one)
         p = np.uint64(names[np.uint64(PIXEL + at + i)])
         if thicken:
             u = a * finest
