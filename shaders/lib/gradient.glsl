@@ -3,7 +3,7 @@
 //   g_i = (d(p + e_i) - d(p - e_i)) / 2     per voxel, in the density texture's unit
 //
 // in:  p              voxels, x y z
-// cpu twin: raycasting/chunks.py (light)
+// cpu twin: raycasting/blocks.py (fill), raycasting/vectors.py (blend_cell)
 // test:     tests/rendering/test_probes.py
 
 #include "lib/density.glsl"

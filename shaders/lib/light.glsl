@@ -8,7 +8,7 @@
 //      u_light        ambient, diffuse, specular, shininess
 //      u_steepness    1 / floor
 // out: (light, highlight)
-// cpu twin: geometry/shading.py, raycasting/marching.py (march)
+// cpu twin: geometry/shading.py, raycasting/chunks.py (_light, shade)
 // test:     tests/rendering/test_probes.py
 
 uniform vec4 u_light;

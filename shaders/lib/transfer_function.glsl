@@ -5,7 +5,7 @@
 // in:  u_table        K x 1 texels of straight RGB and opacity per voxel, nearest
 //      u_table_size   K
 //      u_entry        (scale, offset) from the density texture's unit to u
-// cpu twin: raycasting/chunks.py (interpolate)
+// cpu twin: raycasting/chunks.py (_light), raycasting/vectors.py (look_up)
 // test:     tests/rendering/test_probes.py
 
 uniform sampler2D u_table;

@@ -11,7 +11,7 @@
 //      last, stride   of the volume: its last voxel, and how far apart neighbours lie; handed in,
 //                     for no driver takes them out of a loop
 // out: gradient per voxel, density
-// cpu twin: raycasting/chunks.py (interpolate, light)
+// cpu twin: raycasting/vectors.py (blend_cell)
 // test:     tests/rendering/test_probes.py
 
 #include "lib/ray_box.glsl"
