@@ -13,7 +13,7 @@ WORKERS ?= -n 2 --dist worksteal
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
 
-.PHONY: setup demo test test-plain test-plugin lint bench soak screenshots clean
+.PHONY: setup kernels demo test test-plain test-plugin lint bench soak screenshots clean
 
 setup: $(READY)
 
@@ -27,10 +27,14 @@ $(READY): pyproject.toml constraints.txt tools/system-libraries.sh
 	@$(BIN)/python -m pip install --quiet -c constraints.txt --group dev -e .
 	@touch $@
 
+# Kernels compiled before an edit of what they inline; the tests see to it themselves.
+kernels: $(READY)
+	@$(BIN)/python tools/fresh_kernels.py
+
 # With a screen this opens napari on a packed bag; without one the same plugin runs on a
 # virtual screen and writes pictures, a movie and a table to $(OUTPUT).
 #   make demo INPUT=scan.npz LABELS=labels.npz
-demo: $(READY)
+demo: $(READY) kernels
 	@bash tools/on-a-screen.sh $(BIN)/napari-unpack demo $(if $(INPUT),"$(INPUT)") \
 	  $(if $(LABELS),--labels "$(LABELS)") --output "$(OUTPUT)"
 
@@ -51,15 +55,15 @@ lint: $(READY)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" lint-imports
 	@$(BIN)/npe2 validate napari_unpack
 
-bench: $(READY)
+bench: $(READY) kernels
 	@$(BIN)/python -m pip install --quiet -c constraints.txt --group bench
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
 
 # An hour of random commands on the plugin; make soak SECONDS=600 for less.
-soak: $(READY)
+soak: $(READY) kernels
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/soak.py --seconds $(or $(SECONDS),3600)
 
-screenshots: $(READY)
+screenshots: $(READY) kernels
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/screenshots.py docs/gallery
 
 clean:

@@ -1,12 +1,22 @@
-"""What all tests share: compiled kernels, which two workers may want to keep at once."""
+"""What all tests share: compiled kernels, as new as their sources, kept by one worker at a time."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+FRESH_KERNELS = Path(__file__).parents[1] / "tools" / "fresh_kernels.py"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let no test run code that was compiled before its last edit."""
+    if not hasattr(config, "workerinput"):
+        subprocess.run([sys.executable, FRESH_KERNELS], check=True)
 
 
 @pytest.fixture(scope="session", autouse=True)

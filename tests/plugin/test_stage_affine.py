@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from both_backends import assert_alike, pictures_of_both
 
 from conftest import canvas, complaints
 from napari_unpack.appearance import TransferFunction
@@ -146,18 +147,7 @@ def test_both_backends_draw_the_same_at_rest_and_in_the_air(placed) -> None:
     assert stage.settle(60)
     stage.unpack(2)
     session.clock = lambda: 100.1
-    pictures = {}
-    for backend in ("cpu", "gl"):
-        stage.backend = backend
-        for _ in range(3):
-            stage.step(20)
-        assert stage.casts_with == backend
-        assert sorted(stage.transition.shots) == sorted(session.flights)
-        pictures[backend] = canvas(viewer)
-    difference = np.abs(pictures["gl"] - pictures["cpu"]).max(axis=2)
-    # Outlines of what moves are cast on pixels of another size; all else is the same.
-    assert np.quantile(difference, 0.97) <= 3.0
-    assert difference.mean() < 0.8
+    assert_alike(pictures_of_both(viewer, stage))
     stage.finish()
     stage.backend = "cpu"
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from both_backends import assert_alike, pictures_of_both
 
 from conftest import canvas
 from napari_unpack.geometry.boxes import differing_box
@@ -53,20 +54,7 @@ def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbo
     session.clock = lambda: 100.0
     stage.unpack(2)
     session.clock = lambda: 100.15
-    pictures = {}
-    for backend in ("cpu", "gl"):
-        stage.backend = backend
-        for _ in range(3):
-            stage.step(20)
-        assert stage.casts_with == backend
-        assert isinstance(stage.packed.shot, LiveShot) == (backend == "gl")
-        assert sorted(stage.transition.shots) == sorted(session.flights)
-        pictures[backend] = canvas(viewer)
-    assert pictures["cpu"].std() > 10
-    difference = np.abs(pictures["gl"] - pictures["cpu"]).max(axis=2)
-    # Outlines of what moves are cast on pixels of another size; all else is the same.
-    assert np.quantile(difference, 0.97) <= 3.0
-    assert difference.mean() < 0.8
+    assert_alike(pictures_of_both(viewer, stage))
     stage.finish()
     assert stage.settle(30)
 

@@ -1,8 +1,7 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from phantoms import packed, scanned, two_balls
+from real_scans import real_scan
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation import score, segment
@@ -10,7 +9,6 @@ from napari_unpack.segmentation.grainy import flattened, is_grainy, to_half_heig
 from napari_unpack.segmentation.region import default_smallest
 
 MM = (1.0, 1.0, 1.0)
-CELLS = Path(__file__).parents[3] / "shared" / "data" / "cells.npz"
 
 
 def nuclei(seed, grain, shape=(48, 80, 80), count=22):
@@ -124,11 +122,10 @@ def test_without_millimetres_the_smallest_object_is_counted_in_voxels():
     np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.skipif(not CELLS.exists(), reason=f"needs {CELLS.name}: nuclei of real plants")
 def test_the_nuclei_of_a_real_plant():
-    with np.load(CELLS) as data:
-        spacing = tuple(float(s) for s in data["spacing"])
-        found = score(data["labels"], segment(data["volume"], spacing).labels)
+    scan = real_scan("cells")
+    spacing = tuple(float(s) for s in scan["spacing"])
+    found = score(scan["labels"], segment(scan["volume"], spacing).labels)
     # A watershed in the same foreground has 0.49 at best.
     assert found["f1"] > 0.7
 

@@ -1,11 +1,9 @@
 """What is dense in something soft is an object; the same in something rigid is a part of it."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from phantoms import ball, box, scanned
+from real_scans import real_scan
 
 from napari_unpack.segmentation.inclusions import take_out_inclusions
 
@@ -114,11 +112,8 @@ def test_where_everything_is_metal_nothing_is_taken():
 @pytest.fixture
 def pocket():
     """A part of the backpack with three of its buttons, in cloth."""
-    path = Path(os.environ.get("UNPACK_DATA", "data")) / "backpack.npz"
-    if not path.exists():
-        pytest.skip(f"no {path}; the same is tested with beads in cloth")
-    with np.load(path) as data:
-        return data["volume"][:70, 60:120, 80:180], tuple(data["spacing"].tolist())
+    scan = real_scan("backpack")
+    return scan["volume"][:70, 60:120, 80:180], tuple(scan["spacing"].tolist())
 
 
 def test_the_backpacks_buttons_are_objects(pocket):

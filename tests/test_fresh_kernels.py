@@ -1,0 +1,77 @@
+"""No compiled kernel outlives an edit of what it inlines from another module."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOOL = Path(__file__).parents[1] / "tools" / "fresh_kernels.py"
+
+KERNEL = """
+from numba import njit
+from room.helper import twice
+
+@njit(cache=True)
+def asked(x):
+    return twice(x)
+"""
+HELPER = """
+from numba import njit
+from room.amount import TIMES
+
+@njit
+def twice(x):
+    return TIMES * x
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    folder = tmp_path / "room"
+    folder.mkdir()
+    for name, text in {"kernel": KERNEL, "helper": HELPER, "amount": "TIMES = 2\n"}.items():
+        write(folder / f"{name}.py", text, 1000)
+    (folder / "__init__.py").touch()
+    os.utime(folder / "__init__.py", (1000, 1000))
+    return folder
+
+
+def write(path, text, when):
+    path.write_text(text)
+    os.utime(path, (when, when))
+
+
+def answer(room):
+    command = "from room.kernel import asked; print(asked(21))"
+    told = subprocess.run(
+        [sys.executable, "-c", command], cwd=room.parent, check=True, capture_output=True, text=True
+    )
+    return int(told.stdout)
+
+
+def freshen(room):
+    subprocess.run([sys.executable, TOOL, room.parent], check=True)
+
+
+def kernels(room):
+    return sorted(p.name for p in (room / "__pycache__").glob("kernel.asked*.nb?"))
+
+
+def test_an_edit_two_imports_away_is_seen(room):
+    assert answer(room) == 42
+    later = (room / "__pycache__" / kernels(room)[0]).stat().st_mtime + 5
+    write(room / "amount.py", "TIMES = 3\n", later)
+    assert answer(room) == 42, "numba notices this by itself now: the tool can go"
+    freshen(room)
+    assert answer(room) == 63
+
+
+def test_what_is_younger_than_its_modules_is_kept(room):
+    assert answer(room) == 42
+    kept = kernels(room)
+    assert len(kept) == 2
+    write(room / "another.py", "from room import kernel\n", 4e9)
+    freshen(room)
+    assert kernels(room) == kept
