@@ -88,6 +88,23 @@ class Scenes:
         colors[0] = 0
         return colors.astype(np.float32)
 
+    def tinted(self, backend: str) -> Any:
+        """Cast a frame of `packing` in its tints, with either backend."""
+        from napari_unpack.imaging import cast_tinted
+
+        return cast_tinted(
+            self.packing.volume,
+            self.packing.labels,
+            MM,
+            self.camera,
+            self.transfer_function,
+            self.tints,
+            self.canvas,
+            shading=SHADING,
+            bricks=self.bricks,
+            backend=backend,
+        )
+
     @cached_property
     def vtk(self) -> Callable[[], Any]:
         """Casts a frame of `packing` with VTK's ray caster for the CPU."""
