@@ -48,6 +48,8 @@ def used():
     s.unpack(4)
     first = next(iter(s.poses))
     s.place(first, replace(s.poses[first], center=np.array([0.0, 11.0, -7.0]), scale=1.25))
+    turned = next(i for i in s.poses if i != first)
+    s.turn(turned, s.poses[turned].rotation[[2, 0, 1]])
     s.go_to(5)
     s.go_to(3)
     s.rename(7, "a knife")
@@ -64,7 +66,10 @@ def used():
 
 def everything(s):
     berths = {
-        i: (b.slot, b.rotation.tolist(), b.picture_mm, b.group, np.asarray(b.direction).tolist())
+        i: (
+            (b.slot, b.rotation.tolist(), b.group, np.asarray(b.direction).tolist()),
+            (b.picture_mm, b.within, b.turned_mm),
+        )
         for i, b in s._situation.out.items()
     }
     poses = {i: (p.center.tolist(), p.rotation.tolist(), p.scale) for i, p in s.poses.items()}

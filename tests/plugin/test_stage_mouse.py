@@ -62,6 +62,9 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     assert viewer.scene.camera.angles == angles
     assert viewer.scene.camera.mouse_pan
 
+    # Turned, it waits in its slot as before: there it keeps clear of all others.
+    assert session._situation.out[out].placed is None
+
     drag(widget, at_front, QPoint(40, 25), qtbot)
     qtbot.waitUntil(lambda: viewer.scene.camera.angles != angles, timeout=20000)
 
@@ -73,6 +76,24 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(5, 5))
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=20000)
     assert viewer.scene.camera.zoom == zoom
+
+
+def test_a_sprite_is_never_carried_out_of_the_window(staged, session, qtbot) -> None:
+    viewer, stage = staged
+    stage.recolor_at_rest = False
+    (out,) = stage.unpack(1)
+    stage.finish()
+    assert stage.settle(30)
+    widget, shift = native(viewer), Qt.KeyboardModifier.ShiftModifier
+    at_sprite = logical(stage, session.poses[out].center)
+    drag(widget, at_sprite, QPoint(-2000, 60), qtbot, shift)
+    qtbot.waitUntil(lambda: logical(stage, session.poses[out].center) != at_sprite, timeout=20000)
+    there = logical(stage, session.poses[out].center)
+    assert (there.x(), there.y()) == (pytest.approx(0, abs=1), at_sprite.y() + 60)
+    assert stage.settle(30)
+    # It can be taken hold of again, and carried back.
+    drag(widget, QPoint(6, there.y()), QPoint(200, 0), qtbot, shift)
+    qtbot.waitUntil(lambda: logical(stage, session.poses[out].center).x() > 190, timeout=20000)
 
 
 def test_alt_clicks_at_one_place_step_through_all_objects_there(

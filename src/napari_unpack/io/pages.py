@@ -172,7 +172,7 @@ def _picture(session: Any, object_id: int, backend: str) -> str:
     )
     held = berth.rotation if berth.placed is None else berth.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
-    pixels = 2 * SIDE / max(berth.picture_mm)
+    pixels = 2 * SIDE / max(berth.turned_mm or berth.picture_mm)
     patch = sprite_patch(session, object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -87,9 +86,9 @@ class Director:
         """Turn an object under the hand."""
         if self.inspection is not None and self.inspection.object_id == object_id:
             self.inspection = self.inspection.turned(rotation)
-        elif object_id in self.turning or object_id in self._session.poses:
+        elif object_id in self._session.poses:
             pose = self.turning.get(object_id) or self._session.poses[object_id]
-            self.turning[object_id] = replace(pose, rotation=rotation @ pose.rotation)
+            self.turning[object_id] = self._session.pose_turned(object_id, rotation @ pose.rotation)
 
     def begin_inspection(self, object_id: int, frame: Frame, now: float) -> None:
         """Bring an object to the middle of the view."""

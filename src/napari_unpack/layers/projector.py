@@ -207,7 +207,7 @@ class Projector:
             self._director.landed(one.object_id, pose)
             self._show_sprites()
         else:
-            self._place(one.object_id, replace(pose, rotation=one.rotation))
+            self._hold(one.object_id, one.rotation)
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
         """Turn an object under the hand."""
@@ -218,8 +218,8 @@ class Projector:
     def turned(self, object_id: int) -> None:
         """Let go of an object that was turned."""
         pose = self._director.turning.pop(object_id, None)
-        if pose is not None:
-            self._place(object_id, pose)
+        if pose is not None and object_id in self.session.poses:
+            self._hold(object_id, pose.rotation)
         self._clock.start()
 
     def rotation_of(self, object_id: int) -> Matrix:
@@ -238,7 +238,10 @@ class Projector:
             return
         camera = self.frame.camera
         mm = camera.height / self.frame.size[0] * (1.0 - pose.center[0] / camera.distance)
-        center = pose.center + mm * np.array([0.0, *pixels])
+        # Never out of the window, where nobody could take hold of it again.
+        rows, cols = self.frame.size
+        edge = mm * np.array([0.0, rows, cols]) / 2
+        center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)
         self._director.carried[object_id] = replace(pose, center=center)
         self._show_sprites()
 
@@ -299,9 +302,9 @@ class Projector:
         self._dim(DIMMED if wanted else 1.0)
         self._clock.start()
 
-    def _place(self, object_id: int, pose: Any) -> None:
-        self._director.landed(object_id, pose)
-        self.session.place(object_id, pose)
+    def _hold(self, object_id: int, rotation: Matrix) -> None:
+        self._director.landed(object_id, self.session.pose_turned(object_id, rotation))
+        self.session.turn(object_id, rotation)
         self._show_sprites()
 
     def _tick(self, now: float) -> None:

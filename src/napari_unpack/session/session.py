@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer
 from napari_unpack.session.checks import checked_count, checked_ids
 from napari_unpack.session.errors import BlockedError, NoTableError
-from napari_unpack.session.state import Situation
+from napari_unpack.session.state import Berth, Situation
 from napari_unpack.session.steps import SessionSteps
 from napari_unpack.unpacking import named
 
@@ -173,12 +173,53 @@ class Session(SessionSteps):
         ValueError
             If it is not outside the bag.
         """
+        berth = replace(self._outside(object_id), placed=pose, within=self.slots.window_mm)
+        if not np.array_equal(berth.rotation, pose.rotation):
+            picture = self.bag.picture(object_id, pose.rotation, self._camera.stretch)
+            berth = berth.turned(pose.rotation, picture)
+        out = {**self._situation.out, object_id: berth}
+        self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
+
+    def pose_turned(self, object_id: int, rotation: Matrix) -> Pose:
+        """Return the pose an unpacked object would have, held another way in its place.
+
+        Its picture keeps its size, unless it would stand out of its place so.
+
+        Raises
+        ------
+        ValueError
+            If it is not outside the bag.
+        """
+        return self._pose(self._turned(object_id, rotation))
+
+    def turn(self, object_id: int, rotation: Matrix) -> None:
+        """Hold an unpacked object another way; successive turns and moves are one step.
+
+        Parameters
+        ----------
+        object_id : int
+        rotation : (3, 3) ndarray of float64
+            From (stretched) world axes to pivot axes.
+
+        Raises
+        ------
+        ValueError
+            If it is not outside the bag.
+        """
+        berth = self._turned(object_id, rotation)
+        out = {**self._situation.out, object_id: berth}
+        self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
+
+    def _turned(self, object_id: int, rotation: Matrix) -> Berth:
+        berth = self._outside(object_id)
+        picture = self.bag.picture(object_id, rotation, self._camera.stretch)
+        return berth.turned(rotation, picture)
+
+    def _outside(self, object_id: int) -> Berth:
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         if object_id not in self._situation.out:
             raise ValueError(f"object_id must be an unpacked object, got {object_id}")
-        berth = replace(self._situation.out[object_id], placed=pose)
-        out = {**self._situation.out, object_id: berth}
-        self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
+        return self._situation.out[object_id]
 
     def _forget_answers(self) -> None:
         super()._forget_answers()

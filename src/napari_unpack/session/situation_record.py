@@ -109,6 +109,8 @@ def _berth(object_id: int, berth: Berth) -> dict[str, Any]:
             "rotation": np.asarray(placed.rotation).tolist(),
             "scale": float(placed.scale),
         },
+        "within": None if berth.within is None else list(berth.within),
+        "turned_mm": None if berth.turned_mm is None else list(berth.turned_mm),
     }
 
 
@@ -120,13 +122,28 @@ def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int,
             f"a departure must name an object of its group and a slot below {count}, got object "
             f"{object_id}, group {group}, slot {slot}"
         )
-    width, height = (float(v) for v in fields.array("picture_mm", (2,)))
     placed = None
     if fields.has("placed"):
         part = fields.part("placed")
         placed = Pose(part.array("center", (3,)), part.rotation(), part.positive("scale"))
     direction = fields.array("direction", (3,))
-    return object_id, Berth(slot, fields.rotation(), (width, height), direction, group, placed)
+    return object_id, Berth(
+        slot,
+        fields.rotation(),
+        _lengths(fields, "picture_mm"),
+        direction,
+        group,
+        placed,
+        _lengths(fields, "within") if fields.has("within") else None,
+        _lengths(fields, "turned_mm") if fields.has("turned_mm") else None,
+    )
+
+
+def _lengths(fields: Fields, name: str) -> tuple[float, float]:
+    first, second = (float(v) for v in fields.array(name, (2,)))
+    if not (first > 0 and second > 0):
+        raise ValueError(f"a departure's {name} must be two positive numbers, got {first, second}")
+    return first, second
 
 
 def _read_ahead(

@@ -42,13 +42,18 @@ class Berth:
     rotation : (3, 3) ndarray of float64
         How it is held, from (stretched) world axes to pivot axes.
     picture_mm : (float, float)
-        Width and height of its picture at scale 1.
+        Width and height of its picture at scale 1, as it was held when it left.
     direction : (3,) ndarray of float64
         The D along which it left, world.
     group : tuple of int
         The objects that left with it, itself included.
     placed : Pose, optional
         Where a person put it, in place of the slot.
+    within : (float, float), optional
+        Height and width in mm of the window it was put into; in another window it keeps its
+        share of the way from the middle to the edge.
+    turned_mm : (float, float), optional
+        Width and height of its picture as a person turned it.
     """
 
     slot: int
@@ -57,14 +62,26 @@ class Berth:
     direction: Vector
     group: tuple[int, ...]
     placed: Pose | None = None
+    within: tuple[float, float] | None = None
+    turned_mm: tuple[float, float] | None = None
 
     def pose(self, slots: Slots, stretch: Matrix) -> Pose:
         """Return its pose in pivot space, where the bag is stretched so (`Camera.stretch`)."""
-        if self.placed is not None:
-            same = np.array_equal(self.placed.stretch, stretch)
-            return self.placed if same else replace(self.placed, stretch=stretch)
         scale = slots.scale(*self.picture_mm)
-        return Pose(slots.centers[self.slot], self.rotation, scale, stretch)
+        if self.turned_mm is not None:
+            scale = min(scale, slots.cell_mm / max(self.turned_mm))
+        if self.placed is None:
+            return Pose(slots.centers[self.slot], self.rotation, scale, stretch)
+        placed = replace(self.placed, stretch=stretch)
+        if self.within is None or self.within == slots.window_mm:
+            return placed
+        share = np.divide(slots.window_mm, self.within)
+        return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
+
+    def turned(self, rotation: Matrix, picture_mm: tuple[float, float]) -> Berth:
+        """Return it held another way, with that picture: it stays in its place and fits there."""
+        placed = None if self.placed is None else replace(self.placed, rotation=rotation)
+        return replace(self, rotation=rotation, placed=placed, turned_mm=picture_mm)
 
     def mirrored(self) -> Berth:
         """Return it for a bag that is mirrored from now on, its picture mirrored likewise."""

@@ -3,7 +3,7 @@
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
 from napari_unpack.unpacking.groups import Blocking, groups, reveal
 from napari_unpack.unpacking.occlusion import free_ids, ratios
-from napari_unpack.unpacking.oriented_box import OrientedBox, oriented_box, outline
+from napari_unpack.unpacking.oriented_box import OrientedBox, hull_vertices, oriented_box, outline
 from napari_unpack.unpacking.path import Flight, clearance
 from napari_unpack.unpacking.posture import broad_side, picture_size
 from napari_unpack.unpacking.queue import Queue
@@ -24,6 +24,7 @@ __all__ = [
     "clearance",
     "free_ids",
     "groups",
+    "hull_vertices",
     "named",
     "oriented_box",
     "outline",

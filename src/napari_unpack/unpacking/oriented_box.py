@@ -95,7 +95,7 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
     cloud = np.asarray(points, dtype=np.float64)
     # A cross for every point keeps the hull solid, however flat the points are.
     half = np.maximum(np.asarray(thickness, dtype=np.float64), 1e-3) / 2
-    vertices = _hull_vertices(_outermost(cloud))
+    vertices = hull_vertices(cloud)
     solid = (vertices[:, None] + np.concatenate([np.diag(half), -np.diag(half)])[None]).reshape(
         -1, 3
     )
@@ -121,6 +121,21 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
     if np.linalg.det(axes) < 0:
         axes[2] *= -1
     return OrientedBox(middle, axes, size[order])
+
+
+def hull_vertices(points: ArrayLike) -> NDArray[np.float64]:
+    """Return the corners of a cloud's convex hull; of round things some, within half a per cent.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like
+        World mm, at least one.
+
+    Returns
+    -------
+    (m, 3) ndarray of float64
+    """
+    return _hull_vertices(_outermost(np.asarray(points, dtype=np.float64)))
 
 
 def _outermost(cloud: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,8 +42,8 @@ class Slots:
     least_mm : float
         A sprite's longer side is at least this: `LEAST_PIXELS` pixels, or the cell's side where
         that is smaller.
-    height_mm : float
-        Visible height at which the plan holds: the camera's `height`.
+    height_mm, width_mm : float
+        Visible height and width at which the plan holds: the camera's `height`.
     bag_radius_px : float
         Radius of the bag's circle on the screen, perspective included.
     visible : int
@@ -54,8 +54,14 @@ class Slots:
     cell_mm: float
     least_mm: float
     height_mm: float
+    width_mm: float
     bag_radius_px: float
     visible: int
+
+    @property
+    def window_mm(self) -> tuple[float, float]:
+        """Visible height and width, mm."""
+        return self.height_mm, self.width_mm
 
     def scale(self, width_mm: float, height_mm: float) -> float:
         """Return the enlargement of a sprite whose picture at scale 1 has this width and height.
@@ -123,7 +129,7 @@ def arrange(
     mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
     centers = np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1)
     least = min(float(least_pixels), side)
-    return Slots(centers, side * mm, least * mm, height * mm, radius, visible)
+    return Slots(centers, side * mm, least * mm, height * mm, width * mm, radius, visible)
 
 
 def _best_plan(

@@ -1,0 +1,92 @@
+"""Sprites that a person turned or moved, in windows of every shape."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bags import session_of
+
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.session import Session
+
+SHAPES = [(600, 900), (300, 1500), (950, 260), (90, 120), (1000, 1000)]
+
+
+def rods(count: int = 5) -> np.ndarray:
+    """Long rods side by side, of different lengths, all free along z."""
+    labels = np.zeros((8, 6 * count + 2, 44), np.uint16)
+    for i in range(count):
+        labels[2:6, 6 * i + 2 : 6 * i + 6, 2 : 42 - 3 * i] = i + 1
+    return labels
+
+
+@pytest.fixture
+def unpacked() -> Session:
+    session = session_of(rods())
+    session.canvas_size = SHAPES[0]
+    session.unpack(5)
+    return session
+
+
+def rectangle(session: Session, object_id: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the (down, right) ends in mm of all an object's voxels where its sprite is."""
+    pose = session.poses[object_id]
+    voxels = np.argwhere(session.labels == object_id)
+    corners = (voxels[:, None] + np.indices((2, 2, 2)).reshape(3, 8).T - 0.5).reshape(-1, 3)
+    center = session.boxes.center(object_id, session.spacing)
+    flat = transform_points(pose.pivot_from_world(center), corners)[:, 1:]
+    return flat.min(axis=0), flat.max(axis=0)
+
+
+def test_turned_sprites_overlap_nobody_in_a_window_of_any_shape(unpacked: Session) -> None:
+    rng = np.random.default_rng(5)
+    for object_id in unpacked.ids:
+        for _ in range(3):
+            way = rotation_about(rng.normal(size=3), rng.uniform(0.3, 3.0))
+            unpacked.turn(object_id, way @ unpacked.poses[object_id].rotation)
+    for shape in SHAPES:
+        unpacked.canvas_size = shape
+        found = [rectangle(unpacked, i) for i in unpacked.ids]
+        for k, (low, high) in enumerate(found):
+            assert (np.abs([low, high]) <= np.array(unpacked.slots.window_mm) / 2).all()
+            for other_low, other_high in found[:k]:
+                assert ((high <= other_low) | (other_high <= low)).any(), shape
+
+
+def test_a_turn_keeps_the_size_where_there_is_room_and_is_given_back(unpacked: Session) -> None:
+    before = unpacked.poses[5]
+    end_on = rotation_about((0.0, 1.0, 0.0), np.pi / 2)
+    unpacked.turn(5, end_on)
+    # Seen from its end it is a small square, and no larger than it was.
+    assert unpacked.poses[5].scale == pytest.approx(before.scale)
+    assert unpacked.pose_turned(5, before.rotation).scale == pytest.approx(before.scale)
+    # From corner to corner the longest rod is longer than its place.
+    held = unpacked.poses[1]
+    askew = rotation_about((1.0, 0.0, 0.0), np.pi / 4)
+    assert unpacked.pose_turned(1, askew).scale <= held.scale
+    unpacked.undo()
+    assert np.array_equal(unpacked.poses[5].rotation, before.rotation)
+    unpacked.restore([1])
+    with pytest.raises(ValueError, match="unpacked object, got 1"):
+        unpacked.turn(1, askew)
+
+
+def test_a_moved_sprite_keeps_its_share_of_the_way_to_the_edge(unpacked: Session) -> None:
+    height, width = unpacked.slots.window_mm
+    center = np.array([0.0, -0.4 * height, 0.45 * width])
+    put = replace(unpacked.poses[2], center=center)
+    unpacked.place(2, put)
+    assert unpacked.poses[2].center == pytest.approx(center)
+    assert unpacked.poses[2].scale == put.scale
+    for shape in SHAPES:
+        unpacked.canvas_size = shape
+        height, width = unpacked.slots.window_mm
+        assert unpacked.poses[2].center == pytest.approx([0.0, -0.4 * height, 0.45 * width])
+        assert unpacked.poses[2].scale == pytest.approx(
+            unpacked.slots.scale(*unpacked._situation.out[2].picture_mm)
+        )
+    unpacked.canvas_size = SHAPES[0]
+    assert unpacked.poses[2].center == pytest.approx(center)
