@@ -30,6 +30,7 @@ ORDER = (
     "plugin_start",
     "gpu",
     "card_memory",
+    "sprite_memory",
 )
 
 
