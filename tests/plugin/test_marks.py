@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from conftest import canvas
-from napari_unpack.layers.marks import TOGETHER
+from napari_unpack.layers.marks import FREE, LEAST, TOGETHER, Marks
 from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
 
@@ -79,3 +79,12 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
     assert set(session.states.values()) == {ObjectState.UNPACKED}
     assert session.free_groups() == ()
     stage.close()
+
+
+def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
+    packed, marks = frozenset({1, 2, 3}), Marks(free=True)
+    assert marks.inks(packed, [], 2) == {2: LEAST}
+    assert marks.inks(packed, [(1,)], 2) == {1: FREE}
+    assert marks.inks(packed, [(1, 3)]) == {1: TOGETHER, 3: TOGETHER}
+    assert marks.inks(packed, []) == {}
+    assert Marks().inks(packed, [], 2) == {}

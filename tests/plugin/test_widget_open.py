@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
 from widget_phantoms import at_rest, press, stage_with, states
 
 from conftest import canvas
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.layers import compat
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from tin import tin
 
@@ -54,13 +57,20 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
 def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     studied: Any, qtbot: QtBot
 ) -> None:
-    _, panel, outer, mine = studied
+    viewer, panel, outer, mine = studied
+    view = {name: getattr(viewer.scene.camera, name) for name in ("center", "zoom", "angles")}
     bench = panel.workbench
     hue = mine.colormap.map(np.array([1, 2]))
+    at_rest(bench.stage, qtbot)
+    bench.stage.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
+    held = bench.stage.rotation_of(1).copy()
     press(qtbot, panel.unpack.studied.open)
     assert bench.is_inside
     inner = bench.session
     assert inner is not outer
+    # It lies as it was held, its wall off what is in it.
+    np.testing.assert_allclose(inner.camera.rotation, held, atol=1e-6)
+    assert list(states(inner).values()) == ["UNPACKED", "PACKED", "PACKED"]
     assert len(inner.ids) == 3
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     inner.recolor()
@@ -71,12 +81,20 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     qtbot.waitUntil(panel.unpack.next.isEnabled, timeout=10000)
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(lambda: not bench.stage.flying, timeout=20000)
-    assert list(states(inner).values()).count("UNPACKED") >= 1
+    assert list(states(inner).values()).count("UNPACKED") == 2
     assert set(states(outer).values()) == {"PACKED"}
 
     assert panel.unpack.outside.isVisibleTo(panel)
-    press(qtbot, panel.unpack.outside)
+    # Escape ends first what was begun last.
+    canvas_widget = compat.native_canvas(viewer).native
+    bench.inspect(1)
+    qtbot.keyClick(canvas_widget, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: states(inner)[1] == "UNPACKED", timeout=20000)
+    assert bench.is_inside
+    qtbot.keyClick(canvas_widget, Qt.Key.Key_Escape)
     assert bench.session is outer
+    for name, value in view.items():
+        np.testing.assert_allclose(getattr(viewer.scene.camera, name), value, atol=1e-4)
     assert not bench.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     assert bench.stage.in_slice((10, 10, 10)) == 1

@@ -12,9 +12,11 @@ from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 from widget_phantoms import press, stage_with, states
 
+from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.reveal_box import sentence
+from napari_unpack.widgets.unpacking_widget import WIDTH as UNPACKING_WIDTH
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 
@@ -52,7 +54,7 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     panel.unpack.reveal_selected()
     box = panel.unpack.box
     qtbot.waitUntil(box.isVisible, timeout=60000)
-    assert "1 object must leave first, up." in box.news.text()
+    assert "1 object must leave first, towards you and up." in box.news.text()
     assert stage.overlays._marks.buried == 1
     assert stage.overlays._marks.leaving == {2}
     row = panel.objects.model.row_of(2)
@@ -122,8 +124,11 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     qtbot.waitUntil(panel.unpack.way.isVisible, timeout=60000)
     best = session.way_out()
     assert f"({len(best.ids)} free)" in panel.unpack.way.text()
-    assert words_of(best.direction) in panel.unpack.way.text()
+    words = words_of(best.direction, session.camera)
+    assert words in panel.unpack.news.text().lower()
     assert "leaves next" in panel.unpack.news.text()
+    # However long the words are, the panel gets no wider than its place.
+    assert panel.unpack.minimumSizeHint().width() < UNPACKING_WIDTH
     press(qtbot, panel.unpack.way)
     np.testing.assert_allclose(session.unpack_direction, best.direction, atol=1e-9)
 
@@ -172,15 +177,21 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
 
 
 @pytest.mark.parametrize(
-    ("direction", "words"),
+    ("looking", "direction", "words"),
     [
-        ((0, -1, 0), "up"),
-        ((0.7, 0, -0.71), "to the left and to the front"),
-        ((0.58, 0.58, 0.58), "to the front, down and to the right"),
+        ((-1, 0, 0), (0, -1, 0), "up"),
+        ((-1, 0, 0), (0.7, 0, -0.71), "to the left and towards you"),
+        ((-1, 0, 0), (0.58, 0.58, 0.58), "towards you, down and to the right"),
+        # From the other side left is right.
+        ((1, 0, 0), (0.7, 0, -0.71), "to the right and away from you"),
+        ((0, 1, 0), (0, -3, 0), "towards you"),
     ],
 )
-def test_directions_in_words(direction: tuple[float, ...], words: str) -> None:
-    assert words_of(direction) == words
+def test_directions_in_words(
+    looking: tuple[float, ...], direction: tuple[float, ...], words: str
+) -> None:
+    camera = Camera.looking(looking, (0, 0, 1) if looking[1] else None, (0, 0, 0), 10.0)
+    assert words_of(direction, camera) == words
 
 
 def test_sentences_about_what_must_leave() -> None:

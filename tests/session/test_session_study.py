@@ -10,10 +10,10 @@ import pytest
 
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import transform_points
-from napari_unpack.geometry.transforms import packed_pose
+from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session import Session
-from napari_unpack.session.opening import opened, parts_by_density
+from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.opening import opened, parts_by_density, surrounded
 from napari_unpack.session.pictures import object_patch, packed_patch
 from napari_unpack.session.record import record_of, session_from
 from napari_unpack.session.study import Study, cut_open, facts_of
@@ -87,6 +87,10 @@ def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
     assert inner.spacing.tolist() == list(SPACING)
     assert str(inner.objects["name"].iloc[0]) == "Object 1, part 1"
     inner.backend = "cpu"
+    # The wall is off what it surrounds, as if it had always been.
+    assert inner.states[1] is ObjectState.UNPACKED
+    assert [inner.states[i] for i in (2, 3)] == [ObjectState.PACKED] * 2
+    assert inner.history.undo(inner._situation) is None
     assert inner.unearthing(inner.ids[-1]).ids
     assert session.labels[10, 10, 10] == 1
     with pytest.raises(ValueError, match="same density"):
@@ -101,6 +105,32 @@ def test_a_container_of_known_contents_is_opened_into_them():
     )
     inner = opened(Session(volume, labels, SPACING, table), 1)
     assert inner.objects["name"].to_dict() == {1: "Tin", 3: "Key"}
+    assert inner.states == {1: ObjectState.UNPACKED, 3: ObjectState.PACKED}
+
+
+@pytest.mark.parametrize("lid", [True, False])
+def test_what_stands_in_a_cup_is_its_contents_and_leaves_it_piece_by_piece(lid):
+    labels = np.zeros((20, 20, 20), np.uint16)
+    labels[2:18, 2:18, 2:18] = 1
+    labels[4 if lid else 2 : 16, 4:16, 4:16] = 0
+    labels[5:15, 5:9, 5:15], labels[5:15, 10:15, 5:15] = 4, 5
+    labels[5:15, 5:15, 18:20] = 6  # beside it, not in it
+    session = Session(1000.0 * (labels > 0), labels)
+    assert surrounded(labels, 1) == {4, 5}
+    assert surrounded(labels, 4) == set()
+    turn = rotation_about((0.3, 1.0, 0.2), 0.7)
+    inner = opened(session, 1, turn)
+    np.testing.assert_allclose(inner.camera.rotation, turn)
+    assert inner.ids == (1, 4, 5)
+    assert inner.states[1] is ObjectState.UNPACKED
+    inner.direction = "+y"
+    assert inner.unpack() == (5,)
+    # Put back, it can be taken off again, though nothing in it is free.
+    inner.restore([1])
+    assert inner.unpack() == (1,)
+    assert inner.states[4] is ObjectState.PACKED
+    with pytest.raises(ValueError, match="must be a packed object"):
+        inner.take_off(1)
 
 
 def test_what_an_object_has_of_its_own_is_kept_in_sessions(session):

@@ -90,6 +90,10 @@ class Hands:
         """Let go of an object that was turned."""
         self._projector.turned(object_id)
 
+    def put_back(self) -> None:
+        """End an inspection at once: the view is again what it was before."""
+        self._projector.end_inspection()
+
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, from world axes to pivot axes."""
         return self._projector.rotation_of(object_id)

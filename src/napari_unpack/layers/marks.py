@@ -24,6 +24,7 @@ FREE = Ink((1.0, 1.0, 1.0, 0.5))
 TOGETHER = Ink((1.0, 0.82, 0.4, 0.9), width=2)
 CHOSEN = Ink((1.0, 1.0, 1.0, 0.95), width=2)
 LEAVING = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
+LEAST = Ink((1.0, 0.55, 0.3, 0.9), width=2)
 BURIED = Ink((1.0, 0.75, 0.2, 1.0), width=2, fill=0.3)
 
 
@@ -34,7 +35,8 @@ class Marks:
     Parameters
     ----------
     free : bool
-        Whether those who can leave now are; those that leave together have an ink of their own.
+        Whether those who can leave now are; those that leave together have an ink of their own,
+        and so has the least blocked where nobody can.
     chosen : frozenset of int
         Who is selected.
     leaving : frozenset of int
@@ -48,7 +50,9 @@ class Marks:
     leaving: frozenset[int] = frozenset()
     buried: int = 0
 
-    def inks(self, packed: frozenset[int], groups: Iterable[Sequence[int]] = ()) -> dict[int, Ink]:
+    def inks(
+        self, packed: frozenset[int], groups: Iterable[Sequence[int]] = (), least: int = 0
+    ) -> dict[int, Ink]:
         """Return how those who are in the bag are marked, except the buried one.
 
         Parameters
@@ -57,9 +61,13 @@ class Marks:
             Who is in the bag.
         groups : iterable of sequence of int
             Who can leave now.
+        least : int
+            Who is blocked least, 0 while that is unknown.
         """
-        free = groups if self.free else ()
+        free = tuple(groups) if self.free else ()
         inks = {i: FREE if len(group) == 1 else TOGETHER for group in free for i in group}
+        if self.free and not free:
+            inks[least] = LEAST
         if self.buried:
             inks = dict.fromkeys(self.leaving, LEAVING)
         inks |= dict.fromkeys(self.chosen, CHOSEN)
@@ -131,7 +139,9 @@ class MarkPainter:
         if frame is None or self._session.flights:
             return
         packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")
-        inks = marks.inks(packed, self._session.free_groups() if marks.free else ())
+        groups = self._session.free_groups()
+        least = None if groups else self._session.least_blocked()
+        inks = marks.inks(packed, groups, 0 if least is None else least[0])
         buried = marks.buried if marks.buried in packed else 0
         if not inks and not buried:
             return

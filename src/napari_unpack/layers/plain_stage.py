@@ -9,6 +9,7 @@ import numpy as np
 from napari.layers import Labels
 from napari.utils.colormaps import DirectLabelColormap
 
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat, steering
 from napari_unpack.layers.at_rest import AtRest
@@ -140,6 +141,15 @@ class PlainStage:
 
     def leave(self) -> None:
         """Do nothing: there is no inspection here."""
+
+    def put_back(self) -> None:
+        """End an inspection."""
+        self.session.leave()
+
+    def rotation_of(self, _object_id: int) -> Matrix:
+        """Return how an object is held: as the bag is."""
+        rotation: Matrix = self.session.camera.rotation
+        return rotation
 
     def go_to(self, step: int, flying: bool = False) -> int:
         """Run the unpacking to a step; see `Session.go_to`."""

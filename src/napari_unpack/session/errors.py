@@ -31,3 +31,8 @@ def listed(names: Iterable[str]) -> str:
     if len(found) > 4:
         found = [*found[:3], f"{len(found) - 3} others"]
     return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+
+
+def share_of(ratio: float) -> str:
+    """Say a share for a sentence, never as the nothing that a small one rounds to."""
+    return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"

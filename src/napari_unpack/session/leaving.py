@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
-from napari_unpack.session.errors import NobodyFreeError, listed
+from napari_unpack.session.errors import NobodyFreeError, listed, share_of
 from napari_unpack.session.glimpse import Glimpse, SessionGlimpses
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
@@ -158,7 +158,7 @@ class SessionLeaving(SessionGlimpses):
     def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
         least = answer.least_occluded(packed) if answer else min(packed)
         ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
-        return f"{self._names([least])} is blocked least ({ratio:.1%} of it)"
+        return f"{self._names([least])} is blocked least ({share_of(ratio)} of it)"
 
     def _names(self, ids: Iterable[int]) -> str:
         names = self.objects["name"]

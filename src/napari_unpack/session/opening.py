@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix
 
 LEAST_SHARE = 0.004
 """Parts smaller than this share of the object are added to what is around them."""
@@ -13,21 +16,28 @@ LEAST_SHARE = 0.004
 MOST_PARTS = 40
 
 
-def opened(session: Any, object_id: int) -> Any:
-    """Return a session of what is inside an object.
+INSIDE = 2
+"""Along so many of the three axes an object stands on both sides of what lies in it."""
+
+
+def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
+    """Return a session of what is inside an object, the object itself taken off its contents.
 
     Parameters
     ----------
     session : Session
         Whose object; it is not changed.
     object_id : int
-        A container with contents of its own (column `parent` of `session.objects`), or any
-        object made of parts that differ in density.
+        A container with contents of its own (column `parent` of `session.objects`, or objects
+        that it surrounds), or any object made of parts that differ in density.
+    rotation : (3, 3) ndarray of float64, optional
+        How it is seen, from (stretched) world axes to pivot axes; by default as in the bag.
 
     Returns
     -------
     Session
-        On the object's box, everything else in it air, with the parts as its objects.
+        On the object's box, everything else in it air, with the parts as its objects. What
+        surrounds the other parts is outside already; they leave one by one.
 
     Raises
     ------
@@ -42,7 +52,7 @@ def opened(session: Any, object_id: int) -> Any:
     """
     window = session.boxes.slices(object_id, margin=2)
     labels = np.asarray(session.labels[window])
-    family = _family(session.objects, object_id)
+    family = _family(session.objects, object_id) | surrounded(labels, object_id)
     inside = np.isin(labels, list(family))
     volume = np.asarray(session.volume[window])
     parts = np.where(inside, labels, 0)
@@ -71,8 +81,52 @@ def opened(session: Any, object_id: int) -> Any:
     inner.transfer_function = (
         session.study(object_id).transfer_function or session.transfer_function
     )
+    camera = session.camera
+    inner.look(replace(camera, rotation=camera.rotation if rotation is None else rotation))
+    inner.look(inner.overview())
+    # One by one: by the rule a nest would leave as the group it came as.
+    inner.most_in_group, inner.take_least_occluded = 1, True
+    inner.rule, inner.tolerance = session.rule, session.tolerance
+    shell = object_id if object_id in ids else _shell(parts, ids)
+    if shell and len(ids) > 1:
+        inner.take_off(shell)
     inner.history.clear()
     return inner
+
+
+def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
+    """Return the objects that another one surrounds.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+        Object IDs.
+    object_id : int
+        Who may surround others.
+
+    Returns
+    -------
+    set of int
+        Objects of which more than half lies between parts of that one along two axes or three:
+        what is in a cup that is open at the top does.
+    """
+    mine = labels == object_id
+    sides = np.zeros(labels.shape, np.uint8)
+    for axis in range(3):
+        before = np.maximum.accumulate(mine, axis=axis)
+        behind = np.flip(np.maximum.accumulate(np.flip(mine, axis), axis=axis), axis)
+        sides += before & behind
+    inside = np.bincount(labels[(sides >= INSIDE) & ~mine & (labels > 0)])
+    whole = np.bincount(labels.ravel(), minlength=len(inside))[: len(inside)]
+    return {int(i) for i in np.flatnonzero(2 * inside > np.maximum(whole, 1))}
+
+
+def _shell(parts: NDArray[Any], ids: list[int]) -> int:
+    """Return the part that surrounds all others, 0 where there is none."""
+    for part in ids:
+        if len(surrounded(parts, part)) == len(ids) - 1:
+            return part
+    return 0
 
 
 def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[np.uint16]:

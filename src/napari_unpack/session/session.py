@@ -106,6 +106,17 @@ class Session(SessionSteps):
         self._do("reveal", situation)
         return tuple(left)
 
+    def take_off(self, object_id: int) -> None:
+        """Take an object out whatever it meets, as the lid of a container is taken off.
+
+        Raises
+        ------
+        ValueError
+            If the object is not packed.
+        """
+        object_id, _ = self._buried(object_id)
+        self._do("take off", self._leave(self._situation, (object_id,)))
+
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Put objects back into the bag, at the head of the queue.
 

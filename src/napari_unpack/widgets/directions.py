@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from napari_unpack.geometry.axes import unit
+from napari_unpack.geometry.view import Camera
+
 Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
 ALONG_ARROW = "Along the arrow"
@@ -22,8 +25,8 @@ DIRECTIONS: dict[str, Direction] = {
 """As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up."""
 
 
-WAYS = (("to the front", "to the back"), ("down", "up"), ("to the right", "to the left"))
-"""Of the axes z, y, x, towards larger and smaller coordinates."""
+WAYS = (("towards you", "away from you"), ("down", "up"), ("to the right", "to the left"))
+"""Of the axes of the picture, along them and against them."""
 
 
 def name_of(direction: Direction) -> str | None:
@@ -31,9 +34,22 @@ def name_of(direction: Direction) -> str | None:
     return next((name for name, each in DIRECTIONS.items() if each == direction), None)
 
 
-def words_of(direction: Sequence[float]) -> str:
-    """Say a vector in words, its largest part first: "up", "to the left and up"."""
-    vector = np.asarray(direction, dtype=float)
+def words_of(direction: Sequence[float], camera: Camera) -> str:
+    """Say which way a direction points as the bag is seen now: "up", "to the left and up".
+
+    Parameters
+    ----------
+    direction : (3,) sequence of float
+        World, z y x.
+    camera : Camera
+        Of the session.
+
+    Returns
+    -------
+    str
+        Its largest part first.
+    """
+    vector = unit(camera.linear @ np.asarray(direction, dtype=float))
     parts = [k for k in np.argsort(-np.abs(vector), kind="stable") if abs(vector[k]) > 0.25]
     words = [WAYS[k][int(vector[k] < 0)] for k in parts]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

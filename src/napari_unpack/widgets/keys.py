@@ -124,8 +124,10 @@ class Keys:
             self._repair.cancel()
         elif any(state.name == "INSPECTED" for state in session.states.values()):
             self._bench.leave()
-        else:
+        elif self._ways.shown:
             self._ways.forget()
+        else:
+            self._bench.leave_object()
 
 
 def _ignoring_its_owner(act: Callable[[], None]) -> Callable[[Any], None]:

@@ -22,6 +22,7 @@ class RevealBox(QWidget):
     def __init__(self, ways: Ways) -> None:
         super().__init__()
         self._ways = ways
+        self._found: Any = None
         self.news = label("", "hint", wrap=True)
         self.take = button("Unpack just those", "Fly them out, the buried one last.", True)
         self.cancel = button("Not now", "Show this no more (Escape).")
@@ -34,10 +35,17 @@ class RevealBox(QWidget):
 
     def show_found(self, one: Any, session: Any) -> None:
         """Say what must leave; None hides the box."""
+        self._found = one
         self.setVisible(one is not None)
-        if one is not None:
+        self.look(session)
+
+    def look(self, session: Any) -> None:
+        """Say which way it is in the picture of now."""
+        one = self._found
+        if one is not None and session is not None:
             name = str(session.objects["name"][one.target])
-            self.news.setText(sentence(name, len(one.first), words_of(one.direction)))
+            words = words_of(one.direction, session.camera)
+            self.news.setText(sentence(name, len(one.first), words))
 
 
 def sentence(name: str, first: int, way: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
+from napari_unpack.session.errors import share_of
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
 from napari_unpack.widgets.inspect_box import InspectBox
 from napari_unpack.widgets.notices import inform, spoken
@@ -66,7 +67,7 @@ class UnpackSection(Section):
         self.way = button("", "Let objects leave along the direction that frees the most.")
         self.box = RevealBox(ways)
         self.studied = InspectBox(workbench)
-        self.outside = button("Back to the bag", "Leave the opened object.", True)
+        self.outside = button("Back to the bag", "Leave the opened object (Escape).", True)
         self._arrange()
         self._connect()
         self._reload()
@@ -112,7 +113,8 @@ class UnpackSection(Section):
         self.marked = QCheckBox("Outline what is free")
         self.marked.setChecked(True)
         self.marked.setToolTip(
-            "Outline in the picture who can leave now; in yellow, who leaves together."
+            "Outline in the picture who can leave now; in yellow, who leaves together; in orange, "
+            "where nobody can, who is blocked least."
         )
         self.deep = QCheckBox("Gentle perspective")
         self.deep.setToolTip("Let what is nearer look larger, so that flights come towards you.")
@@ -288,9 +290,10 @@ class UnpackSection(Section):
         self.way.setVisible(stuck and self._best is not None)
         if self._best is not None:
             count = len(self._best.ids)
-            self.way.setText(f"Use this direction: {words_of(self._best.direction)} ({count} free)")
+            self.way.setText(f"Use that direction ({count} free)")
         if session is not None:
             self._show_direction()
+        self.box.look(session)
 
     def _sentence(self, packed: int, out: int, flying: int, inspected: bool) -> str:
         if inspected:
@@ -312,8 +315,7 @@ class UnpackSection(Section):
         which = "the least blocked"
         if least is not None:
             object_id, ratio = least
-            share = f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
-            which = f"{session.objects['name'][object_id]}, {share} hidden,"
+            which = f"{session.objects['name'][object_id]}, {share_of(ratio)} hidden,"
         said = (
             f"Every object is blocked this way; {which} leaves next."
             if session.take_least_occluded
@@ -322,5 +324,6 @@ class UnpackSection(Section):
         )
         if self._best is not None:
             count = len(self._best.ids)
-            said += f" {words_of(self._best.direction).capitalize()}, {count} would be free."
+            words = words_of(self._best.direction, session.camera)
+            said += f" {words.capitalize()}, {count} would be free."
         return said

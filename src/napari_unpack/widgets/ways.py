@@ -43,6 +43,11 @@ class Ways(QObject):
         """Whether rays are being cast."""
         return self._job.running
 
+    @property
+    def shown(self) -> bool:
+        """Whether it is shown what frees a buried object."""
+        return self._found is not None
+
     def look(self) -> None:
         """Find the best direction; `best` tells."""
         session = self._bench.session

@@ -50,7 +50,7 @@ class Workbench(QObject):
         self._heard.connect(self._gather)
         self._told.connect(notices.inform)
         self._links: list[tuple[Any, Any]] = []
-        self._outer: list[tuple[Any, Sequence[Any]]] = []
+        self._outer: list[tuple[Any, Sequence[Any], dict[str, Any]]] = []
 
     @property
     def session(self) -> Any:
@@ -109,10 +109,12 @@ class Workbench(QObject):
             self._ask_for_a_session()
             return
         with notices.spoken():
-            inner = opened(self.session, object_id)
-            outer = self.session, self.stage.sources
+            inner = opened(self.session, object_id, self.stage.rotation_of(object_id))
+            self.stage.put_back()
+            camera = self.viewer.scene.camera
+            view = {name: getattr(camera, name) for name in _VIEW}
+            outer = self.session, self.stage.sources, view
             settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
-            self.stage.leave()
             inner.tint_mode = self.session.tint_mode
             around = [*self._outer, outer]
             self.open(inner, outer[1], around=around[0][0], **settings)
@@ -122,10 +124,10 @@ class Workbench(QObject):
     def leave_object(self) -> None:
         """Go back to the bag that the opened object is from."""
         if self._outer:
-            *around, (session, sources) = self._outer
+            *around, (session, sources, view) = self._outer
             settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
-            session.leave()
             self.open(session, sources, around=around[0][0] if around else None, **settings)
+            self.viewer.scene.camera.update(view)
             self._outer = around
             self.staged.emit()
 
@@ -285,4 +287,5 @@ class Workbench(QObject):
         notices.inform("Segment a volume first, or choose its labels: step 1 of Virtual Unpacking.")
 
 
+_VIEW = ("center", "zoom", "angles", "perspective")
 _OUTSIDE = frozenset({"UNPACKED", "FLYING_OUT", "INSPECTED"})
