@@ -1,5 +1,6 @@
 """Films: playable, of the right size and length, whole or not there at all."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from scipy.linalg import polar
 
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
@@ -171,6 +173,27 @@ def test_a_turned_camera_goes_once_round(direction: Any) -> None:
         # Seen along the ground, half a turn shows the other side, upright still.
         np.testing.assert_allclose(half.direction, -camera.direction, atol=1e-12)
         np.testing.assert_allclose(half.up, camera.up, atol=1e-12)
+
+
+@pytest.mark.parametrize("looking", [(0.3, 0.2, 1.0), (0.1, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    "linear",
+    [np.diag([1.0, -1.0, 1.0]), np.diag([2.0, 1.0, -1.0]), [[1, 0.2, 0], [0, -1, 0.3], [0, 0, 1]]],
+)
+def test_a_bag_turns_the_same_way_however_its_layer_stands(looking: Any, linear: Any) -> None:
+    linear = np.asarray(linear, dtype=float)
+    straight = View(looking).camera((10, 10, 10), (1, 1, 1))
+    # linear = length x rotation @ stretch, the stretch symmetric.
+    rotation, stretch = polar(linear / np.cbrt(abs(np.linalg.det(linear))))
+    mirror = np.sign(np.linalg.det(rotation))
+    bent = replace(
+        straight, rotation=straight.rotation @ (mirror * rotation), stretch=mirror * stretch
+    )
+    up = linear.T @ [0, -1, 0]
+    for angle in (0.4, 3.0):
+        shown = turned(bent, angle, up).linear
+        wanted = turned(straight, angle).linear @ rotation @ stretch
+        np.testing.assert_allclose(shown, wanted, atol=1e-12)
 
 
 def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:

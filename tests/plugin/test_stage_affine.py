@@ -108,6 +108,24 @@ def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
     assert found == wanted
 
 
+def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed) -> None:
+    _, stage, labels = placed
+    session = stage.session
+    at = np.array([labels.data_to_world(c / 1.5) for c in np.vstack([np.eye(3), np.zeros(3)])])
+    linear = (at[:3] - at[3]).T
+    # Lying flat or standing on edge, it never leaves downwards.
+    assert (linear @ session.bag_up)[1] < 1e-9
+    level = linear.T @ [0.0, -1.0, 0.0]
+    np.testing.assert_allclose(session.away_from_table, level / np.linalg.norm(level), atol=1e-9)
+    session.direction = tuple(session.camera.in_world((0.0, 0.6, -0.8)))
+    start, end = stage.overlays.arrow._ends(stage.frame)
+    boxes = [session.boxes.corners(i, session.spacing) for i in session.ids]
+    reach = np.linalg.norm((np.vstack(boxes) - session.bag.center) @ linear.T, axis=1).max()
+    reach /= np.cbrt(abs(np.linalg.det(linear)))
+    assert np.linalg.norm(end - start) == pytest.approx(1.05 * reach, rel=1e-6)
+    np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), [0, 0.6, -0.8])
+
+
 def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot) -> None:
     viewer, stage, labels = placed
     assert stage.settle(60)

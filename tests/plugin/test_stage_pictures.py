@@ -123,13 +123,26 @@ def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbo
     assert landed == [out]
     assert stage.settle(30)
     assert set(stage.sprites.sprites) == {out}
-    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=20000)
+    # The sprite has taken over: nothing is in the air any more, not for a moment.
+    assert not stage.transition.shots
     unpacked = canvas(viewer)
     assert moved(at_rest, unpacked)
     stage.restore(1)
     qtbot.waitUntil(lambda: not stage.flying, timeout=10000)
     assert stage.settle(30)
     assert not stage.sprites.sprites
+
+
+def test_settled_is_when_nothing_is_in_the_air_for_a_moment_more(staged, session, qtbot) -> None:
+    _, stage = staged
+    stage.recolor_at_rest = False
+    stage.unpack(1)
+    qtbot.waitUntil(lambda: bool(stage.transition.shots), timeout=20000)
+    # A slow machine: the next look at what has landed comes long after all pictures are there.
+    stage._projector._clock._timer.setInterval(1500)
+    stage.finish()
+    assert stage.settle(30)
+    assert not stage.transition.shots
 
 
 def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.film_files import Frame, checked_film, film_writer
@@ -160,7 +162,8 @@ def _turning(film: _Stage, seconds: float) -> Iterator[Frame]:
     frames = max(2, round(seconds * film.fps))
     for i in range(frames):
         film.tell(i / frames, f"Filming: {i} of {frames} pictures")
-        yield film.picture(turned(film.camera, 2 * np.pi * i / frames))
+        angle = 2 * np.pi * i / frames
+        yield film.picture(turned(film.camera, angle, film.session.away_from_table))
     film.tell(1.0, "Filmed")
 
 
@@ -173,16 +176,19 @@ def _close(session: Any, size: tuple[int, int]) -> Camera:
     return replace(camera, height=float(height))
 
 
-def turned(camera: Camera, angle: float) -> Camera:
+def turned(camera: Camera, angle: float, up: ArrayLike = GRAVITY_UP) -> Camera:
     """Return a camera that has gone round its centre.
 
     Parameters
     ----------
     camera : Camera
     angle : float
-        Radians, about the vertical of the scan; about the picture's where one looks along it.
+        Radians, about the vertical; about the picture's where one looks along it.
+    up : (3,) array_like
+        What is up, see `Session.away_from_table`.
     """
-    upright = np.array(GRAVITY_UP)
-    axis = upright if abs(float(camera.direction @ upright)) < STEEPEST else camera.up
-    turn = rotation_about(camera.stretch @ axis, -angle)
+    upright = unit(np.linalg.solve(camera.stretch, np.asarray(up, dtype=np.float64)))
+    towards, down, _ = camera.rotation
+    axis = upright if abs(float(towards @ upright)) < STEEPEST else -down
+    turn = rotation_about(axis, -angle)
     return replace(camera, rotation=camera.rotation @ turn)

@@ -62,10 +62,11 @@ class Arrow:
         studying = any(s.name == "INSPECTED" for s in self._session.states.values())
         if self._session.direction is None or studying:
             return None
-        bag = self._session.bag
-        tip = bag.center + 1.05 * bag.radius * self._session.unpack_direction
+        bag, camera = self._session.bag, frame.camera
+        start = transform_points(camera.pivot_from_world(), bag.center)
+        way = unit(camera.linear @ self._session.unpack_direction)
+        points = np.stack([start, start + 1.05 * bag.radius_in(camera.stretch) * way])
         # Flat: a tip that comes near the eye in perspective would fill the picture.
-        points = transform_points(frame.camera.pivot_from_world(), np.stack([bag.center, tip]))
         points[:, 0] = 0.0
         return points
 

@@ -83,7 +83,9 @@ class Projector:
     def settled(self) -> bool:
         """Whether every picture at rest is full and right."""
         pictures = self.bag.settled and self._small.settled and self._glides.settled
-        return pictures and not self._sending.busy
+        # What has landed stays in the transition layer for some ticks more.
+        landing = self._clock.running and not self.flying
+        return pictures and not (self._sending.busy or landing)
 
     @property
     def flying(self) -> bool:

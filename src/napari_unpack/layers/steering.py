@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
-from napari_unpack.geometry.view import Camera
+from napari_unpack.geometry.view import GRAVITY_UP, Camera
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.placement import napari_from_world, units_of
 from napari_unpack.layers.view_camera import ALIKE, napari_view, parts_of
@@ -47,7 +47,7 @@ def point_camera(viewer: Any, layer: Any, camera: Camera) -> None:
 
 
 def look_through(viewer: Any, session: Any, layer: Any) -> None:
-    """Have a session look at its bag as a layer places it: mirrored, stretched or as it is.
+    """Have a session look at its bag as a layer places it, and know what is up there.
 
     Parameters
     ----------
@@ -57,7 +57,10 @@ def look_through(viewer: Any, session: Any, layer: Any) -> None:
     layer : napari layer
         One of ours.
     """
-    stretch = parts_of(napari_from_world(layer, units_of(viewer)))[2]
+    world = napari_from_world(layer, units_of(viewer))
+    # Level things have normals, which an affine maps the other way than points.
+    session.away_from_table = world[:3, :3].T @ GRAVITY_UP
+    stretch = parts_of(world)[2]
     seen = session.camera
     if not np.allclose(stretch, seen.stretch, rtol=0, atol=ALIKE):
         session.look(

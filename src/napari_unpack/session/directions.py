@@ -9,8 +9,9 @@ from time import perf_counter
 
 import numpy as np
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.view import GRAVITY_UP
 from napari_unpack.session.asking import view_along
 from napari_unpack.session.criteria import SessionCriteria
 from napari_unpack.session.state import Situation
@@ -111,6 +112,20 @@ class SessionDirections(SessionCriteria):
     """
 
     _survey: Survey | None = None
+    _away_from_table: Vector = np.array(GRAVITY_UP)
+
+    @property
+    def away_from_table(self) -> Vector:
+        """What is up: unit vector in world, by default -y; a viewer sets what it shows as up.
+
+        Where the bag is shown stretched or mirrored it is the normal of what lies level there.
+        """
+        return self._away_from_table
+
+    @away_from_table.setter
+    def away_from_table(self, up: Sequence[float] | Vector) -> None:
+        self._away_from_table = unit(up, "away_from_table")
+        self.__dict__.pop("bag_up", None)
 
     @property
     def direction(self) -> str | tuple[float, float, float] | None:
@@ -141,7 +156,8 @@ class SessionDirections(SessionCriteria):
     @cached_property
     def bag_up(self) -> Vector:
         """Up of the bag as it lies on its largest face, unit vector in world."""
-        return bag_up(oriented_box(self.bag.outer_points(), self.spacing))
+        z, y, x = (float(v) for v in self._away_from_table)
+        return bag_up(oriented_box(self.bag.outer_points(), self.spacing), (z, y, x))
 
     def _packed(self, situation: Situation) -> frozenset[int]:
         """Return who stands in the way.

@@ -54,6 +54,7 @@ def record_of(session: Session) -> dict[str, Any]:
         "view": view_record(session.view),
         "canvas_size": list(session.canvas_size),
         "seconds": session.seconds,
+        "away_from_table": session.away_from_table.tolist(),
         "selected": sorted(session.selected),
         "log": [
             {
@@ -113,6 +114,8 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     session.seconds = fields.positive("seconds")
     session.view = view_from(fields.part("view"))
     session._camera = camera_from(fields.part("camera"))
+    if fields.has("away_from_table"):
+        session.away_from_table = fields.array("away_from_table", (3,))
     session.log.extend(_log(fields))
     session._situation = situation_from(fields.part("situation"), session, known)
     session._tell_states(known)
