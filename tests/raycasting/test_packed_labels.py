@@ -36,3 +36,14 @@ def test_numbers_stand_for_the_ids_of_their_brick_at_the_volumes_edges_too() -> 
         wide = 1 << int(packed.bits[brick])
         place = 64 * int(packed.first[brick]) + wide * (z % 8 * 64 + y % 8 * 8 + x % 8)
         assert ids[(whole >> place) & ((1 << wide) - 1)] == labels[z, y, x]
+
+
+def test_bricks_of_two_objects_come_first_a_line_of_memory_each() -> None:
+    labels = np.zeros((8, 8, 40), np.uint16)
+    labels[3, 3, 8:16] = np.arange(8)
+    labels[3, 3, 17] = labels[4, 4, 38] = 9
+    packed = Bricks.of(labels).packed(labels)
+    assert packed.pairs.tolist() == [2, 4]
+    assert packed.number.tolist() == [-1, 2, 0, -1, 1]
+    assert packed.first[packed.pairs].tolist() == [0, 8]
+    assert packed.words.ctypes.data % 64 == 0

@@ -1,4 +1,11 @@
-from .casting import TransferFunctionLike, cast_ids, cast_occlusion, cast_tinted, rays_for
+from .casting import (
+    TransferFunctionLike,
+    cast_ids,
+    cast_occlusion,
+    cast_runs,
+    cast_tinted,
+    rays_for,
+)
 from .counting import occlusion, occlusion_ratios
 from .interfering import interference_in
 from .pictures import object_id_layers, pick, render
@@ -7,6 +14,7 @@ __all__ = [
     "TransferFunctionLike",
     "cast_ids",
     "cast_occlusion",
+    "cast_runs",
     "cast_tinted",
     "interference_in",
     "object_id_layers",

@@ -75,11 +75,16 @@ def chosen(backend: str) -> Any:
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend must be one of {BACKENDS}, got {backend!r}")
-    if backend == "cpu" or (backend == "auto" and not _hardware()):
+    if on_cpu(backend):
         return importlib.import_module("napari_unpack.raycasting")
     if backend == "gl" and not _offscreen().available():
         raise ValueError('backend "gl" needs a GL context and none can be had here; use "cpu"')
     return importlib.import_module("napari_unpack.rendering.gl_backend")
+
+
+def on_cpu(backend: str) -> bool:
+    """Tell whether `chosen` is the CPU's."""
+    return backend == "cpu" or (backend == "auto" and not _hardware())
 
 
 def _offscreen() -> Any:

@@ -216,6 +216,39 @@ def cast_occlusion(
     return ask(backend, "occlusion_counts", labels, off_faces(rays), visible, bricks=bricks)
 
 
+def cast_runs(
+    labels: NDArray[np.uint16],
+    spacing: ArrayLike,
+    camera: Camera,
+    visible: NDArray[np.bool_],
+    size: tuple[int, int],
+    *,
+    bricks: Any = None,
+    known: Any = None,
+) -> Any:
+    """List what the rays of `cast_occlusion` meet, on the CPU, or take what is known of them.
+
+    Parameters
+    ----------
+    labels, spacing, camera, visible, size, bricks
+        As for `cast_occlusion`.
+    known : Runs, optional
+        Of the same labels.
+
+    Returns
+    -------
+    Runs
+        `.counts(visible)` is what `cast_occlusion` returns. Those known, if they are of the same
+        rays and nobody else is visible now.
+    """
+    from napari_unpack.raycasting import occlusion_runs
+
+    rays = off_faces(rays_for(camera.orthographic(), size, spacing))
+    if known is not None and known.serves(rays, visible):
+        return known
+    return occlusion_runs(labels, rays, visible, bricks)
+
+
 def off_faces(rays: Rays) -> Rays:
     """Move the samples of parallel rays a quarter of a step on, clear of voxel faces.
 

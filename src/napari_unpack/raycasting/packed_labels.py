@@ -20,6 +20,10 @@ WORD = 6
 """A word has 2^6 bits."""
 
 
+LINE = 8
+"""Words of a line of the cache."""
+
+
 @dataclass(frozen=True, eq=False)
 class PackedLabels:
     """Numbers of objects, by brick and voxel.
@@ -33,11 +37,18 @@ class PackedLabels:
         Where each brick's words begin.
     bits : (B,) ndarray of uint8
         b of each brick, 0 to 4.
+    number : (B,) ndarray of int32
+        Of each mixed brick, those of two objects first, whose words begin at 8 times their
+        number; -1 elsewhere.
+    pairs : (n,) ndarray of int64
+        The bricks of two objects, by number.
     """
 
     words: NDArray[np.uint64]
     first: NDArray[np.int64]
     bits: NDArray[np.uint8]
+    number: NDArray[np.int32]
+    pairs: NDArray[np.int64]
 
     @classmethod
     def of(
@@ -66,15 +77,26 @@ class PackedLabels:
         counts = np.diff(starts)
         bits = np.select([counts <= 2, counts <= 4, counts <= 16], [0, 1, 2], 4).astype(np.uint8)
         sizes = np.where(counts > 1, (BRICK**3 >> WORD) << bits.astype(np.int64), 0)
-        first = np.cumsum(sizes) - sizes
-        words = np.zeros(int(sizes.sum()), np.uint64)
+        pairs = np.flatnonzero(counts == 2)
+        mixed = np.concatenate([pairs, np.flatnonzero(counts > 2)])
+        first, number = np.zeros(len(counts), np.int64), np.full(len(counts), -1, np.int32)
+        first[mixed] = np.cumsum(sizes[mixed]) - sizes[mixed]
+        number[mixed] = np.arange(len(mixed))
+        words = _on_lines(int(sizes.sum()))
         grid = tuple(-(-n // BRICK) for n in labels.shape)
 
         def work(_: None, low: int, high: int) -> None:
             _pack(labels, starts, ids, first, bits, low, high, grid[1], grid[2], words)
 
         over_bands(grid[0], work, lambda: None, threads, band=1)
-        return cls(words, first, bits)
+        return cls(words, first, bits, number, pairs)
+
+
+def _on_lines(count: int) -> NDArray[np.uint64]:
+    """Return zeros that begin with a line of the cache, so that eight of them are one."""
+    padded = np.zeros(count + LINE, np.uint64)
+    begin = -(padded.ctypes.data // padded.itemsize) % LINE
+    return padded[begin : begin + count]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

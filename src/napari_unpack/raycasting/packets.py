@@ -1,8 +1,8 @@
-"""Rays that walk side by side: what lies ahead of eight of them is worked out at once.
+"""Rays that walk side by side: what lies ahead of all of them is worked out at once.
 
 A leap is one chain of some 85 cycles (position, brick, distance, wall, next sample), most of them
-spent waiting. Eight chains take hardly longer than one, in vector units; what is done with the
-labels found is done ray by ray.
+spent waiting. Many chains take hardly longer than one, in vector units; ray by ray is done only
+what is rare: to come to another object, or to the end.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-LANES = 16
+LANES = 32
 """Rays of a packet."""
 
 # Rows of the float scratch: a ray as `ray_of` and `per_voxel` give it, its sample, the first one
@@ -21,11 +21,26 @@ DZ, DY, DX = 3 * LANES, 4 * LANES, 5 * LANES
 AZ, AY, AX = 6 * LANES, 7 * LANES, 8 * LANES
 K, FREE = 9 * LANES, 10 * LANES
 CZ, CY, CX = 11 * LANES, 12 * LANES, 13 * LANES
-FLOAT_ROWS = 14
+# The sample after the ray's last, and the one after those that are looked at now.
+END, STOP = 14 * LANES, 15 * LANES
+FLOAT_ROWS = 16
 
 # Rows of the integer scratch: where the grid begins that serves a ray, its brick, and the look.
 GRID, BRICK, LOOK = 0, LANES, 2 * LANES
-INTEGER_ROWS = 3
+# The object that the ray was in last and how many samples of it, 0 for none yet, -1 where there is
+# no ray; the object found now, how many samples of it, and what is to be done about it.
+CURRENT, LENGTH = 3 * LANES, 4 * LANES
+FOUND, COUNT, EVENT = 5 * LANES, 6 * LANES, 7 * LANES
+INTEGER_ROWS = 8
+
+SEVERAL = np.int32(-2)
+"""Found: labels that have to be read one by one."""
+
+TURNS, ENDS = np.int32(1), np.int32(2)
+"""Events: the ray comes to another object, or to its end."""
+
+TOGETHER = 16.0
+"""Samples of a mixed brick that are looked at together; `walking.AHEAD`."""
 
 ORDERED = {"nnan", "nsz"}
 """Liberties the compiler may take: none that could move a sample, or a comparison of numbers."""
@@ -34,7 +49,9 @@ MOST = 255
 """The largest distance ahead; owners stand above it in a look."""
 
 
-def looks_of(owners: NDArray[np.int32], reach: NDArray[np.uint8]) -> NDArray[np.int32]:
+def looks_of(
+    owners: NDArray[np.int32], reach: NDArray[np.uint8], number: NDArray[np.int32]
+) -> NDArray[np.int32]:
     """Return owner and distance of every brick in one number, 256 owner + distance.
 
     Parameters
@@ -43,12 +60,16 @@ def looks_of(owners: NDArray[np.int32], reach: NDArray[np.uint8]) -> NDArray[np.
         From `Bricks.owners`.
     reach : (n, Bz, By, Bx) ndarray of uint8
         From `Corridors.grids`: 0 where a brick is mixed.
+    number : (Bz * By * Bx,) ndarray of int32
+        Of mixed bricks, from `PackedLabels`.
 
     Returns
     -------
     (n, Bz, By, Bx) ndarray of int32
+        Negative where a brick is mixed: -1 - number.
     """
-    return np.ascontiguousarray(np.where(reach > 0, owners * (MOST + 1) + reach, 0), np.int32)
+    looks = np.where(reach > 0, owners * (MOST + 1) + reach, ~number.reshape(owners.shape))
+    return np.ascontiguousarray(looks, np.int32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
@@ -99,7 +120,7 @@ def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
     """
     one = np.int32(1)
     for i in range(LANES):
-        layers = n[LOOK + i] & np.int32(MOST)
+        layers = n[LOOK + i] & np.int32(MOST) if n[LOOK + i] > 0 else np.int32(0)
         az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
         z, y, x = f[CZ + i] * az, f[CY + i] * ay, f[CX + i] * ax
         z, y, x = z + 4.0 * abs(az), y + 4.0 * abs(ay), x + 4.0 * abs(ax)
@@ -116,7 +137,7 @@ def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
 def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
     """Leap over cubes of bricks; see `lattice.leap`."""
     for i in range(LANES):
-        layers = n[LOOK + i] & np.int32(MOST)
+        layers = n[LOOK + i] & np.int32(MOST) if n[LOOK + i] > 0 else np.int32(0)
         half = np.float64(layers) * 8.0 - 4.0
         half = half if half > 4.0 else np.float64(4.0)
         az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
@@ -127,3 +148,31 @@ def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
         edge = np.floor(z - 0.5 + 0.999)
         next_one = f[K + i] + 1.0
         f[FREE + i] = edge if edge > next_one else next_one
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
+def stretch(f, n):  # type: ignore[no-untyped-def]
+    """Take what was looked at for the next stretch of every ray: STOP, COUNT, FOUND.
+
+    What is found in mixed bricks remains to be looked up.
+    """
+    for i in range(LANES):
+        look, k = n[LOOK + i], f[K + i]
+        stop = f[FREE + i] if f[FREE + i] < f[END + i] else f[END + i]
+        stop = stop if stop < k + TOGETHER or look >= 0 else k + TOGETHER
+        f[STOP + i] = stop
+        n[COUNT + i] = np.int32(stop - k)
+        n[FOUND + i] = look >> np.int32(8)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
+def go_on(f, n):  # type: ignore[no-untyped-def]
+    """Have all rays go to the end of their stretch, and tell which then need attention: EVENT."""
+    none = np.int32(0)
+    for i in range(LANES):
+        found, count, current = n[FOUND + i], n[COUNT + i], n[CURRENT + i]
+        n[LENGTH + i] += count if (found == current) & (found != none) else none
+        turns = (found != current) & (found != none) & (count != none)
+        ends = (f[STOP + i] >= f[END + i]) & (current >= none)
+        n[EVENT + i] = (TURNS if turns else none) | (ENDS if ends else none)
+        f[K + i] = f[STOP + i]

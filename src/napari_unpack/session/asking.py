@@ -27,6 +27,9 @@ SURELY_HELD = 0.35
 MOST_RAYS = 2048
 """Most rays along one side of the picture that decides who is free."""
 
+MOST_KEPT = 64 * 2**20
+"""Bytes of runs that are kept for the next question along the same direction."""
+
 Mask = NDArray[np.bool_]
 Table = tuple[NDArray[np.int64], Mask]
 Size = tuple[int, int]
@@ -81,6 +84,7 @@ def imaging_casters(
     Casters
     """
     kept: list[Any] = []
+    met: list[Any] = []
 
     def bricks() -> Any:
         from napari_unpack.raycasting import Bricks
@@ -90,8 +94,16 @@ def imaging_casters(
         return kept[0]
 
     def occlusion(camera: Camera, visible: Mask, size: Size) -> OcclusionCounts:
-        from napari_unpack.imaging import cast_occlusion
+        from napari_unpack.imaging import cast_occlusion, cast_runs
+        from napari_unpack.imaging.backends import on_cpu
 
+        if on_cpu(backend()):
+            # One slot, replaced at once: questions are answered on several threads.
+            known = next(iter(met), None)
+            runs = cast_runs(labels, spacing, camera, visible, size, bricks=bricks(), known=known)
+            met[:] = [runs] if runs.nbytes <= MOST_KEPT else []
+            known_counts: OcclusionCounts = runs.counts(visible)
+            return known_counts
         counts: OcclusionCounts = cast_occlusion(
             labels, spacing, camera, visible, size, bricks=bricks(), backend=backend()
         )
