@@ -79,6 +79,12 @@ def test_where_nobody_is_free_the_setting_decides(
         lambda: "Every object is blocked this way;" in panel.unpack.news.text(), timeout=10000
     )
     assert "is blocked least. Turn the bag" in panel.unpack.news.text()
+    # Of another direction that says nothing, until it has been looked along.
+    panel.unpack.direction.setCurrentText("Up (−y)")
+    qtbot.waitUntil(lambda: "Looking for what can" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "are free now" in panel.unpack.news.text(), timeout=10000)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(lambda: "Turn the bag" in panel.unpack.news.text(), timeout=10000)
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)

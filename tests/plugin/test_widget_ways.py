@@ -10,6 +10,7 @@ from mouse import LEFT, drag, move
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QToolTip
 from widget_phantoms import press, stage_with, states
 
 from napari_unpack.geometry.view import Camera
@@ -54,7 +55,7 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     panel.unpack.reveal_selected()
     box = panel.unpack.box
     qtbot.waitUntil(box.isVisible, timeout=60000)
-    assert "1 object must leave first, towards you and up." in box.news.text()
+    assert "Object 2 must leave first or with it, towards you and up." in box.news.text()
     assert stage.overlays._marks.buried == 1
     assert stage.overlays._marks.leaving == {2}
     row = panel.objects.model.row_of(2)
@@ -147,6 +148,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     move(widget, at + QPoint(1, 1))
     move(widget, at)
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
+    assert QToolTip.text().startswith(str(session.objects["name"][out]))
     home = session.camera.project(session.boxes.center(out, session.spacing), stage.frame.size)
     patch = stage.overlays.ghost._seen.shot.patch
     assert patch.row < home[0] < patch.row + patch.size[0]
@@ -166,6 +168,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     np.testing.assert_allclose(session.poses[out].center, before.center)
     move(widget, QPoint(3, 3))
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=100000)
+    qtbot.waitUntil(lambda: not QToolTip.isVisible(), timeout=20000)
 
     move(widget, at)
     qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
@@ -195,5 +198,8 @@ def test_directions_in_words(
 
 
 def test_sentences_about_what_must_leave() -> None:
-    assert sentence("Tin", 5, "up") == "Tin: 5 objects must leave first, up."
-    assert sentence("Tin", 0, "up") == "Tin can leave now, up."
+    assert sentence("Tin", ["Sock"], "up") == "Tin: Sock must leave first or with it, up."
+    assert sentence("Tin", list("abcde"), "up") == (
+        "Tin: a, b, c and 2 others must leave first or with it, up."
+    )
+    assert sentence("Tin", [], "up") == "Tin can leave now, up."

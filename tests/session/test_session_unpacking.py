@@ -141,6 +141,31 @@ def test_a_knot_that_is_too_large_counts_as_nobody_free():
     assert issubclass(NobodyFreeError, ValueError)
 
 
+def test_of_the_least_blocked_leaving_one_after_another_is_told_once():
+    labels = np.zeros((7, 3, 6), np.uint16)
+    for place, order in ((1, (1, 2, 3)), (3, (3, 2, 1))):
+        for k, i in enumerate(order):
+            labels[2 * k + 1, 1, place] = i
+    session = session_of(labels)
+    session.most_in_group = 1
+    told: list[str] = []
+    session.events.message.connect(told.append)
+    assert session.unpack() == (1,)
+    session.recolor()
+    assert session.unpack() == (2,)
+    assert len(told) == 1
+    # Going back begins anew, and so does another direction.
+    session.undo()
+    assert session.unpack() == (2,)
+    assert len(told) == 2
+    session.restore(2)
+    session.direction = "-z"
+    session.unpack()
+    assert len(told) == 3
+    assert session.unpack(2)
+    assert len(told) == 3
+
+
 def test_hidden_objects_block_nobody_and_shown_ones_do_again():
     session = session_of(stack_of_plates())
     session.hide([1, 2])

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from qtpy.QtGui import QCursor
+from qtpy.QtWidgets import QToolTip
 
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.layers import compat
 from napari_unpack.layers.arrow import drawn_direction, surface_normal
 from napari_unpack.layers.overlays import Overlays
 from napari_unpack.layers.placement import units_of, voxel_at
@@ -70,6 +73,8 @@ class Hands:
         for layer in self.layers:
             layer.words = words
         self.viewer.status = words or "Ready"
+        # Beside a sprite its name; in the bag names would lie over what they are of.
+        self._tell_name(words if object_id in self.session.poses else "")
         self.overlays.ghost.point_at(0 if self._projector.inspected else object_id)
         self._mark()
 
@@ -137,6 +142,11 @@ class Hands:
                 self.session.direction = tuple(float(v) for v in found)
         self._projector.transition.repaint()
         self.events.drawn.emit()
+
+    def _tell_name(self, words: str) -> None:
+        canvas = compat.native_canvas(self.viewer)
+        if canvas is not None:
+            QToolTip.showText(QCursor.pos(), words, canvas.native)
 
     def _scale(self) -> float:
         return 1.0 if self.frame is None else self.frame.size[0] / self.viewer.canvas.size[0]

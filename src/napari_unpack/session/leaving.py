@@ -20,6 +20,7 @@ class SessionLeaving(SessionGlimpses):
     """The queue, filled from what the ray casters answer, and the departures from its head."""
 
     _credited: OcclusionAnswer | Glimpse | None = None
+    _told_stuck: tuple[object, object] | None = None
 
     @property
     def log(self) -> list[LogEntry]:
@@ -116,12 +117,11 @@ class SessionLeaving(SessionGlimpses):
                     "another direction, or let the least blocked leave."
                 )
             if queue.least_occluded:
-                stuck = self._stuck(answer, packed)
-                self.events.message.emit(
-                    f"Nothing is free along this direction; {stuck}: it leaves."
-                )
+                self._tell_stuck(answer, packed, situation)
             situation = replace(situation, queue=queue)
+            least = queue.least_occluded
             situation = self._leave(situation, queue.groups[0])
+            self._told_stuck = (situation.out, situation.direction) if least else None
             left.extend(queue.groups[0])
         return situation, tuple(left)
 
@@ -154,6 +154,15 @@ class SessionLeaving(SessionGlimpses):
             )
         )
         return situation.with_out(berths)
+
+    def _tell_stuck(
+        self, answer: OcclusionAnswer | None, packed: frozenset[int], situation: Situation
+    ) -> None:
+        """Say that the least blocked leaves; once, while one such after another does."""
+        told = self._told_stuck
+        if told is None or told[0] is not situation.out or told[1] != situation.direction:
+            stuck = self._stuck(answer, packed)
+            self.events.message.emit(f"Nothing is free along this direction; {stuck}: it leaves.")
 
     def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
         least = answer.least_occluded(packed) if answer else min(packed)

@@ -31,6 +31,7 @@ class FreeWatch(QObject):
         self._bench = workbench
         self._job = Job(self)
         self._asked: Any = None
+        self._along: Any = None
         self._rest = QTimer(self)
         self._rest.setSingleShot(True)
         self._rest.setInterval(REST_MS)
@@ -46,6 +47,11 @@ class FreeWatch(QObject):
 
     def _hear(self, news: frozenset[str]) -> None:
         if news & {"states", "view", "queue"}:
+            along = self._bench.session.direction
+            if along != self._along:
+                # Another way out: what was said of the last one says nothing of this.
+                self._along = along
+                self.known.emit(None)
             self._wait()
 
     def _wait(self) -> None:
@@ -53,6 +59,7 @@ class FreeWatch(QObject):
             self._rest.stop()
             self.known.emit(None)
         else:
+            self._along = self._bench.session.direction
             self._rest.start()
 
     def _ask(self) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from qtpy.QtWidgets import QWidget
 
+from napari_unpack.session.errors import listed
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.section import button, column, label, row
 from napari_unpack.widgets.ways import Ways
@@ -43,14 +45,14 @@ class RevealBox(QWidget):
         """Say which way it is in the picture of now."""
         one = self._found
         if one is not None and session is not None:
-            name = str(session.objects["name"][one.target])
+            names = session.objects["name"]
+            first = [str(names[i]) for i in sorted(one.first)]
             words = words_of(one.direction, session.camera)
-            self.news.setText(sentence(name, len(one.first), words))
+            self.news.setText(sentence(str(names[one.target]), first, words))
 
 
-def sentence(name: str, first: int, way: str) -> str:
-    """Return what must happen before an object is free."""
+def sentence(name: str, first: Sequence[str], way: str) -> str:
+    """Return what must happen before an object is free, naming who must leave if they are few."""
     if not first:
         return f"{name} can leave now, {way}."
-    count = "1 object" if first == 1 else f"{first} objects"
-    return f"{name}: {count} must leave first, {way}."
+    return f"{name}: {listed(first)} must leave first or with it, {way}."

@@ -21,6 +21,7 @@ from napari_unpack.widgets.workbench import Workbench
 PERSPECTIVE = 20.0
 """Vertical field of view of a gentle perspective, degrees."""
 
+_LOOKING = "Looking for what can leave…"
 _FLYING = ("FLYING_OUT", "FLYING_BACK")
 
 
@@ -201,7 +202,7 @@ class UnpackSection(Section):
 
     def _tell_looking(self, looking: bool) -> None:
         # Said at once: what is asked meanwhile waits for the answer.
-        self.news.setText("Looking for what can leave…" if looking else "")
+        self.news.setText(_LOOKING if looking else "")
         self.news.repaint()
 
     def _use_way(self) -> None:
@@ -302,8 +303,10 @@ class UnpackSection(Section):
             return f"{flying} {'object is' if flying == 1 else 'objects are'} in the air."
         if packed == 0 and out:
             return "The bag is empty. Double-click an object to study it alone."
-        if self._free is None or packed == 0:
+        if packed == 0:
             return ""
+        if self._free is None:
+            return _LOOKING
         if not self._free:
             return self._stuck()
         return f"{len(self._free)} of {packed} {'is' if len(self._free) == 1 else 'are'} free now."
