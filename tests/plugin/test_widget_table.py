@@ -241,6 +241,25 @@ def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
     assert perf_counter() - start < 0.1
 
 
+def test_a_thousand_rows_are_selected_and_read_as_they_are_sorted(qtbot: QtBot) -> None:
+    ids = tuple(range(1, 1001))
+    model = ObjectModel()
+    table = ObjectTable(model)
+    qtbot.addWidget(table)
+    model.load(_session(tuple(f"Object {i}" for i in ids), ids))
+    asked: list[int] = []
+    flags = model.flags
+    model.flags = lambda index: asked.append(1) or flags(index)  # type: ignore[method-assign]
+    table.sortByColumn(Column.NAME, Qt.SortOrder.DescendingOrder)
+    wanted = frozenset({3, 4, 5, *range(10, 1000)})
+    table.show_selection(wanted)
+    assert table.selected_ids() == sorted(wanted, reverse=True)
+    table.show_selection(frozenset())
+    assert table.selected_ids() == []
+    # Qt's own list asked for the flags of every cell, each time.
+    assert len(asked) < 4 * len(ids)
+
+
 @pytest.mark.parametrize("points", [8, 12, 18])
 def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points: int) -> None:
     font = table.font()

@@ -108,3 +108,25 @@ def test_the_first_to_leave_is_found_without_asking_about_those_behind() -> None
 
     assert next(leading_groups([2, 9, 3, 5, 7], blockers, 1)) == (9,)
     assert asked == [2, 9]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.4))
+def test_who_is_free_among_those_left_is_what_a_search_by_hand_finds(seed, density):
+    rng = np.random.default_rng(seed)
+    ids = np.sort(rng.choice(40, 9, replace=False))
+    blocks = rng.random((9, 9)) < density
+    whole = Blocking(blocking_graph(blocks, ids))
+    left = [int(i) for i in ids if rng.random() < 0.7]
+    reach = {(int(a), int(b)) for a in ids for b in ids if a != b and blocks[ids == a, ids == b][0]}
+    before = {i: {i} for i in left}
+    for _ in left:
+        for a, b in reach:
+            if a in before and b in before:
+                before[b] |= before[a]
+    # A group is free where all that must leave before one of it is the group.
+    wanted = {
+        tuple(sorted(before[i])) for i in left if all(before[j] == before[i] for j in before[i])
+    }
+    assert whole.among(left).free_groups() == sorted(wanted, key=lambda g: (len(g), g))
+    assert whole.among(ids).among(left).free_groups() == whole.among(left).free_groups()

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from napari_unpack.geometry.counts import OcclusionCounts
 from napari_unpack.unpacking.occlusion import Rule, free_ids
+
+Ids = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,15 @@ class Blocking:
     """
 
     graph: nx.DiGraph
+    _whole: Blocking | None = field(default=None, repr=False)
+
+    @cached_property
+    def _edges(self) -> tuple[Ids, Ids, Ids]:
+        """IDs ascending, and of every edge the places in them of who blocks and who is blocked."""
+        ids = np.array(sorted(self.graph), dtype=np.int64)
+        pairs = np.array(list(self.graph.edges), dtype=np.int64).reshape(-1, 2)
+        front, behind = np.searchsorted(ids, pairs).T
+        return ids, front, behind
 
     @classmethod
     def of(
@@ -45,11 +59,29 @@ class Blocking:
 
     def among(self, packed: Iterable[int]) -> Blocking:
         """Return the graph of those still packed."""
-        return Blocking(self.graph.subgraph(packed))
+        return Blocking(self.graph.subgraph(packed), self._whole or self)
 
     def free_groups(self) -> list[tuple[int, ...]]:
-        """Return the groups that nobody outside them blocks, smallest first, then by ID."""
-        return free_groups(self.graph)
+        """Return the groups that nobody outside them blocks, smallest first, then by ID.
+
+        Quick enough to be asked at every change of a thousand objects: the graph is looked over
+        once for all that are left of it.
+        """
+        ids, front, behind = (self._whole or self)._edges
+        here = np.isin(ids, list(self.graph))
+        both = here[front] & here[behind]
+        front, behind = front[both], behind[both]
+        size = len(ids), len(ids)
+        _, part = connected_components(
+            csr_array((np.ones(len(front), np.bool_), (front, behind)), size), connection="strong"
+        )
+        free = np.zeros(len(ids), np.bool_)
+        free[part[here]] = True
+        free[part[behind[part[front] != part[behind]]]] = False
+        members: dict[int, list[int]] = {}
+        for place in np.flatnonzero(here & free[part]):
+            members.setdefault(int(part[place]), []).append(int(ids[place]))
+        return sorted((tuple(group) for group in members.values()), key=lambda g: (len(g), g))
 
     def blockers(self, ids: Iterable[int]) -> set[int]:
         """Return the objects outside `ids` that block one of them directly."""
@@ -132,17 +164,6 @@ def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...
     return Blocking(blocking_graph(blocks, names)).departures(names)
 
 
-def free_groups(graph: nx.DiGraph) -> list[tuple[int, ...]]:
-    """Return the strongly connected components nobody outside blocks, smallest first."""
-    condensed = nx.condensation(graph)
-    found = [
-        tuple(sorted(condensed.nodes[node]["members"]))
-        for node in condensed
-        if condensed.in_degree(node) == 0
-    ]
-    return sorted(found, key=lambda group: (len(group), group))
-
-
 def leading_groups(
     order: Iterable[int], blockers: Callable[[int, int], frozenset[int]], most: int
 ) -> Iterator[tuple[int, ...]]:
@@ -161,7 +182,7 @@ def leading_groups(
     Yields
     ------
     tuple of int
-        Of those that `free_groups` finds in the whole graph the ones with at most so many
+        Of those that `Blocking.free_groups` finds in the whole graph the ones with at most so many
         members, each as soon as its first member in the order is come to.
 
     Notes

@@ -20,6 +20,8 @@ ID = Qt.ItemDataRole.UserRole + 1
 STATE = Qt.ItemDataRole.UserRole + 2
 
 Rgb = tuple[float, float, float]
+_CELL = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
+_NAMED = _CELL | Qt.ItemFlag.ItemIsEditable
 _NO_COLOR: Rgb = (0.5, 0.5, 0.5)
 
 STATE_WORDS = {
@@ -233,10 +235,7 @@ class ObjectModel(QAbstractTableModel):
         """Tell what a cell can do: all are selectable, names are editable."""
         if not index.isValid():
             return Qt.ItemFlag.NoItemFlags
-        flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
-        if index.column() == Column.NAME:
-            flags |= Qt.ItemFlag.ItemIsEditable
-        return flags
+        return _NAMED if index.column() == Column.NAME else _CELL
 
     def data(self, index: Index, role: int = 0) -> Any:
         """Return what a cell shows, sorts by, or is coloured with."""

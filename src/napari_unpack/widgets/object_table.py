@@ -243,23 +243,22 @@ class ObjectTable(QTableView):
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""
-        rows = sorted(self.selectionModel().selectedRows(Column.NAME), key=lambda i: i.row())
-        return [int(index.data(ID)) for index in rows]
+        # By ranges: Qt's list of selected rows asks for the flags of every cell.
+        ranges = self.selectionModel().selection()
+        rows = {row for part in ranges for row in range(part.top(), part.bottom() + 1)}
+        return [int(self.rows.index(row, Column.NAME).data(ID)) for row in sorted(rows)]
 
     def show_selection(self, ids: frozenset[int]) -> None:
         """Select these objects' rows, and scroll to the first, without telling anybody."""
         if ids == frozenset(self.selected_ids()):
             return
+        known = [row for row in map(self.objects.row_of, ids) if row is not None]
+        there = [self.rows.mapFromSource(self.objects.index(row, Column.NAME)) for row in known]
+        rows = sorted(index.row() for index in there if index.isValid())
         picked = QItemSelection()
-        first = None
-        for object_id in ids:
-            row = self.objects.row_of(object_id)
-            if row is None:
-                continue
-            index = self.rows.mapFromSource(self.objects.index(row, Column.NAME))
-            if index.isValid():
-                picked.select(index, index)
-                first = index if first is None or index.row() < first.row() else first
+        for run in _runs(rows):
+            top, bottom = (self.rows.index(row, Column.NAME) for row in (run[0], run[-1]))
+            picked.select(top, bottom)
         flags = (
             QItemSelectionModel.SelectionFlag.ClearAndSelect
             | QItemSelectionModel.SelectionFlag.Rows
@@ -267,8 +266,8 @@ class ObjectTable(QTableView):
         self._quiet = True
         self.selectionModel().select(picked, flags)
         self._quiet = False
-        if first is not None:
-            self.scrollTo(first)
+        if rows:
+            self.scrollTo(self.rows.index(rows[0], Column.NAME))
 
     def _tell_selection(self, *_: Any) -> None:
         if not self._quiet:
@@ -283,3 +282,14 @@ class ObjectTable(QTableView):
             event.ignore()
             return
         super().keyPressEvent(event)
+
+
+def _runs(rows: list[int]) -> list[list[int]]:
+    """Part ascending rows where one is missing between them."""
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and runs[-1][-1] == row - 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    return runs
