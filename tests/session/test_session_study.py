@@ -129,7 +129,7 @@ def test_what_stands_in_a_cup_is_its_contents_and_leaves_it_piece_by_piece(lid):
     inner.restore([1])
     assert inner.unpack() == (1,)
     assert inner.states[4] is ObjectState.PACKED
-    with pytest.raises(ValueError, match="must be a packed object"):
+    with pytest.raises(ValueError, match="is not in the bag: put it back"):
         inner.take_off(1)
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
 from napari_unpack.session.checks import checked_ids
 from napari_unpack.session.directions import SessionDirections
+from napari_unpack.session.errors import listed
 from napari_unpack.session.revealing import RevealAnswer, RevealQuestion
 from napari_unpack.unpacking.survey import Unearthing
 
@@ -58,11 +61,17 @@ class SessionInquiry(SessionDirections):
         self._other_answer = answer.along
         return self.accept_survey(answer.survey)
 
+    def _names(self, ids: Iterable[int]) -> str:
+        names = self.objects["name"]
+        return listed(str(names[i]) for i in sorted(ids))
+
     def _buried(self, object_id: int) -> tuple[int, frozenset[int]]:
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         packed = self._packed(self._situation)
         if object_id not in packed:
-            raise ValueError(f"object_id must be a packed object, got {object_id}")
+            raise ValueError(
+                f"{self._names([object_id])} ({object_id}) is not in the bag: put it back first"
+            )
         return object_id, packed
 
     def answer_along(self, direction: Vector) -> OcclusionAnswer:

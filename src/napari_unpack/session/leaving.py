@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
-from napari_unpack.session.errors import NobodyFreeError, listed, share_of
+from napari_unpack.session.errors import NobodyFreeError, share_of
 from napari_unpack.session.glimpse import Glimpse, SessionGlimpses
 from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
@@ -168,7 +167,3 @@ class SessionLeaving(SessionGlimpses):
         least = answer.least_occluded(packed) if answer else min(packed)
         ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
         return f"{self._names([least])} is blocked least ({share_of(ratio)} of it)"
-
-    def _names(self, ids: Iterable[int]) -> str:
-        names = self.objects["name"]
-        return listed(str(names[i]) for i in sorted(ids))
