@@ -149,3 +149,20 @@ def test_closed_in_mid_flight_both_ways(paced, session) -> None:
     assert {i for i, s in session.states.items() if s is OUT} == {out[1], *more}
     assert len(viewer.layers) == 0
     stage.close()
+
+
+def test_sent_home_while_a_hand_holds_it_it_flies_and_is_seen_once(paced, session) -> None:
+    _, stage, tell = paced
+    (one,) = stage.unpack(1)
+    tell(1.1 * LONG)
+    quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    stage.turn(one, quarter)
+    stage.restore(1)
+    tell(0.5 * LONG)
+    shown = stage._projector._director.moving(session.clock(), stage.frame)
+    np.testing.assert_allclose(shown[one].pose.center, place(stage, one), atol=1e-6)
+    tell(0.6 * LONG)
+    stage.turned(one)
+    assert stage.settle(30)
+    assert session.states[one] is IN
+    assert set(seen(stage).values()) == {1}

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.record import given_labels, record_of, session_from
@@ -155,6 +156,19 @@ class AnyCommands(RuleBasedStateMachine):
     def land(self, pick, wait):
         self.time += wait
         self.session.land(*self.ids([pick]))
+
+    @rule(pick=PICK, angle=st.floats(0.1, 3.0))
+    def turn(self, pick, angle):
+        turn = rotation_about((0.3, 1.0, 0.6), angle)
+        self.attempt(lambda: self.session.turn(*self.ids([pick]), turn))
+
+    @rule(pick=PICK)
+    def take_off(self, pick):
+        self.attempt(lambda: self.session.take_off(*self.ids([pick])))
+
+    @rule(size=st.sampled_from([(300, 400), (900, 200), (60, 80)]))
+    def resize(self, size):
+        self.session.canvas_size = size
 
     @rule()
     def undo(self):

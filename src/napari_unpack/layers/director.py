@@ -74,7 +74,9 @@ class Director:
                 pose = packed_pose(center, camera)
             objects.setdefault(object_id, Moving(pose))
         for object_id, pose in self.turning.items():
-            objects[object_id] = Moving(pose)
+            # One that a command sends away is out of the hand, if not yet let go.
+            if object_id in session.poses:
+                objects[object_id] = Moving(pose)
         if self.inspection is not None:
             one = self.inspection
             pose = one.pose(now, frame.size[1] / frame.size[0])
