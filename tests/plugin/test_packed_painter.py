@@ -29,6 +29,11 @@ class ByHand:
         waits = any(name == key for _, name in self.waiting)
         return waits or any(name == key for name, _ in self.running.values())
 
+    @property
+    def turning(self) -> bool:
+        runs = self.running.get("quick", ("",))[0] == "packed"
+        return runs or ("quick", "packed") in self.waiting
+
     def start(self, lane: str, key: str) -> None:
         assert lane not in self.running
         work, then = self.waiting.pop((lane, key))
@@ -138,3 +143,20 @@ def test_changes_and_pictures_in_any_order(still, session, seed) -> None:
         assert screen.shot is None
     else:
         np.testing.assert_allclose(screen.shot.patch.rgba, wanted.patch.rgba, atol=1 / 255)
+
+
+def test_while_slow_pictures_of_a_turn_are_cast_nothing_is_refined(still, session) -> None:
+    painter, jobs, _, _ = still
+    painter._rays = 100.0
+    session.view = nu.View((1.0, 0.2, 0.0))
+    painter.look(Frame(session.overview(), SIZE, np.eye(4)))
+    for _ in ("waiting", "running"):
+        painter._come_to_rest()
+        assert ("fine", "packed") not in jobs.waiting
+        if jobs.waiting:
+            jobs.start("quick", "packed")
+    jobs.end("quick")
+    painter._come_to_rest()
+    assert ("fine", "packed") in jobs.waiting
+    jobs.end_all()
+    assert painter.settled

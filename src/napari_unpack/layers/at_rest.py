@@ -61,7 +61,7 @@ class AtRest:
 
     def _ask(self) -> None:
         state = self._state
-        if self._session.flights:
+        if self._session.flights or self._jobs.turning:
             self._timer.start()
             return
         leaving = self._session.occlusion_question()

@@ -67,15 +67,24 @@ class Jobs:
         with self._lock:
             return any(lane.running or lane.waiting or lane.done for lane in self._lanes.values())
 
-    def has(self, key: str) -> bool:
-        """Return whether a job of this key runs, waits, or has not been delivered."""
+    def has(self, key: str, within: str | None = None) -> bool:
+        """Return whether a job of this key, in one lane or any, runs, waits, or is undelivered."""
         with self._lock:
             return any(
                 key in lane.waiting
                 or any(job.key == key for job in lane.done)
                 or (lane.running is not None and lane.running.key == key)
-                for lane in self._lanes.values()
+                for name, lane in self._lanes.items()
+                if within in (None, name)
             )
+
+    @property
+    def turning(self) -> bool:
+        """Whether a picture of the bag as it moves is on its way: nothing has come to rest.
+
+        Where the machine is slow, redraws are further apart than a camera takes to rest.
+        """
+        return self.has("packed", "quick")
 
     def ask(
         self, lane: str, key: str, work: Callable[[], Any], then: Callable[[Any], None]

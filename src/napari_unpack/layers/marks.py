@@ -136,6 +136,9 @@ class MarkPainter:
 
     def _ask(self) -> None:
         frame, marks, state = self._frame, self._marks, self._state
+        if frame is not None and self._jobs.turning:
+            self._rest.start()
+            return
         if frame is None or self._session.flights:
             return
         packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")

@@ -29,6 +29,8 @@ GL_RAYS_STEP = 32
 """On the graphics card the rays change in such steps, so that few frame buffers are made."""
 
 REST_MS = 120
+SLOWEST_REST_MS = 500
+"""Slow pictures are far apart, and no sign that the camera rests: that takes up to this long."""
 
 FADING_SECONDS = 0.03
 """Where a full picture takes the graphics card longer, new colours come at once."""
@@ -202,7 +204,9 @@ class PackedPainter:
         self._layer.show(shot, before, resting)
 
     def _come_to_rest(self) -> None:
-        if self._is_fine():
+        if self._jobs.turning:
+            self._rest.start()
+        elif self._is_fine():
             self._layer.come_to_rest()
         else:
             self._ask_fine()
@@ -257,6 +261,7 @@ class PackedPainter:
         if self._studio.active:
             return
         self._adapt(seconds, FRAME_SECONDS, frame)
+        self._rest.setInterval(max(REST_MS, min(SLOWEST_REST_MS, round(1500 * seconds))))
         if self._finest is not None and self._finest[0] is self._frame:
             return
         self._shot = shot
