@@ -110,7 +110,8 @@ class Tracing:
 
     def scratch(self) -> Scratch:
         """Make what one thread writes to: runs of whole rays, and those of the rays under way."""
-        room = max(TILE * TILE * (self.most + 1), ROOM)
+        # A tile more than has to fit, so that few parts are handed over.
+        room = max(2 * TILE * TILE * (self.most + 1), ROOM)
         return np.empty(room, np.uint32), np.empty((LANES, self.most + 1), np.uint32)
 
     def runs(self, first: int, last: int, scratch: Scratch) -> Iterator[NDArray[np.uint32]]:
