@@ -243,7 +243,13 @@ def held() -> int:
 
 
 def soak(
-    viewer: Any, panel: Any, seconds: float, seed: int = 0, samples: int = 20, pause: float = 0.01
+    viewer: Any,
+    panel: Any,
+    seconds: float,
+    seed: int = 0,
+    samples: int = 20,
+    pause: float = 0.01,
+    told: Callable[[Report], None] = lambda _: None,
 ) -> Report:
     """Give random commands for so long.
 
@@ -258,6 +264,8 @@ def soak(
         How often memory is looked at.
     pause : float
         Between commands, s; events are handled meanwhile.
+    told : callable
+        Is given the report so far whenever memory was looked at.
 
     Returns
     -------
@@ -280,9 +288,19 @@ def soak(
                     QCoreApplication.processEvents()
             hand.put_away()
             report.memory.append((monotonic() - start, held() / 2**20))
+            told(report)
         # Errors that wait in Qt's queue count too.
         QCoreApplication.processEvents()
     return report
+
+
+def _say(report: Report) -> None:
+    passed, megabytes = report.memory[-1]
+    print(
+        f"[soak] {passed / 60:.0f} min: {report.commands.total()} commands, "
+        f"{len(report.errors)} errors, {megabytes:.0f} MB",
+        flush=True,
+    )
 
 
 def main() -> int:
@@ -304,7 +322,7 @@ def main() -> int:
     panel.workbench.open(Session(bag.volume, bag.labels, bag.spacing, bag.objects))
     panel.workbench.stage.seconds = 0.2
     panel.workbench.stage.settle(60)
-    report = soak(viewer, panel, chosen.seconds, chosen.seed)
+    report = soak(viewer, panel, chosen.seconds, chosen.seed, told=_say)
     print(report)
     panel.end()
     viewer.close()
