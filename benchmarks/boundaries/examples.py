@@ -26,14 +26,15 @@ USUAL = 600.0
 class Source:
     """Volumes in files, cut open where they are asked for."""
 
-    def __init__(self, folder: Path, bags: range, solids: range) -> None:
+    def __init__(self, folder: Path, bags: range, solids: range, share: float = 0.4) -> None:
         self.folder, self.bags, self.solids = folder, bags, solids
+        self.share = share if len(solids) else 0.0
 
     def patch(
         self, rng: np.random.Generator, size: int
     ) -> tuple[NDArray[np.float32], NDArray[np.int32], bool]:
         """Return sharp density and labels of a cube cut at a random zoom and turned."""
-        solid = bool(rng.random() < 0.4) and len(self.solids) > 0
+        solid = bool(rng.random() < self.share)
         several = self.solids if solid else self.bags
         while True:
             seed = several[int(rng.integers(len(several)))]

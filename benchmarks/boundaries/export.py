@@ -1,6 +1,8 @@
 """Write a trained network as the ONNX file that the package runs.
 
-`python -m benchmarks.boundaries.export CHECKPOINT src/napari_unpack/segmentation/boundaries.onnx`
+`python -m benchmarks.boundaries.export CHECKPOINT src/napari_unpack/segmentation/boundaries.onnx`;
+of several checkpoints, each with its weight after a colon, it writes the mean (a network and one
+trained on from it lie close enough: Wortsman et al., Model soups, ICML 2022).
 """
 
 from __future__ import annotations
@@ -50,10 +52,23 @@ def halve(model: onnx.ModelProto) -> None:
         model.graph.node.insert(k, node)
 
 
+def mean(checkpoints: list[str]) -> dict[str, Tensor]:
+    """Return the mean of the weights in files, each named as PATH or PATH:WEIGHT."""
+    found = []
+    for named in checkpoints:
+        path, _, weight = named.partition(":")
+        found.append((torch.load(path, weights_only=True)["network"], float(weight or 1)))
+    one = found[0][0]
+    return {
+        k: sum(state[k] * weight for state, weight in found) if v.is_floating_point() else v
+        for k, v in one.items()
+    }
+
+
 def main() -> None:
-    checkpoint, path = sys.argv[1:3]
+    *checkpoints, path = sys.argv[1:]
     network = Boundaries()
-    network.load_state_dict(torch.load(checkpoint, weights_only=True)["network"])
+    network.load_state_dict(mean(checkpoints))
     network.eval()
     fold(network)
     torch.onnx.export(

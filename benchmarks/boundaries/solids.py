@@ -207,7 +207,11 @@ def _place(
 
 
 def coat(
-    seed: int, density: NDArray[np.uint16], labels: NDArray[np.uint16], share: float = 0.25
+    seed: int,
+    density: NDArray[np.uint16],
+    labels: NDArray[np.uint16],
+    share: float = 0.25,
+    alike: float = 0.0,
 ) -> None:
     """Cover parts of some solids by thin things of their own: caps, bands, sleeves; in place.
 
@@ -219,6 +223,8 @@ def coat(
         See `packed_solids`.
     share : float
         Of the solids, about, that get one.
+    alike : float
+        Of the coats, about, that are nearly as dense as what they cover.
     """
     rng = np.random.default_rng([seed, 1])
     boxes = find_objects(labels)
@@ -243,4 +249,83 @@ def coat(
         if largest.sum() < 300:
             continue
         around[largest] = labels.max() + 1
-        density[window][largest] = np.exp(rng.uniform(np.log(200), np.log(3000)))
+        value = np.exp(rng.uniform(np.log(200), np.log(3000)))
+        if alike and rng.random() < alike:
+            value = _much_like(rng, density[window][own])
+        density[window][largest] = value
+
+
+def lay_flat(
+    seed: int, density: NDArray[np.uint16], labels: NDArray[np.uint16], share: float = 0.4
+) -> None:
+    """Lay plates, slats, rods and small stacks on the flattest sides of some solids; in place.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random.
+    density, labels : (Z, Y, X) ndarray of uint16
+        See `packed_solids`.
+    share : float
+        Of the solids, about, that get one.
+
+    Notes
+    -----
+    Half of them are nearly as dense as what they lie on, so that their shape alone tells.
+    """
+    rng = np.random.default_rng([seed, 2])
+    boxes = find_objects(labels)
+    for name in np.flatnonzero(rng.random(len(boxes)) < share) + 1:
+        if boxes[name - 1] is None:
+            continue
+        points = np.argwhere(labels == name)
+        ways = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(12, 3))])
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        heights = points @ ways.T
+        tops = heights.max(axis=0)
+        side = int((heights > tops - 2).sum(axis=0).argmax())
+        touched = points[heights[:, side] > tops[side] - 2]
+        value = np.exp(rng.uniform(np.log(200), np.log(3000)))
+        if rng.random() < 0.5:
+            value = _much_like(rng, density[tuple(touched.T)])
+        center = touched[rng.integers(len(touched))]
+        frame = np.linalg.qr(np.stack([ways[side], *rng.normal(size=(2, 3))], axis=1))[0][:, 1:]
+        layers = 1 if rng.random() < 0.75 else int(rng.integers(2, 5))
+        thick = np.exp(rng.uniform(np.log(1.5), np.log(10 if layers == 1 else 4)))
+        half = np.exp(rng.uniform(np.log(3), np.log(28), 2))
+        # The lowest fills the gap that a rounded side leaves.
+        floor = tops[side] - 1
+        for layer in range(layers):
+            ceiling = tops[side] + 0.5 + (layer + 1) * thick
+            _lay(labels, density, ways[side], frame, center, (floor, ceiling), half, value)
+            floor = ceiling
+
+
+def _lay(
+    labels: NDArray[np.uint16],
+    density: NDArray[np.uint16],
+    up: NDArray[np.float64],
+    frame: NDArray[np.float64],
+    center: NDArray[np.int64],
+    heights: tuple[float, float],
+    half: NDArray[np.float64],
+    value: float,
+) -> None:
+    """Fill what is free of a slab by a new object, unless that is very little."""
+    reach = int(np.ceil(np.hypot(*half) + heights[1] - heights[0])) + 12
+    low, high = np.maximum(center - reach, 0), np.minimum(center + reach + 1, labels.shape)
+    region = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    grid = np.moveaxis(np.indices(labels[region].shape), 0, -1) + low
+    along, across = grid @ up, np.abs((grid - center) @ frame)
+    free = (along > heights[0]) & (along <= heights[1]) & (across <= half).all(axis=-1)
+    pieces, found = label(free & (labels[region] == 0))
+    if not found:
+        return
+    largest = pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax()
+    if largest.sum() >= 150:
+        labels[region][largest] = labels.max() + 1
+        density[region][largest] = value
+
+
+def _much_like(rng: np.random.Generator, values: NDArray[np.uint16]) -> float:
+    return max(float(np.median(values)), 150.0) * float(np.exp(rng.normal(0, 0.12)))

@@ -1,11 +1,14 @@
 """Train the network of boundaries.
 
-1. `python -m benchmarks.boundaries.volumes DATA 100 300`
-2. `python -m benchmarks.boundaries.volumes DATA 0 260 --solids`
+1. `python -m benchmarks.boundaries.volumes DATA 100 234`
+2. `python -m benchmarks.boundaries.volumes DATA 0 260 --solids`, the same with `--coated`, and
+   `python -m benchmarks.boundaries.volumes DATA 1000 1260 --clad`
 3. `python -m benchmarks.boundaries.train DATA CHECKPOINT --steps 3000 --decay 800`
 4. `python -m benchmarks.boundaries.export CHECKPOINT
    src/napari_unpack/segmentation/boundaries.onnx`
 
+The shipped network was trained in stages, each from the one before, and is a mean of two of them;
+docs/decisions/0004-a-learned-affinity-beside-the-cuts.md has their options.
 It needs the dependency group `train`. One state of the code, one machine and one number of
 threads give the same weights; elsewhere sums are taken in another order, and how far the scores
 of benchmarks/segmentation then differ has not been measured.
@@ -71,6 +74,7 @@ def main() -> None:
     parser.add_argument("--apart", type=float, default=4.0)
     parser.add_argument("--bags", type=int, nargs=2, default=(100, 300))
     parser.add_argument("--solids", type=int, nargs=2, default=(0, 260))
+    parser.add_argument("--share", type=float, default=0.4, help="of the patches from solids")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=1e9)
     parser.add_argument("--threads", type=int, default=1)
@@ -90,7 +94,8 @@ def main() -> None:
         state = torch.load(options.start, weights_only=True)
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
-    source = Source(options.data, range(*options.bags), range(*options.solids))
+    bags, solids = range(*options.bags), range(*options.solids)
+    source = Source(options.data, bags, solids, options.share)
     patches = Patches(source, 1000 * options.seed + 100 * options.rank, options.size, options.apart)
     loader = iter(DataLoader(patches, options.batch, num_workers=1, prefetch_factor=4))
     begun, mean = time.time(), dict.fromkeys(GROUPS, 0.0)

@@ -1,7 +1,8 @@
 """Volumes to learn from, without blur and noise, which training adds anew every time.
 
 `python -m benchmarks.boundaries.volumes FOLDER FIRST LAST` writes simulated bags;
-with `--solids`, packed solids.
+with `--solids`, packed solids; with `--coated`, those with a coat on some, named 1000 higher;
+with `--clad`, with more coats and with things that lie flat on others, named 2000 higher.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.boundaries.solids import packed_solids
+from benchmarks.boundaries.solids import coat, lay_flat, packed_solids
 from napari_unpack.simulation import Scanner, simulate_bag
 
 SHAPES = (
@@ -40,19 +41,37 @@ def bag(seed: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     return made.volume, made.labels
 
 
+def solids(
+    seed: int, coated: bool = False, clad: bool = False
+) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return packed solids, plain or with what covers them and lies on them, and their labels."""
+    density, labels = packed_solids(seed)
+    if coated:
+        coat(seed, density, labels, 0.4)
+    if clad:
+        coat(seed, density, labels, 0.5, alike=0.35)
+        lay_flat(seed, density, labels)
+    return density, labels
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
-    parser.add_argument("--solids", action="store_true")
+    for kind in ("--solids", "--coated", "--clad"):
+        parser.add_argument(kind, action="store_true")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     for seed in range(options.first, options.last):
-        volume, labels = (packed_solids if options.solids else bag)(seed)
-        prefix = "solids" if options.solids else "bag"
-        np.save(options.folder / f"{prefix}{seed}-labels.npy", labels)
-        np.save(options.folder / f"{prefix}{seed}-density.npy", volume)
+        if options.solids or options.coated or options.clad:
+            volume, labels = solids(seed, options.coated, options.clad)
+            name = f"solids{seed + 1000 * options.coated + 2000 * options.clad}"
+        else:
+            volume, labels = bag(seed)
+            name = f"bag{seed}"
+        np.save(options.folder / f"{name}-labels.npy", labels)
+        np.save(options.folder / f"{name}-density.npy", volume)
 
 
 if __name__ == "__main__":
