@@ -7,8 +7,8 @@
 4. `python -m benchmarks.boundaries.export CHECKPOINT
    src/napari_unpack/segmentation/boundaries.onnx`
 
-The shipped network was trained in stages, each from the one before, and is a mean of two of them;
-docs/decisions/0004-a-learned-affinity-beside-the-cuts.md has their options.
+The shipped network was trained in stages, each from the one before, and without the coated and
+clad solids; docs/decisions/0004-a-learned-affinity-beside-the-cuts.md has their options.
 It needs the dependency group `train`. One state of the code, one machine and one number of
 threads give the same weights; elsewhere sums are taken in another order, and how far the scores
 of benchmarks/segmentation then differ has not been measured.

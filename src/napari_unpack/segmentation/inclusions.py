@@ -59,7 +59,7 @@ class InclusionRule:
     core: float = 5.0
     lost: float = 1.5
     soft: float = 550.0
-    contrast: float = 5.0
+    contrast: float = 7.0
     around: float = 0.1
     near: float = 2.5
     far: float = 8.0
