@@ -2,8 +2,6 @@
 
 `python -m benchmarks.segmentation.affinity_training src/napari_unpack/segmentation/affinity.npz`
 gives it, to the bit for one state of the code; no test and no row of the table uses its seeds.
-The file of today was trained before pairs that hardly touch were left out and fringes shared, so
-that the command now gives a slightly different one.
 """
 
 from __future__ import annotations
