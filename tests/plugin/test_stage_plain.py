@@ -105,3 +105,15 @@ def test_the_session_looks_as_napari_does_at_a_mirrored_layer(
     assert cols[1] < cols[0] == pytest.approx(cols[2])
     assert rows[2] > rows[0] == pytest.approx(rows[1])
     stage.close()
+
+
+@pytest.mark.parametrize(("scale", "up"), [((1.5, 1.5, 1.5), -1), ((1.5, -1.5, 1.5), 1)])
+def test_up_is_what_napari_shows_as_up(
+    scale, up, make_napari_viewer_proxy, session, bag, without_registry
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    image = viewer.add_image(bag[0], scale=scale)
+    stage = PlainStage(viewer, session, [image])
+    stage.open()
+    np.testing.assert_allclose(session.away_from_table, [0, up, 0], atol=1e-12)
+    stage.close()

@@ -98,6 +98,7 @@ class PlainStage:
             signal.connect(slot)
         viewer.layers.events.removed.connect(self._on_removed)
         viewer.scene.camera.events.connect(self._moved)
+        steering.look_through(viewer, self.session, self.packed)
         self._paint()
         self._moved()
         self.events.message.emit(
