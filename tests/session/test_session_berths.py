@@ -70,7 +70,7 @@ def test_a_turn_keeps_the_size_where_there_is_room_and_is_given_back(unpacked: S
     unpacked.undo()
     assert np.array_equal(unpacked.poses[5].rotation, before.rotation)
     unpacked.restore([1])
-    with pytest.raises(ValueError, match="unpacked object, got 1"):
+    with pytest.raises(ValueError, match="Object 1 is not unpacked"):
         unpacked.turn(1, askew)
 
 

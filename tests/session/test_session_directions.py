@@ -96,7 +96,7 @@ def test_the_best_way_out_of_plates_is_sideways_and_along_hooks_too():
 def test_reveal_says_what_is_wrong():
     session = session_of(stack_of_plates())
     session.unpack(1)
-    with pytest.raises(ValueError, match="packed"):
+    with pytest.raises(ValueError, match="Object 1 is not in the bag"):
         session.unearthing(1)
     with pytest.raises(ValueError, match="direction must be one of"):
         session.reveal(3, "sideways")

@@ -69,9 +69,7 @@ class SessionInquiry(SessionDirections):
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         packed = self._packed(self._situation)
         if object_id not in packed:
-            raise ValueError(
-                f"{self._names([object_id])} ({object_id}) is not in the bag: put it back first"
-            )
+            raise ValueError(f"{self._names([object_id])} is not in the bag: put it back first")
         return object_id, packed
 
     def answer_along(self, direction: Vector) -> OcclusionAnswer:

@@ -167,7 +167,7 @@ class Session(SessionSteps):
         """
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         if object_id in self._situation.hidden:
-            raise ValueError(f"{self._names([object_id])} ({object_id}) is hidden: show it first")
+            raise ValueError(f"{self._names([object_id])} is hidden: show it first")
         if object_id != self._situation.inspected:
             self._enter(replace(self._situation, inspected=object_id))
 
@@ -229,9 +229,7 @@ class Session(SessionSteps):
     def _outside(self, object_id: int) -> Berth:
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         if object_id not in self._situation.out:
-            raise ValueError(
-                f"{self._names([object_id])} ({object_id}) is not unpacked: unpack it first"
-            )
+            raise ValueError(f"{self._names([object_id])} is not unpacked: unpack it first")
         return self._situation.out[object_id]
 
     def _forget_answers(self) -> None:
