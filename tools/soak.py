@@ -249,6 +249,7 @@ def soak(
     seed: int = 0,
     samples: int = 20,
     pause: float = 0.01,
+    fewest: int = 0,
     told: Callable[[Report], None] = lambda _: None,
 ) -> Report:
     """Give random commands for so long.
@@ -264,6 +265,8 @@ def soak(
         How often memory is looked at.
     pause : float
         Between commands, s; events are handled meanwhile.
+    fewest : int
+        Commands, however long they take: a slow machine has not warmed up after few.
     told : callable
         Is given the report so far whenever memory was looked at.
 
@@ -275,9 +278,9 @@ def soak(
     with caught(report.errors), tempfile.TemporaryDirectory() as folder:
         hand = Hand(viewer, panel, np.random.default_rng(seed), Path(folder))
         start = monotonic()
-        for _ in range(samples):
+        for sample in range(1, samples + 1):
             enough = monotonic() + seconds / samples
-            while monotonic() < enough:
+            while monotonic() < enough or report.commands.total() * samples < fewest * sample:
                 try:
                     report.commands[hand.give()] += 1
                 except Exception:
