@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,11 +227,7 @@ def coat(
         Of the coats, about, that are nearly as dense as what they cover.
     """
     rng = np.random.default_rng([seed, 1])
-    boxes = find_objects(labels)
-    for name in np.flatnonzero(rng.random(len(boxes)) < share) + 1:
-        box = boxes[name - 1]
-        if box is None:
-            continue
+    for name, box in _some(rng, labels, share):
         window = tuple(slice(max(s.start - 6, 0), s.stop + 6) for s in box)
         around = labels[window]
         own = around == name
@@ -241,18 +237,10 @@ def coat(
         if rng.random() < 0.6:
             high = np.inf
         near = distance_transform_edt(~own) <= rng.uniform(1.5, 4.5)
-        free = near & (around == 0) & (along > low) & (along < high)
-        pieces, found = label(free)
-        if not found:
-            continue
-        largest = pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax()
-        if largest.sum() < 300:
-            continue
-        around[largest] = labels.max() + 1
-        value = np.exp(rng.uniform(np.log(200), np.log(3000)))
-        if alike and rng.random() < alike:
-            value = _much_like(rng, density[window][own])
-        density[window][largest] = value
+        piece = _largest(near & (around == 0) & (along > low) & (along < high), 300)
+        if piece is not None:
+            around[piece] = labels.max() + 1
+            density[window][piece] = _value(rng, density[window][own], alike)
 
 
 def lay_flat(
@@ -274,20 +262,15 @@ def lay_flat(
     Half of them are nearly as dense as what they lie on, so that their shape alone tells.
     """
     rng = np.random.default_rng([seed, 2])
-    boxes = find_objects(labels)
-    for name in np.flatnonzero(rng.random(len(boxes)) < share) + 1:
-        if boxes[name - 1] is None:
-            continue
-        points = np.argwhere(labels == name)
+    for name, box in _some(rng, labels, share):
+        points = np.argwhere(labels[box] == name) + [s.start for s in box]
         ways = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(12, 3))])
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
         heights = points @ ways.T
         tops = heights.max(axis=0)
         side = int((heights > tops - 2).sum(axis=0).argmax())
         touched = points[heights[:, side] > tops[side] - 2]
-        value = np.exp(rng.uniform(np.log(200), np.log(3000)))
-        if rng.random() < 0.5:
-            value = _much_like(rng, density[tuple(touched.T)])
+        value = _value(rng, density[tuple(touched.T)], 0.5)
         center = touched[rng.integers(len(touched))]
         frame = np.linalg.qr(np.stack([ways[side], *rng.normal(size=(2, 3))], axis=1))[0][:, 1:]
         layers = 1 if rng.random() < 0.75 else int(rng.integers(2, 5))
@@ -318,14 +301,32 @@ def _lay(
     grid = np.moveaxis(np.indices(labels[region].shape), 0, -1) + low
     along, across = grid @ up, np.abs((grid - center) @ frame)
     free = (along > heights[0]) & (along <= heights[1]) & (across <= half).all(axis=-1)
-    pieces, found = label(free & (labels[region] == 0))
-    if not found:
-        return
-    largest = pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax()
-    if largest.sum() >= 150:
-        labels[region][largest] = labels.max() + 1
-        density[region][largest] = value
+    piece = _largest(free & (labels[region] == 0), 150)
+    if piece is not None:
+        labels[region][piece] = labels.max() + 1
+        density[region][piece] = value
 
 
-def _much_like(rng: np.random.Generator, values: NDArray[np.uint16]) -> float:
-    return max(float(np.median(values)), 150.0) * float(np.exp(rng.normal(0, 0.12)))
+def _some(
+    rng: np.random.Generator, labels: NDArray[np.uint16], share: float
+) -> Iterator[tuple[int, tuple[slice, ...]]]:
+    """Yield about so many of the objects, each with its box."""
+    boxes = find_objects(labels)
+    for i in np.flatnonzero(rng.random(len(boxes)) < share):
+        if boxes[i] is not None:
+            yield int(i) + 1, boxes[i]
+
+
+def _largest(free: NDArray[np.bool_], least: int) -> NDArray[np.bool_] | None:
+    """Return the largest connected piece, None where it has fewer voxels than that."""
+    pieces, _ = label(free)
+    sizes = np.bincount(pieces.reshape(-1))[1:]
+    return pieces == 1 + sizes.argmax() if sizes.max(initial=0) >= least else None
+
+
+def _value(rng: np.random.Generator, under: NDArray[np.uint16], alike: float) -> float:
+    """Return a density for what lies on others, at times nearly that of what is under it."""
+    value = float(np.exp(rng.uniform(np.log(200), np.log(3000))))
+    if alike and rng.random() < alike:
+        value = max(float(np.median(under)), 150.0) * float(np.exp(rng.normal(0, 0.12)))
+    return value
