@@ -25,6 +25,12 @@ def patches(rng: np.random.Generator, shape=(11, 18, 13), objects=5) -> np.ndarr
     return labels
 
 
+def visible_but(hidden, size: int) -> np.ndarray:
+    table = np.ones(size, bool)
+    table[[0, *hidden]] = False
+    return table
+
+
 def ramp() -> tuple[np.ndarray, tuple[float, float]]:
     """Return a transfer function, colours and all: (table, domain)."""
     x = np.linspace(0, 1, 64)

@@ -5,21 +5,14 @@ from __future__ import annotations
 import brute_force
 import numpy as np
 import pytest
+from compared_counts import assert_as_expected, assert_same
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ray_scenes import VIEWS, along, patches
+from ray_scenes import VIEWS, along, patches, visible_but
 
 from napari_unpack.geometry.rays import Rays, cast_rays, voxel_from_world
 from napari_unpack.geometry.view import View
 from napari_unpack.raycasting import Bricks, id_layers, occlusion_counts
-
-COUNTERS = ("samples", "hits", "occluded_hits", "occluded_samples", "exact_samples")
-
-
-def visible_but(hidden, size: int) -> np.ndarray:
-    table = np.ones(size, bool)
-    table[[0, *hidden]] = False
-    return table
 
 
 @pytest.mark.parametrize(("direction", "spacing", "fov"), VIEWS)
@@ -38,16 +31,8 @@ def test_occlusion_counts_match_brute_force(direction, spacing, fov) -> None:
     labels = patches(np.random.default_rng(2))
     rays = along(direction, labels.shape, spacing, fov=fov)
     visible = visible_but([3], 6)
-    counts = occlusion_counts(labels, rays, visible)
     expected = brute_force.occlusion(labels, rays, visible)
-    assert counts.ids.tolist() == sorted(expected["samples"])
-    for name in COUNTERS:
-        found = getattr(counts, name)
-        assert {int(i): int(found[i]) for i in counts.ids} == {
-            i: expected[name][i] for i in expected["samples"]
-        }, name
-    pairs = np.argwhere(counts.blocks)
-    assert {(int(counts.ids[a]), int(counts.ids[b])) for a, b in pairs} == expected["blocks"]
+    assert_as_expected(occlusion_counts(labels, rays, visible), expected)
 
 
 def test_equation_2_and_its_kin_worked_by_hand() -> None:
@@ -114,8 +99,7 @@ def test_bricks_and_threads_change_nothing(direction, spacing, fov) -> None:
         occlusion_counts(labels, rays, visible, bricks, threads=3),
         occlusion_counts(labels, rays, visible, threads=2),
     ):
-        for name in (*COUNTERS, "ids", "blocks"):
-            np.testing.assert_array_equal(getattr(counts, name), getattr(plain, name))
+        assert_same(counts, plain)
     layers = id_layers(labels, rays, visible, 4, threads=1)
     np.testing.assert_array_equal(id_layers(labels, rays, visible, 4, bricks, threads=2), layers)
 
