@@ -9,32 +9,21 @@ from benchmarks.scenes import Scenes
 WHAT = "memory on the graphics card"
 GOAL = "<= 1.10x volume + labels"
 _SCRIPT = """
-import sys, threading, napari, numpy as np
+import sys
 from benchmarks.packing import pack
-from napari_unpack import Session
-from napari_unpack.layers.stage import Stage
+from benchmarks.staged import send_out, staged
 from napari_unpack.rendering.ledger import ledger
-shape, size = tuple(int(n) for n in sys.argv[1:4]), int(sys.argv[4])
-packing = pack(shape, (4, 3, 5))
-volume, labels = packing.volume, packing.labels
-session = Session(volume, labels)
-viewer = napari.Viewer(ndisplay=3, show=True)
-viewer.window.resize(size, size)
-stage = Stage(viewer, session)
-stage.recolor_at_rest = False
-stage.backend = "gl"
-stage.open()
-stage.settle(300)
-stage.unpack(20)
-stage.finish()
-stage.settle(300)
+*shape, size = (int(n) for n in sys.argv[1:])
+bag = pack(tuple(shape), (4, 3, 5))
+viewer, stage = staged(bag.volume, bag.labels, size, backend="gl", recolor_at_rest=False)
+send_out(stage, 20)
 stage.seconds = 600.0
 stage.unpack(5)
 stage.settle(300)
 held = ledger().bytes_held()
-texel = 1 if packing.count < 256 else 2
-print("held", sum(held.values()), volume.nbytes + texel * labels.size, len(stage.transition.shots),
-      len(stage.sprites.sprites), *stage.frame.size, *(held[k] for k in sorted(held)))
+texel = 1 if bag.count < 256 else 2
+volumes = bag.volume.nbytes + texel * bag.labels.size
+print("held", sum(held.values()), volumes, len(stage.transition.shots), len(stage.sprites.sprites))
 stage.finish()
 stage.close()
 viewer.close()
@@ -52,7 +41,7 @@ def measure(scenes: Scenes) -> list[Row]:
     found = numbers(run, "held")
     if not found:
         return [Row.not_measured(WHAT, work, failure(run), GOAL)]
-    held, volumes, flying, sprites = found[0][:4]
+    held, volumes, flying, sprites = found[0]
     ratio = held / volumes
     return [
         Row(

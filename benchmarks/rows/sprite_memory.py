@@ -9,22 +9,13 @@ from benchmarks.scenes import Scenes
 WHAT = "sprites of 40 objects"
 GOAL = "<= 4x that image"
 _SCRIPT = """
-import sys, napari
+import sys
 from benchmarks.packing import pack
-from napari_unpack import Session
-from napari_unpack.layers.stage import Stage
-shape, size = tuple(int(n) for n in sys.argv[1:4]), int(sys.argv[4])
-packing = pack(shape, (2, 4, 5))
-viewer = napari.Viewer(ndisplay=3, show=True)
-viewer.window.resize(size, size)
-stage = Stage(viewer, Session(packing.volume, packing.labels))
-stage.recolor_at_rest = False
-stage.backend = "cpu"
-stage.open()
-stage.settle(300)
-stage.unpack(40)
-stage.finish()
-stage.settle(300)
+from benchmarks.staged import send_out, staged
+*shape, size = (int(n) for n in sys.argv[1:])
+bag = pack(tuple(shape), (2, 4, 5))
+viewer, stage = staged(bag.volume, bag.labels, size, backend="cpu", recolor_at_rest=False)
+send_out(stage, 40)
 print("held", len(stage.sprites.sprites), stage.sprites.nbytes, *stage.frame.size)
 stage.close()
 viewer.close()

@@ -10,22 +10,13 @@ WHAT = "packed bag turning, 20 sprites out, no GPU"
 WORK = "256x256x512, 27 objects, napari's window of 1024x1024, the view turning"
 GOAL = ">= 10 fps"
 _SCRIPT = """
-import sys, time, numpy as np, napari
+import sys, time, numpy as np
 from qtpy.QtWidgets import QApplication
-from napari_unpack import Session
+from benchmarks.staged import send_out, staged
 from napari_unpack.layers.compat import native_canvas
-from napari_unpack.layers.stage import Stage
 data = np.load(sys.argv[1])
-viewer = napari.Viewer(ndisplay=3, show=True)
-viewer.window.resize(int(sys.argv[2]), int(sys.argv[2]))
-session = Session(data["volume"], data["labels"])
-stage = Stage(viewer, session)
-stage.backend = "cpu"
-stage.open()
-stage.settle(60)
-stage.unpack(20)
-stage.finish()
-stage.settle(60)
+viewer, stage = staged(data["volume"], data["labels"], int(sys.argv[2]), backend="cpu")
+send_out(stage, 20)
 drawn = []
 native_canvas(viewer).events.draw.connect(lambda _: drawn.append(stage.packed.shot))
 start = time.perf_counter()
