@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from qtpy.QtCore import QTimer
-
-from napari_unpack.layers.clock import stop
+from napari_unpack.layers.clock import single_shot, stop
 from napari_unpack.layers.jobs import Jobs
 
 REST_MS = 250
@@ -40,10 +38,7 @@ class AtRest:
         self._session, self._jobs = session, jobs
         self._recolors, self._warm = recolors, warm
         self._state = 0
-        self._timer = QTimer()
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(REST_MS)
-        self._timer.timeout.connect(self._ask)
+        self._timer = single_shot(self._ask, REST_MS)
 
     @property
     def waiting(self) -> bool:

@@ -1,4 +1,4 @@
-"""The clock of flights: about sixty ticks a second, only while something moves."""
+"""The clock of flights, about sixty ticks a second while something moves, and other timers."""
 
 from __future__ import annotations
 
@@ -12,6 +12,15 @@ def stop(timer: QTimer) -> None:
     """Stop a timer, also one that Qt has deleted at the end of the application."""
     with contextlib.suppress(RuntimeError):
         timer.stop()
+
+
+def single_shot(then: Callable[[], None], milliseconds: int = 0) -> QTimer:
+    """Return a timer that calls once, so long after it was started last."""
+    timer = QTimer()
+    timer.setSingleShot(True)
+    timer.setInterval(milliseconds)
+    timer.timeout.connect(then)
+    return timer
 
 
 class Clock:

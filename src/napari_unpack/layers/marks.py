@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from qtpy.QtCore import QTimer
 
-from napari_unpack.layers.clock import stop
+from napari_unpack.layers.clock import single_shot, stop
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.shots import Shot
 from napari_unpack.layers.view_camera import Frame
@@ -94,10 +93,7 @@ class MarkPainter:
         self._frame: Frame | None = None
         self._state = 0
         self._shot: Shot | None = None
-        self._rest = QTimer()
-        self._rest.setSingleShot(True)
-        self._rest.setInterval(REST_MS)
-        self._rest.timeout.connect(self._ask)
+        self._rest = single_shot(self._ask, REST_MS)
 
     @property
     def waiting(self) -> bool:

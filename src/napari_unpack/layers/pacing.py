@@ -6,9 +6,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
-from qtpy.QtCore import QTimer
-
-from napari_unpack.layers.clock import stop
+from napari_unpack.layers.clock import single_shot, stop
 from napari_unpack.layers.compat import is_drawing
 from napari_unpack.layers.packed import PackedLayer
 from napari_unpack.layers.view_camera import Frame
@@ -52,8 +50,8 @@ class Pacing:
         self._canvas, self._layer = canvas, layer
         self._waits, self._look = waits, look
         self._asked_at = 0.0
-        self._soon = _timer(self._decide)
-        self._late = _timer(self._redraw)
+        self._soon = single_shot(self._decide)
+        self._late = single_shot(self._redraw)
         if canvas is not None:
             self._update = canvas.update
             canvas.update = self._asked
@@ -105,10 +103,3 @@ def turned(before: Frame | None, now: Frame | None) -> bool:
         and abs(a.height - b.height) <= STILL * b.height
         and abs(a.fov - b.fov) <= STILL
     )
-
-
-def _timer(then: Callable[[], None]) -> QTimer:
-    timer = QTimer()
-    timer.setSingleShot(True)
-    timer.timeout.connect(then)
-    return timer

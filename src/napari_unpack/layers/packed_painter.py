@@ -6,11 +6,9 @@ from collections.abc import Iterable
 from time import perf_counter
 from typing import Any
 
-from qtpy.QtCore import QTimer
-
 from napari_unpack.appearance import hues_between
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers.clock import stop
+from napari_unpack.layers.clock import single_shot, stop
 from napari_unpack.layers.hue_fade import HueFade
 from napari_unpack.layers.jobs import Jobs
 from napari_unpack.layers.live_shots import LiveShot
@@ -92,10 +90,7 @@ class PackedPainter:
         # When an object was last changed of which the picture does not tell yet.
         self._touched: dict[int, int] = {}
         self._cache: PictureCache | None = None
-        self._rest = QTimer()
-        self._rest.setSingleShot(True)
-        self._rest.setInterval(REST_MS)
-        self._rest.timeout.connect(self._come_to_rest)
+        self._rest = single_shot(self._come_to_rest, REST_MS)
 
     @property
     def turning(self) -> bool:

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.layers.clock import stop
+from napari_unpack.layers.clock import single_shot, stop
 from napari_unpack.layers.slice_hues import shows_labels
 
 QUIET_MS = 300
@@ -62,10 +61,7 @@ class PaintedLabels:
         self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
         self._painted: Any = None
-        self._timer = QTimer()
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(QUIET_MS)
-        self._timer.timeout.connect(self._compare)
+        self._timer = single_shot(self._compare, QUIET_MS)
         for layer in self._layers:
             for name in EDITED:
                 if hasattr(layer.events, name):
