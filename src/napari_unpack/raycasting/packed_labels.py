@@ -19,7 +19,6 @@ from napari_unpack.raycasting.threads import over_bands
 WORD = 6
 """A word has 2^6 bits."""
 
-
 LINE = 8
 """Words of a line of the cache."""
 

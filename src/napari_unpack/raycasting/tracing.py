@@ -274,7 +274,7 @@ def _turn(runs, lane, n, number, found, count):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _eight(words, place, f, lane, more, step):  # type: ignore[no-untyped-def]
     # Indices without a sign: numba does not ask whether they count from the end.
-    z, y, x = np.uint64(PZ) + lane, np.uint64(PY) + lane, np.uint64(PX) + lane
-    az, ay, ax = np.uint64(DZ) + lane, np.uint64(DY) + lane, np.uint64(DX) + lane
+    pz, py, px = np.uint64(PZ) + lane, np.uint64(PY) + lane, np.uint64(PX) + lane
+    dz, dy, dx = np.uint64(DZ) + lane, np.uint64(DY) + lane, np.uint64(DX) + lane
     k = f[np.uint64(K) + lane] + more
-    return eight_bits(words, place, k, step, f[z], f[y], f[x], f[az], f[ay], f[ax])
+    return eight_bits(words, place, k, step, f[pz], f[py], f[px], f[dz], f[dy], f[dx])

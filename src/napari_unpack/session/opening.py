@@ -15,7 +15,6 @@ LEAST_SHARE = 0.004
 
 MOST_PARTS = 40
 
-
 INSIDE = 2
 """Along so many of the three axes an object stands on both sides of what lies in it."""
 
@@ -88,7 +87,7 @@ def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
     inner.most_in_group, inner.take_least_occluded = 1, True
     inner.rule, inner.tolerance = session.rule, session.tolerance
     shell = object_id if object_id in ids else _shell(parts, ids)
-    if shell and len(ids) > 1:
+    if shell:
         inner.take_off(shell)
     inner.history.clear()
     return inner
@@ -118,7 +117,7 @@ def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
         sides += before & behind
     inside = np.bincount(labels[(sides >= INSIDE) & ~mine & (labels > 0)])
     whole = np.bincount(labels.ravel(), minlength=len(inside))[: len(inside)]
-    return {int(i) for i in np.flatnonzero(2 * inside > np.maximum(whole, 1))}
+    return {int(i) for i in np.flatnonzero(2 * inside > whole)}
 
 
 def _shell(parts: NDArray[Any], ids: list[int]) -> int:

@@ -51,7 +51,7 @@ class Berth:
         Where a person put it, in place of the slot.
     within : (float, float), optional
         Height and width in mm of the window it was put into; in another window it keeps its
-        share of the way from the middle to the edge.
+        share of the way from the middle to the edge, and has the size it would have in its slot.
     turned_mm : (float, float), optional
         Width and height of its picture as a person turned it.
     """

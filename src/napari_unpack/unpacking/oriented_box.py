@@ -126,6 +126,8 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
 def hull_vertices(points: ArrayLike) -> NDArray[np.float64]:
     """Return the corners of a cloud's convex hull; of round things some, within half a per cent.
 
+    All points where they are few, or flat.
+
     Parameters
     ----------
     points : (n, 3) array_like
@@ -135,7 +137,15 @@ def hull_vertices(points: ArrayLike) -> NDArray[np.float64]:
     -------
     (m, 3) ndarray of float64
     """
-    return _hull_vertices(_outermost(np.asarray(points, dtype=np.float64)))
+    from scipy.spatial import ConvexHull, QhullError
+
+    cloud = _outermost(np.asarray(points, dtype=np.float64))
+    if len(cloud) < 20:
+        return cloud
+    try:
+        return cloud[ConvexHull(cloud).vertices]
+    except QhullError:  # flat or in a line: it has no volume
+        return cloud
 
 
 def _outermost(cloud: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -194,17 +204,6 @@ def _across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     u = np.cross(normals, helper)
     u /= np.linalg.norm(u, axis=-1, keepdims=True)
     return u, np.cross(normals, u)
-
-
-def _hull_vertices(cloud: NDArray[np.float64]) -> NDArray[np.float64]:
-    from scipy.spatial import ConvexHull, QhullError
-
-    if len(cloud) < 20:
-        return cloud
-    try:
-        return cloud[ConvexHull(cloud).vertices]
-    except QhullError:  # flat or in a line: the cross of every point makes it solid later
-        return cloud
 
 
 def _distinct(normals: NDArray[np.float64]) -> NDArray[np.float64]:

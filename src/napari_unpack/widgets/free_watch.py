@@ -47,10 +47,8 @@ class FreeWatch(QObject):
 
     def _hear(self, news: frozenset[str]) -> None:
         if news & {"states", "view", "queue"}:
-            along = self._bench.session.direction
-            if along != self._along:
+            if self._bench.session.direction != self._along:
                 # Another way out: what was said of the last one says nothing of this.
-                self._along = along
                 self.known.emit(None)
             self._wait()
 
