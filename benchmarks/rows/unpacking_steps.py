@@ -123,11 +123,10 @@ def _round(scenes: Scenes) -> list[Step]:
     def color() -> Any:
         return interference(_ids(crowd.labels, camera, visible, size, bricks), 5)
 
-    met = cast_runs(crowd.labels, MM, camera, visible.copy(), size, bricks=bricks)
+    met = cast_runs(crowd.labels, MM, camera, visible, size, bricks=bricks)
 
     def follow() -> Any:
-        options = {"bricks": bricks, "known": met}
-        return cast_runs(crowd.labels, MM, camera, visible, size, **options).counts(visible)
+        return cast_runs(crowd.labels, MM, camera, visible, size, known=met).counts(visible)
 
     ways = (count, color, follow, *_gl_ways(crowd.labels, camera, visible, size, bricks))
     for work in ways:

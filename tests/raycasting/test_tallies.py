@@ -45,7 +45,7 @@ def test_runs_counted_by_hand() -> None:
     parts = np.array(first, np.uint32), np.array([3 << 16 | 2, 1 << 16 | 1, 0], np.uint32)
     rays = along((0, 0, 1), (4, 4, 4))
     runs = Runs(parts, rays, visible_but([], 4))
-    counts = runs.counts()
+    counts = runs.counts(visible_but([], 4))
     assert counts.samples.tolist() == [0, 13, 7, 2]
     assert counts.hits.tolist() == [0, 3, 1, 1]
     assert counts.occluded_hits.tolist() == [0, 2, 0, 0]

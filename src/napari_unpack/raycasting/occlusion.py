@@ -65,13 +65,12 @@ def occlusion_runs(
     rays: Rays,
     visible: NDArray[np.bool_],
     bricks: Bricks | None = None,
-    threads: int | None = None,
 ) -> Runs:
     """List what every ray meets, to be counted now and when some have left.
 
     Parameters
     ----------
-    labels, rays, visible, bricks, threads
+    labels, rays, visible, bricks
         As for `occlusion_counts`.
 
     Returns
@@ -85,5 +84,5 @@ def occlusion_runs(
     def work(scratch: Scratch, first: int, last: int) -> None:
         found.extend(runs.copy() for runs in tracing.runs(first, last, scratch))
 
-    over_bands(rays.size[0], work, tracing.scratch, threads, band_of(rays.size[0]))
+    over_bands(rays.size[0], work, tracing.scratch, band=band_of(rays.size[0]))
     return Runs(tuple(found), rays, visible.copy())

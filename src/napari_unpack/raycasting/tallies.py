@@ -61,17 +61,13 @@ class Runs:
     def _saw(self, visible: NDArray[np.bool_]) -> bool:
         return len(visible) == len(self.visible) and not (visible & ~self.visible).any()
 
-    def counts(
-        self, visible: NDArray[np.bool_] | None = None, threads: int | None = None
-    ) -> OcclusionCounts:
+    def counts(self, visible: NDArray[np.bool_]) -> OcclusionCounts:
         """Count who hides whom, as if rays were cast with these objects visible.
 
         Parameters
         ----------
-        visible : (M,) ndarray of bool, optional
-            By ID, such as `serves` holds for; by default all that were.
-        threads : int, optional
-            Workers, by default one a core.
+        visible : (M,) ndarray of bool
+            By ID, such as `serves` holds for.
 
         Returns
         -------
@@ -82,16 +78,15 @@ class Runs:
         ValueError
             If somebody is visible who was not.
         """
-        now = self.visible if visible is None else visible
-        if not self._saw(now):
+        if not self._saw(visible):
             raise ValueError("visible must hold nobody whom the rays did not see: cast them anew")
-        tally = Tally.of(now)
+        tally = Tally.of(visible)
 
         def work(own: Counters, first: int, last: int) -> None:
             for part in self.parts[first:last]:
                 tally.add(part, own)
 
-        return tally.sum(over_bands(len(self.parts), work, tally.counters, threads, band=1))
+        return tally.sum(over_bands(len(self.parts), work, tally.counters, band=1))
 
 
 @dataclass(frozen=True, eq=False)
