@@ -58,9 +58,11 @@ def mean(checkpoints: list[str]) -> dict[str, Tensor]:
     for named in checkpoints:
         path, _, weight = named.partition(":")
         found.append((torch.load(path, weights_only=True)["network"], float(weight or 1)))
-    one = found[0][0]
+    one, total = found[0][0], sum(weight for _, weight in found)
     return {
-        k: sum(state[k] * weight for state, weight in found) if v.is_floating_point() else v
+        k: sum(state[k] * (weight / total) for state, weight in found)
+        if v.is_floating_point()
+        else v
         for k, v in one.items()
     }
 
