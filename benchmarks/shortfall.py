@@ -42,32 +42,32 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Table:
-    """A table of Markdown: its heading's section, its columns, and its rows of text."""
+    """A table of Markdown: the heading above it, its columns, and its rows of text."""
 
-    section: str
+    heading: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
 def tables(text: str) -> list[Table]:
-    """Return the tables of a page."""
-    found, section = [], ""
+    """Return the tables of a page; headings without the number of bags behind them."""
+    found, heading = [], ""
     for block in re.split(r"\n\s*\n", text):
         lines = block.strip().splitlines()
         if lines and lines[0].startswith("## "):
-            section = re.sub(r"\s*\(\d+\)$", "", lines[0][3:])
+            heading = re.sub(r"\s*\(\d+\)$", "", lines[0][3:])
         if len(lines) > 2 and lines[0].startswith("|"):
             cells = [tuple(c.strip() for c in line.strip("| ").split("|")) for line in lines]
-            found.append(Table(section, cells[0], tuple(cells[2:])))
+            found.append(Table(heading, cells[0], tuple(cells[2:])))
     return found
 
 
 def section(text: str) -> str:
-    """Return what docs/benchmarks.md says of it, given docs/segmentation.md."""
+    """Return the section of docs/benchmarks.md, given the text of docs/segmentation.md."""
     totals: dict[str, list[float]] = {}
     missed: list[tuple[str, str, int, float]] = []
     for table in tables(text):
-        family = FAMILIES.get(table.section)
+        family = FAMILIES.get(table.heading)
         if family is None:
             continue
         if table.columns[0] == "method":
