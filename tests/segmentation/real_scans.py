@@ -10,7 +10,7 @@ FOLDER = Path(os.environ.get("UNPACK_DATA", Path(__file__).parents[3] / "shared"
 
 
 def real_scan(name):
-    """Return a volume and its spacing, or skip the test where there is no such file."""
+    """Return the arrays of a scan by name, or skip the test where there is no such file."""
     path = FOLDER / f"{name}.npz"
     if not path.exists():
         pytest.skip(f"no {path.name} beside the project; set UNPACK_DATA to a folder that has it")

@@ -27,7 +27,7 @@ def hull(density, thing):
     return pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax()
 
 
-def names_of(density, labels, thing):
+def shares_of(density, labels, thing):
     """Return how many voxels of a thing's hull each object has."""
     return np.bincount(labels[THINGS[thing][0]][hull(density, thing)])
 
@@ -39,7 +39,7 @@ def test_each_thing_of_the_rucksack_is_one_object_apart_from_the_others():
 
     names = {}
     for thing in THINGS:
-        shares = names_of(density, labels, thing)
+        shares = shares_of(density, labels, thing)
         names[thing] = 1 + int(shares[1:].argmax())
         assert shares[1:].max() > 0.85 * shares.sum(), f"{thing} is in pieces"
         own = labels == names[thing]
