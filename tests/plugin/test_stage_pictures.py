@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from counted_passes import assert_camera_hue_and_transfer_function_each_cast_anew, settled_passes
 from widget_phantoms import at_rest
 
 from conftest import canvas
 from napari_unpack.layers.shots import RESTING
 from napari_unpack.session import ObjectState
-
-
-def settled_passes(stage) -> int:
-    assert stage.settle(30)
-    return stage.packed_passes
 
 
 def moved(before: np.ndarray, after: np.ndarray) -> bool:
@@ -61,19 +57,10 @@ def test_nothing_is_cast_for_mouse_sprites_or_other_layers(staged, qtbot) -> Non
     assert settled_passes(stage) == passes
 
 
-def test_camera_hue_and_transfer_function_each_cast_anew(staged, session) -> None:
+def test_camera_hue_and_transfer_function_each_cast_anew(staged) -> None:
     viewer, stage = staged
     stage.recolor_at_rest = False
-    passes = settled_passes(stage)
-    viewer.scene.camera.zoom *= 1.1
-    after_zoom = settled_passes(stage)
-    assert passes < after_zoom <= passes + 3
-    session.accept_hues({7: 0.123}, undoable=False)
-    after_hue = settled_passes(stage)
-    assert after_hue == after_zoom + 1
-    function = session.transfer_function
-    session.transfer_function = type(function)([(d, a / 2) for d, a in function.points])
-    assert after_hue < settled_passes(stage) <= after_hue + 2
+    assert_camera_hue_and_transfer_function_each_cast_anew(viewer, stage)
 
 
 def test_an_object_that_leaves_recasts_its_window_to_the_same_picture(staged) -> None:

@@ -24,16 +24,22 @@ def brute(labels, way, visible):
     return ids, blocks
 
 
+def crumbs(seed, objects, edge):
+    """Make cubes of objects with holes in them, tell who is visible, and choose a direction."""
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, objects + 1, (5, 6, 7)).astype(np.uint16)
+    labels = labels.repeat(edge, 0).repeat(edge, 1).repeat(edge, 2)
+    labels[rng.random(labels.shape) < 0.3] = 0
+    visible = np.ones(objects + 1, bool)
+    visible[[0, 3]] = False, seed % 2 == 0
+    return labels, visible, rng.normal(size=3)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_it_meets_whom_moved_masks_overlap(seed):
-    rng = np.random.default_rng(seed)
-    labels = rng.integers(0, 5, (5, 6, 7)).astype(np.uint16)
-    labels = labels.repeat(2, 0).repeat(2, 1).repeat(2, 2)
-    labels[rng.random(labels.shape) < 0.3] = 0
-    visible = np.array([False, True, True, seed % 2 == 0, True])
-    direction = rng.normal(size=3)
-    found, wanted = met_when_pulled(labels, (1, 1, 1), direction, visible), brute
-    ids, blocks = wanted(labels, direction, visible)
+    labels, visible, direction = crumbs(seed, 4, 2)
+    found = met_when_pulled(labels, (1, 1, 1), direction, visible)
+    ids, blocks = brute(labels, direction, visible)
     np.testing.assert_array_equal(found[0], ids)
     np.testing.assert_array_equal(found[1], blocks)
 
@@ -93,12 +99,7 @@ def test_above_4096_objects_there_is_no_table():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_one_object_moved_alone_meets_whom_it_meets_among_all(seed):
-    rng = np.random.default_rng(seed)
-    labels = rng.integers(0, 6, (5, 6, 7)).astype(np.uint16)
-    labels = labels.repeat(3, 0).repeat(3, 1).repeat(3, 2)
-    labels[rng.random(labels.shape) < 0.3] = 0
-    visible = np.array([False, True, True, seed % 2 == 0, True, True])
-    direction = rng.normal(size=3)
+    labels, visible, direction = crumbs(seed, 5, 3)
     ids, blocks = brute(labels, direction, visible)
     pulling = Pulling.of(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
     for column, label in enumerate(ids):
