@@ -56,6 +56,34 @@ def test_2d_slices_show_the_same_hues_and_the_users_colors_come_back(
     assert mine.colormap == before[0]
 
 
+def test_no_volume_of_the_users_is_drawn_through_the_bag_and_slices_show_them_all(
+    make_napari_viewer_proxy, bag, session
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    mine = viewer.add_image(bag[0], scale=(1.5, 1.5, 1.5), name="mine")
+    viewer.add_labels(bag[1], scale=(1.5, 1.5, 1.5), name="earlier result")
+    viewer.add_image(bag[0], name="other channel", visible=False)
+    before = {layer.name: layer.visible for layer in viewer.layers}
+    stage = Stage(viewer, session, [mine])
+    stage.open()
+
+    def shown():
+        return {name: viewer.layers[name].visible for name in before}
+
+    assert not any(shown().values())
+    viewer.dims.ndisplay = 2
+    assert shown() == before
+    viewer.layers["other channel"].visible = True
+    viewer.dims.ndisplay = 3
+    assert not any(shown().values())
+    viewer.dims.ndisplay = 2
+    assert shown() == before | {"other channel": True}
+    stage.close()
+    assert shown() == before
+    viewer.dims.ndisplay = 3
+    assert shown() == before
+
+
 def _state(viewer):
     camera = viewer.scene.camera
     return (

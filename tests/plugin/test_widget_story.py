@@ -216,6 +216,18 @@ def test_keys_act_while_there_is_a_stage_and_are_given_back(
     assert coerce_keybinding("B") not in viewer.keymap
 
 
+def test_objects_found_once_more_take_the_place_of_those_found_before(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    add_bag(viewer)
+    stage_with(panel, qtbot)
+    stage_with(panel, qtbot)
+    own = ["expert", "bag", "bag objects", "bag objects [1]"]
+    assert [layer.name for layer in viewer.layers if layer.visible and layer.name in own] == []
+    panel.workbench.close()
+    assert [viewer.layers[name].visible for name in own] == [False, True, True, True]
+
+
 def test_closing_the_dock_takes_the_stage_down(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from napari_unpack.layers.own_volumes import OwnVolumes
+
 CAMERA_FIELDS = ("center", "zoom", "angles", "perspective", "orientation")
 
 SCALE_FIELDS = ("visible", "colored", "color")
@@ -17,8 +19,8 @@ class Borrowed:
 
     Parameters
     ----------
-    visible : tuple of (layer, bool)
-        The user's source layers and whether each was shown.
+    volumes : OwnVolumes
+        The user's volumes, hidden where they would cover the stage.
     selection : tuple of layers
         What was selected.
     active : layer or None
@@ -33,7 +35,7 @@ class Borrowed:
         Fields of the scale bar.
     """
 
-    visible: tuple[tuple[Any, bool], ...]
+    volumes: OwnVolumes
     selection: tuple[Any, ...]
     active: Any
     ndisplay: int
@@ -43,10 +45,10 @@ class Borrowed:
 
     @classmethod
     def from_viewer(cls, viewer: Any, sources: Sequence[Any]) -> Borrowed:
-        """Write down how a viewer is."""
+        """Write down how a viewer is, and hide its volumes."""
         selection = viewer.layers.selection
         return cls(
-            visible=tuple((layer, bool(layer.visible)) for layer in sources),
+            volumes=OwnVolumes(viewer, sources),
             selection=tuple(selection),
             active=selection.active,
             ndisplay=int(viewer.dims.ndisplay),
@@ -59,13 +61,13 @@ class Borrowed:
 
     def give_back(self, viewer: Any) -> None:
         """Make the viewer as it was; layers that are gone by now are left out."""
-        for layer, visible in self.visible:
-            if layer in viewer.layers:
-                layer.visible = visible
+        self.volumes.let_go()
         viewer.canvas.background_color_override = self.background
         viewer.canvas.overlays.scale_bar.update(self.scale_bar)
         viewer.dims.ndisplay = self.ndisplay
         viewer.scene.camera.update(self.camera)
+        # Only now: who looked at slices need not wait for a volume in 3D.
+        self.volumes.give_back()
         viewer.layers.selection.clear()
         viewer.layers.selection.update(x for x in self.selection if x in viewer.layers)
         if self.active is not None and self.active in viewer.layers:

@@ -90,8 +90,6 @@ class PlainStage:
         self._borrowed = Borrowed.from_viewer(viewer, self.sources)
         # The session's questions are answered in threads, where GL has no context.
         self._before, self.session.backend = self.session.backend, "cpu"
-        for layer in self.sources:
-            layer.visible = False
         viewer.dims.ndisplay = 3
         viewer.add_layer(self.packed)
         for signal, slot in self._wires():

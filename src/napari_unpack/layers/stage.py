@@ -46,7 +46,7 @@ class Stage(Hands):
     session : Session
         Its `animated` is set while the stage is on.
     sources : sequence of napari layers
-        The user's own layers: hidden while the stage is on, and restored exactly after.
+        The user's own layers: hidden in 3D while the stage is on, and restored exactly after.
 
     Attributes
     ----------
@@ -162,8 +162,6 @@ class Stage(Hands):
         self._before = self.session.animated, self.session.backend
         # The session's questions are answered in threads, where GL has no context.
         self.session.animated, self.session.backend = True, "cpu"
-        for layer in self.sources:
-            layer.visible = False
         self._slices = SliceHues(self.around or self.session, self.sources)
         self._slices.paint()
         viewer.dims.ndisplay = 3

@@ -180,6 +180,8 @@ class SegmentSection(Section):
             self._then()
 
     def _put_on_stage(self, order: _Order, prepared: Prepared) -> None:
+        # A stage that is on hides the image: what it found before comes and goes with it.
+        self._bench.close()
         labels = order.labels
         if prepared.found is not None:
             image = order.image
