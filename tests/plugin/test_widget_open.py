@@ -98,3 +98,36 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     assert not bench.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     assert bench.stage.in_slice((10, 10, 10)) == 1
+
+
+def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
+    studied: Any, qtbot: QtBot
+) -> None:
+    _, panel, outer, _ = studied
+    bench = panel.workbench
+    press(qtbot, panel.unpack.studied.open)
+    inner = bench.session
+    bench.unpack(1)
+    at_rest(bench.stage, qtbot)
+    left = states(inner)
+    assert list(left.values()).count("UNPACKED") == 2
+    press(qtbot, panel.unpack.outside)
+    assert bench.session is outer
+    bench.open_object(1)
+    assert bench.is_inside
+    assert states(bench.session) == left
+    bench.restore(1)
+    at_rest(bench.stage, qtbot)
+    assert list(states(bench.session).values()).count("UNPACKED") == 1
+
+
+def test_an_object_that_was_repaired_is_opened_anew(studied: Any, qtbot: QtBot) -> None:
+    _, panel, outer, _ = studied
+    bench = panel.workbench
+    bench.open_object(1)
+    before = bench.session
+    bench.leave_object()
+    assert outer.merge([1, 2]) == 1
+    bench.open_object(1)
+    assert bench.session is not before
+    assert bench.session.labels.shape[2] > before.labels.shape[2]

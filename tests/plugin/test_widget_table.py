@@ -212,6 +212,23 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
     assert not table.horizontalScrollBar().isVisible()
 
 
+def test_default_names_are_whole_beside_the_confidence_in_the_narrow_panel(
+    table: ObjectTable,
+) -> None:
+    # The panel's own width, less its margins and two bars to scroll.
+    table.resize(274, 240)
+    assert not table.isColumnHidden(Column.CONFIDENCE)
+    needed = table.fontMetrics().horizontalAdvance("Object 100") + 14
+    assert table.columnWidth(Column.NAME) >= needed
+
+
+def test_long_names_keep_the_number_at_their_end(table: ObjectTable) -> None:
+    names = [f"Object 10, part {k}" for k in (1, 2)]
+    width = table.fontMetrics().horizontalAdvance(names[0]) - 20
+    shown = {table.fontMetrics().elidedText(n, table.textElideMode(), width) for n in names}
+    assert len(shown) == 2
+
+
 def test_confidence_nobody_knows_takes_no_room(
     table: ObjectTable, session: SimpleNamespace
 ) -> None:

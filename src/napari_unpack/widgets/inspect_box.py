@@ -144,8 +144,8 @@ def describe(facts: Any, neighbours: list[str]) -> str:
     volume = facts.volume_mm3 / 1000
     lines = [
         f"<b>{facts.name}</b>",
-        f"{size} mm along its own axes, {volume:.1f} cm³",
-        f"density {facts.mean:.0f} ± {facts.spread:.0f}",
+        f"{size} mm along its own axes",
+        f"{volume:.1f} cm³, density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
         lines.append(f"{percent(facts.confidence)} sure that it is one whole object")

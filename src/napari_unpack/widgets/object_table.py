@@ -32,16 +32,17 @@ Draw = Callable[[QPainter, QRectF, Any, Any], None]
 
 ROW = 24
 WIDTHS = {
-    Column.EYE: 24,
-    Column.SWATCH: 24,
+    Column.EYE: 22,
+    Column.SWATCH: 18,
     Column.NAME: 68,
-    Column.STATE: 62,
+    Column.STATE: 54,
     Column.VOLUME: 44,
     Column.SIZE: 92,
     Column.DENSITY: 60,
-    Column.CONFIDENCE: 46,
+    Column.CONFIDENCE: 44,
 }
 WIDEST = {
+    Column.NAME: "Object 100",
     Column.STATE: "packed",
     Column.VOLUME: "1234",
     Column.SIZE: "99 × 99 × 99",
@@ -209,13 +210,15 @@ class ObjectTable(QTableView):
         )
         self.setShowGrid(False)
         self.setWordWrap(False)
+        # What tells objects apart is at the end of their names: a number, a mark.
+        self.setTextElideMode(Qt.TextElideMode.ElideMiddle)
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.verticalHeader().hide()
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.verticalHeader().setDefaultSectionSize(ROW)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
-        header.setMinimumSectionSize(20)
+        header.setMinimumSectionSize(18)
         header.setSectionsMovable(True)
         self._fit_columns()
         header.setSectionResizeMode(Column.NAME, QHeaderView.ResizeMode.Stretch)

@@ -12,6 +12,7 @@ from typing import Any
 
 from qtpy.QtCore import QObject, QTimer, Signal
 
+from napari_unpack.session.opened_before import OpenedBefore
 from napari_unpack.widgets import notices
 
 _GATHER_MS = 30
@@ -51,6 +52,7 @@ class Workbench(QObject):
         self._told.connect(notices.inform)
         self._links: list[tuple[Any, Any]] = []
         self._outer: list[tuple[Any, Sequence[Any], dict[str, Any]]] = []
+        self._opened = OpenedBefore()
 
     @property
     def session(self) -> Any:
@@ -103,13 +105,12 @@ class Workbench(QObject):
 
     def open_object(self, object_id: int) -> None:
         """Put what is inside an object on the stage, as a bag of its own."""
-        from napari_unpack.session.opening import opened
-
         if self.stage is None:
             self._ask_for_a_session()
             return
         with notices.spoken():
-            inner = opened(self.session, object_id, self.stage.rotation_of(object_id))
+            rotation = self.stage.rotation_of(object_id)
+            inner = self._opened.open(self.session, object_id, rotation)
             self.stage.put_back()
             camera = self.viewer.scene.camera
             view = {name: getattr(camera, name) for name in _VIEW}
