@@ -51,6 +51,9 @@ def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp
     box = panel.objects.confidence
     session.mark_good([1, 2, 3])
     box.refresh()
+    # Before a file is asked for.
+    assert "training needs 8" in box.told.text()
+    assert not box.train.isEnabled()
     box.train_to(str(tmp_path / "mine.npz"))
     qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
     assert len(warned) == 1

@@ -218,7 +218,7 @@ def test_default_names_are_whole_beside_the_confidence_in_the_narrow_panel(
     # The panel's own width, less its margins and two bars to scroll.
     table.resize(274, 240)
     assert not table.isColumnHidden(Column.CONFIDENCE)
-    needed = table.fontMetrics().horizontalAdvance("Object 100") + 14
+    needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
     assert table.columnWidth(Column.NAME) >= needed
 
 
@@ -277,6 +277,31 @@ def test_a_thousand_rows_are_selected_and_read_as_they_are_sorted(qtbot: QtBot) 
     assert len(asked) < 4 * len(ids)
 
 
+def test_selected_rows_are_looked_up_once_until_rows_or_selection_change(
+    table: ObjectTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    data = ObjectModel.data
+
+    def counted(self: ObjectModel, index: object, role: int = 0) -> object:
+        asked.extend([1] if role == ID else [])
+        return data(self, index, role)
+
+    monkeypatch.setattr(ObjectModel, "data", counted)
+    table.show_selection(frozenset({3, 8}))
+    assert [table.selected_ids() for _ in range(3)] == [[8, 3]] * 3
+    assert len(asked) == 2
+    table.sortByColumn(Column.NAME, Qt.SortOrder.DescendingOrder)
+    assert table.selected_ids() == [3, 8]
+    table.rows.keep_text("2")
+    assert table.selected_ids() == [8]
+    table.rows.keep_text("")
+    table.show_selection(frozenset({5}))
+    assert table.selected_ids() == [5]
+    table.objects.load(None)
+    assert table.selected_ids() == []
+
+
 @pytest.mark.parametrize("points", [8, 12, 18])
 def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points: int) -> None:
     font = table.font()
@@ -286,4 +311,4 @@ def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points
     table.show()
     room = table.columnWidth(Column.CONFIDENCE)
     assert room > table.fontMetrics().horizontalAdvance("99 %") + 8
-    assert table.columnWidth(Column.STATE) > table.fontMetrics().horizontalAdvance("packed") + 8
+    assert table.columnWidth(Column.STATE) >= table.fontMetrics().horizontalAdvance("packed") + 15

@@ -14,6 +14,9 @@ from napari_unpack.widgets.section import Disclosure, button, label, row
 from napari_unpack.widgets.workbench import Workbench
 
 FILES = "Oracle (*.npz)"
+NEEDED = 8
+"""So many marked objects `train_on_marked` asks for."""
+
 FEW, UNLIKE = 5, 0.01
 """Of at least so many objects, nine in ten less sure than this: the oracle knows none of them."""
 
@@ -73,12 +76,14 @@ class ConfidenceBox(Disclosure):
         if self.job.running:
             self.told.setText("Working…")
         else:
-            self.told.setText(f"{len(marked)} marked good. Judged by {whose}.{self._doubt()}")
+            wanted = f", training needs {NEEDED}" if 0 < len(marked) < NEEDED else ""
+            said = f"{len(marked)} marked good{wanted}. Judged by {whose}."
+            self.told.setText(said + self._doubt())
         some = set() if session is None else set(self._chosen())
         idle = session is not None and not self.job.running
         self.mark.setEnabled(idle and bool(some - marked))
         self.unmark.setEnabled(idle and bool(some & marked))
-        self.train.setEnabled(idle and bool(marked))
+        self.train.setEnabled(idle and len(marked) >= NEEDED)
         self.load.setEnabled(idle)
         self.restore.setEnabled(idle and self._oracle is not None)
 

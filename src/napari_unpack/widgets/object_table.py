@@ -51,7 +51,7 @@ WIDEST = {
 }
 """What a column must have room for in any font, with `PADDING` around it."""
 
-PADDING = 14
+PADDING = 15
 WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
 """Columns shown where the table is wide enough, the most wanted first; tooltips tell all."""
 
@@ -192,6 +192,7 @@ class ObjectTable(QTableView):
         self.setModel(self.rows)
         model.modelReset.connect(self._fit_columns)
         self._quiet = False
+        self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
         self._delegates = ClickDelegate(draw_eye, self), ClickDelegate(draw_swatch, self)
         self._delegates[0].clicked.connect(self.eye_clicked)
@@ -199,6 +200,10 @@ class ObjectTable(QTableView):
         self.setItemDelegateForColumn(Column.EYE, self._delegates[0])
         self.setItemDelegateForColumn(Column.SWATCH, self._delegates[1])
         self._settle_looks()
+        rows = self.rows
+        for moved in (rows.layoutChanged, rows.rowsInserted, rows.rowsRemoved, rows.modelReset):
+            moved.connect(self._forget_selected)
+        self.selectionModel().selectionChanged.connect(self._forget_selected)
         self.selectionModel().selectionChanged.connect(self._tell_selection)
 
     def _settle_looks(self) -> None:
@@ -246,10 +251,16 @@ class ObjectTable(QTableView):
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""
-        # By ranges: Qt's list of selected rows asks for the flags of every cell.
-        ranges = self.selectionModel().selection()
-        rows = {row for part in ranges for row in range(part.top(), part.bottom() + 1)}
-        return [int(self.rows.index(row, Column.NAME).data(ID)) for row in sorted(rows)]
+        if self._selected is None:
+            # By ranges: Qt's list of selected rows asks for the flags of every cell.
+            ranges = self.selectionModel().selection()
+            rows = {row for part in ranges for row in range(part.top(), part.bottom() + 1)}
+            indices = (self.rows.index(row, Column.NAME) for row in sorted(rows))
+            self._selected = [int(index.data(ID)) for index in indices]
+        return list(self._selected)
+
+    def _forget_selected(self, *_: Any) -> None:
+        self._selected = None
 
     def show_selection(self, ids: frozenset[int]) -> None:
         """Select these objects' rows, and scroll to the first, without telling anybody."""
