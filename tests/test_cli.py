@@ -231,3 +231,18 @@ def test_the_table_is_written_as_a_page_and_as_csv(bag: Path) -> None:
         assert result.exit_code == 0, result.output
         assert "Object 2" in bag.with_name(name).read_text(encoding="utf-8")
     assert run("table", bag, bag.with_name("table.txt")).exit_code == 1
+
+
+def test_steps_of_the_demo_are_lines_of_their_own_where_there_is_no_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from napari_unpack.widgets.demo import Steps
+
+    tell = Steps()
+    for fraction in (0.0, 0.5):
+        tell(fraction, "Unpacking")
+    # What else is said meanwhile, such as napari's notices, begins a line.
+    assert capsys.readouterr().out.split("] ")[1:] == ["Unpacking\n"]
+    tell(0.0, "Inspecting")
+    tell.done("Finished")
+    assert capsys.readouterr().out.count("\n") == 2

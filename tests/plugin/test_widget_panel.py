@@ -139,6 +139,20 @@ def test_a_volume_that_cannot_be_used_gets_one_sentence(
     assert panel.segment.start.isEnabled()
 
 
+def test_labels_of_another_shape_than_the_volume_say_why_it_is_not_shown(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, _ = add_bag(viewer)
+    viewer.layers.remove("expert")
+    half = (image.data[:20] > 100).astype(np.uint8)
+    viewer.add_labels(half, name="half", scale=image.scale, units=image.units)
+    before = len(notification_manager.records)
+    stage_with(panel, qtbot, panel.segment.labels_box.layer)
+    (said,) = _said(before)
+    assert said.startswith("'half' has another shape than 'bag'")
+    assert panel.segment.status == "1 object"
+
+
 def test_nothing_found_is_a_sentence(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
     image, _ = add_bag(viewer)
     empty = viewer.add_labels(np.zeros_like(image.data), name="empty")

@@ -62,16 +62,30 @@ def test_unpacking_what_is_blocked_says_who_stands_in_front(
     assert set(states(piled).values()) == {"PACKED"}
 
 
-def test_where_nobody_is_free_the_setting_decides(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
-) -> None:
-    # Along x each of two objects stands in front of the other: a knot, if groups may not leave.
+def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Stage two objects of which, along x, each stands in front of the other."""
     labels = np.zeros((8, 8, 8), np.uint8)
     labels[1:4, 1:7, 1:3], labels[4:7, 1:7, 5:7] = 1, 1
     labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
     viewer.add_image(1000.0 * (labels > 0), name="knot")
     expert = viewer.add_labels(labels, name="expert", visible=False)
-    session = stage_with(panel, qtbot, expert)
+    return stage_with(panel, qtbot, expert)
+
+
+def test_a_step_names_all_who_leave_together(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _knot(viewer, panel, qtbot)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    panel.workbench.unpack(1)
+    said = "Step 1 of 1: Object 1 and Object 2"
+    qtbot.waitUntil(lambda: panel.unpack.scrub.words.text() == said, timeout=20000)
+
+
+def test_where_nobody_is_free_the_setting_decides(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session = _knot(viewer, panel, qtbot)
     session.most_in_group = 1
     panel.unpack.least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")

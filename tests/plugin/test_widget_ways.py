@@ -94,9 +94,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     assert viewer.scene.camera.angles == angles
     assert not panel.unpack.draw.isChecked()
     assert not stage.drawing
-    qtbot.waitUntil(
-        lambda: panel.unpack.direction.currentText() == "Along the arrow", timeout=10000
-    )
+    qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along arrow", timeout=10000)
     panel.unpack.direction.setCurrentText("Towards me")
     assert session.direction is None
     assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0

@@ -35,11 +35,11 @@ class Steps:
             bar = "#" * filled + "." * (24 - filled)
             print(f"\r  [{bar}] {text:<48.48}", end="", flush=True)
         elif self._drawn < 0:
-            print(f"  [{self.seconds:5.1f} s] {text}", end="", flush=True)
+            print(f"  [{self.seconds:5.1f} s] {text}", flush=True)
         self._drawn = filled
 
     def _end_line(self) -> None:
-        if self._text:
+        if self._text and sys.stdout.isatty():
             print(flush=True)
 
     @property
@@ -102,7 +102,9 @@ def _scan(source: Path | None, labels: Path | None, seed: int, tell: Steps) -> A
         from napari_unpack.simulation import simulate_bag
 
         tell(0.0, "Packing a bag")
-        bag = simulate_bag(seed=seed, shape=SHAPE, count=COUNT, progress=_named(tell, "Packing"))
+        bag = simulate_bag(
+            seed=seed, shape=SHAPE, count=COUNT, progress=_named(tell, "Packing a bag")
+        )
         return Scan(bag.volume, bag.spacing, None, "Packed bag")
     tell(0.0, f"Reading {source.name}")
     scan = load_volume(source)

@@ -11,7 +11,7 @@ from napari_unpack.geometry.view import Camera
 
 Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
-ALONG_ARROW = "Along the arrow"
+ALONG_ARROW = "Along arrow"
 DIRECTIONS: dict[str, Direction] = {
     TOWARDS_ME: None,
     "Out of the bag": "up",

@@ -6,6 +6,7 @@ from qtpy.QtCore import QPointF, QRectF, QSignalBlocker, Qt, QTimer
 from qtpy.QtGui import QColor, QIcon, QPainter, QPixmap, QPolygonF
 from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
+from napari_unpack.session.errors import listed
 from napari_unpack.widgets.section import column, label
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workbench import Workbench
@@ -107,7 +108,7 @@ class ScrubBar(QWidget):
         if step == 0:
             return f"Everything packed, {len(steps)} steps known"
         names = session.objects["name"]
-        who = " with ".join(str(names[i]) for i in steps[step - 1])
+        who = listed(str(names[i]) for i in steps[step - 1])
         return f"Step {step} of {self.bar.maximum()}: {who}"
 
     def _drag(self, step: int) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from napari.layers import Image, Labels
 
+from napari_unpack.session.errors import listed
 from napari_unpack.widgets import notices
 from napari_unpack.widgets.job import Outcome, Progress
 from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
@@ -131,7 +132,9 @@ class SegmentSection(Section):
         for field in (self.volume_box, self.labels_box):
             field.setEnabled(image is not None and not self.waiting.running)
         session = self._bench.session
-        self.set_status("" if session is None else f"{len(session.boxes.ids)} objects")
+        count = 0 if session is None else len(session.boxes.ids)
+        objects = "1 object" if count == 1 else f"{count} objects"
+        self.set_status("" if session is None else objects)
         self.lock(None)
 
     def run(self, then: Callable[[], None] | None = None) -> None:
@@ -154,8 +157,19 @@ class SegmentSection(Section):
             labels = None if layer is None else labels_of(layer, volume)
             self._order = _Order(image, layer, volume)
             self._then = then
+            self._say_alone(image)
             names = {} if layer is None else names_of(layer)
             self._begin(partial(prepare, volume, labels, names, self.options.settings()))
+
+    def _say_alone(self, layer: Any) -> None:
+        """Say why no volume is shown where one is there, but of another shape than the labels."""
+        others = [plain(each) for each in self._bench.viewer.layers]
+        volumes = [each.name for each in others if _is_image(each) and _is_volume(each)]
+        if _is_labels(layer) and volumes:
+            notices.inform(
+                f"{layer.name!r} has another shape than {listed(map(repr, volumes))}: its objects "
+                "are shown without a volume."
+            )
 
     def _begin(self, work: Callable[[Progress], Any]) -> None:
         self.waiting.begin(work)
