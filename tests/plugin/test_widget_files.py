@@ -139,6 +139,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     panel.color.at_rest.setChecked(True)
     panel.unpack.scrub.bar.setValue(3)
     session.rename(session.ids[0], "first")
+    session.select(session.ids[1:3])
     viewer.scene.camera.angles = (20, 50, 10)
     viewer.scene.camera.zoom *= 1.1
     rest(panel, qtbot)
@@ -163,6 +164,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     rest(panel, qtbot)
     assert states(again) == before
     assert again.hues == hues
+    assert set(panel.objects.table.selected_ids()) == set(session.selected)
     assert again.objects["name"].to_dict() == names.to_dict()
     assert [layer.name for layer in viewer.layers][:2] == ["bag", "bag objects"]
     for i, center in where.items():
@@ -172,6 +174,8 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     # The camera went through napari's angles: a pixel here and there may round otherwise.
     assert (np.abs(shot(viewer) - seen).max(-1) > 40).mean() < 0.01
     assert panel.unpack.scrub.bar.value() == 3
+    viewer.dims.ndisplay = 2
+    assert viewer.layers["bag"].visible
 
 
 def test_faults_of_files_are_told_and_change_nothing(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 from napari.layers import Image, Labels
@@ -15,15 +15,17 @@ class OwnVolumes:
     ----------
     viewer : napari.Viewer
         Whose volumes are hidden from now on, unless it shows slices.
-    sources : iterable of napari layers
-        What the stage was opened from, of whatever kind.
+    sources : sequence of napari layers
+        What the stage was opened from, of whatever kind; slices show them where none was shown.
     """
 
-    def __init__(self, viewer: Any, sources: Iterable[Any]) -> None:
+    def __init__(self, viewer: Any, sources: Sequence[Any]) -> None:
         self._viewer = viewer
         layers = dict.fromkeys((*sources, *filter(_is_volume, viewer.layers)))
         self._before = {layer: bool(layer.visible) for layer in layers}
         self._in_slices = dict(self._before)
+        if not any(self._before[layer] for layer in sources):
+            self._in_slices |= dict.fromkeys(sources, True)
         self._sliced = False
         self._show(dict.fromkeys(layers, False))
         viewer.dims.events.ndisplay.connect(self._follow)

@@ -97,6 +97,8 @@ class ObjectsSection(Section):
     def _reload(self) -> None:
         session = self._bench.session
         self.model.load(session)
+        if session is not None:
+            self.table.show_selection(frozenset(session.selected))
         self.lock("Objects appear here after step 1." if session is None else None)
         self._count()
         self._enable()

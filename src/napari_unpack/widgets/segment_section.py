@@ -149,7 +149,7 @@ class SegmentSection(Section):
             return
         image = self.volume_box.layer
         if image is None:
-            notices.inform("Open a 3D volume first, or try File > Open Sample > Virtual Unpacking.")
+            notices.inform("Open a 3D volume first, or press Try a simulated bag.")
             return
         with notices.spoken():
             volume = volume_of(image)
