@@ -17,6 +17,7 @@ from napari_unpack.io.atomic import checked_target, written_whole
 from napari_unpack.io.headless import Progress, framed, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.page_parts import SCRIPT, STYLE
+from napari_unpack.session.errors import percent
 from napari_unpack.session.pictures import sprite_patch
 from napari_unpack.session.scene import scene
 
@@ -148,7 +149,7 @@ def _rows(session: Any, tell: Progress, backend: str) -> Iterator[str]:
             + _number(facts["volume_mm3"], _amount(float(facts["volume_mm3"]) / 1000))
             + _number(edges[0], " × ".join(f"{edge:.0f}" for edge in edges))
             + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
-            + _number(sure, "–" if math.isnan(sure) else f"{100 * sure:.0f} %")
+            + _number(sure, "–" if math.isnan(sure) else percent(sure))
             + "</tr>"
         )
 

@@ -1,4 +1,4 @@
-"""What a session refuses, as sentences for people."""
+"""What a session refuses, as sentences for people, and how numbers are put in words."""
 
 from __future__ import annotations
 
@@ -36,3 +36,8 @@ def listed(names: Iterable[str]) -> str:
 def share_of(ratio: float) -> str:
     """Say a share for a sentence, never as the nothing that a small one rounds to."""
     return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
+
+
+def percent(confidence: float) -> str:
+    """Write a confidence; nobody is sure to 100 %."""
+    return f"{min(100 * confidence, 99):.0f} %"

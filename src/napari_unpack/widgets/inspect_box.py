@@ -8,9 +8,9 @@ import numpy as np
 from qtpy.QtCore import Qt, QTimer
 from qtpy.QtWidgets import QSlider, QWidget
 
+from napari_unpack.session.errors import percent
 from napari_unpack.widgets.job import Job, Outcome
 from napari_unpack.widgets.notices import spoken
-from napari_unpack.widgets.object_model import percent
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.workbench import Workbench

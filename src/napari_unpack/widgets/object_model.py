@@ -12,6 +12,7 @@ import numpy as np
 from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from qtpy.QtGui import QColor, QFont
 
+from napari_unpack.session.errors import percent
 from napari_unpack.widgets import notices
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
@@ -291,11 +292,6 @@ def _colors(hues: Mapping[int, float], mode: Any) -> dict[int, Rgb]:
 
     tints = tints_of(hues, max(hues), mode=mode)
     return {i: (float(tints[i, 0]), float(tints[i, 1]), float(tints[i, 2])) for i in hues}
-
-
-def percent(confidence: float) -> str:
-    """Write a confidence; nobody is sure to 100 %."""
-    return f"{min(100 * confidence, 99):.0f} %"
 
 
 def _text(facts: _Facts, live: _Live, column: Column) -> str:
