@@ -96,10 +96,16 @@ class OpacityEditor(QWidget):
         """
         if self._dragged is not None:
             return
-        self._points = [(float(d), float(a)) for d, a in points]
+        shown = [(float(d), float(a)) for d, a in points]
+        # A curve from elsewhere has no chosen point; one that is edited here comes back, late.
+        if self._beside_chosen(shown) != self._beside_chosen(self._points):
+            self._chosen = -1
+        self._points = shown
         self._domain = (float(domain[0]), max(float(domain[1]), float(domain[0]) + 1e-9))
-        self._chosen = min(self._chosen, len(self._points) - 1)
         self.update()
+
+    def _beside_chosen(self, points: list[Point]) -> list[Point]:
+        return [point for k, point in enumerate(points) if k != self._chosen]
 
     def show_histogram(self, heights: NDArray[np.float64]) -> None:
         """Show a histogram of the domain, heights in [0, 1]."""
@@ -251,16 +257,28 @@ class OpacityEditor(QWidget):
         painter.setBrush(shade)
         painter.drawPolygon(QPolygonF([*outline, area.bottomRight()]))
 
-    def _paint_words(self, painter: QPainter, ink: QColor) -> None:
-        """Write the chosen point's density and opacity."""
+    @property
+    def words(self) -> str:
+        """The chosen point's density and opacity, empty where none is chosen."""
         if self._chosen < 0:
-            return
+            return ""
         density, opacity = self._points[self._chosen]
-        faint = QColor(ink)
-        faint.setAlphaF(0.75)
-        painter.setPen(faint)
+        shown = f"{density:.0f}" if abs(density) >= 10 else f"{density:.2g}"
+        return f"density {shown}, opacity {opacity:.2g}"
+
+    def _paint_words(self, painter: QPainter, ink: QColor) -> None:
+        """Write the chosen point's density and opacity, on a plate over curve and histogram."""
+        if not self.words:
+            return
         where = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop
-        painter.drawText(self._area(), where, f"density {density:.4g}, opacity {opacity:.2g}")
+        plate = QColor(self.palette().window().color())
+        plate.setAlphaF(0.8)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(plate)
+        bounds = painter.boundingRect(self._area(), where, self.words)
+        painter.drawRoundedRect(bounds.adjusted(-4, -1, 4, 1), 3, 3)
+        painter.setPen(ink)
+        painter.drawText(self._area(), where, self.words)
 
     def _paint_curve(self, painter: QPainter) -> None:
         area, accent = self._area(), QColor(self._accent)
