@@ -10,6 +10,7 @@ from qtpy.QtCore import Qt
 from widget_phantoms import press, stage_with, states
 
 from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.filming import await_answers
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
@@ -80,6 +81,19 @@ def test_a_step_names_all_who_leave_together(
     panel.workbench.unpack(1)
     said = "Step 1 of 1: Object 1 and Object 2"
     qtbot.waitUntil(lambda: panel.unpack.scrub.words.text() == said, timeout=20000)
+
+
+def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session = _knot(viewer, panel, qtbot)
+    session.most_in_group = 1
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(lambda: "Looking" in panel.unpack.news.text(), timeout=10000)
+    assert not panel.unpack.answered
+    await_answers(panel)
+    assert panel.unpack.reveal.text() == "Reveal…"
+    assert "would be free" in panel.unpack.news.text()
 
 
 def test_where_nobody_is_free_the_setting_decides(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ Picture = NDArray[np.uint8]
 FPS = 16
 FLIGHT_SECONDS = 0.9
 FLIGHTS = 9
+PATIENCE = 30.0
+"""Seconds to wait for what the panel looks for by itself."""
 
 
 class SteppedClock:
@@ -53,6 +56,7 @@ def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], Non
     stage.session.clock = clock
     frames: list[Picture] = [picture(viewer, stage)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
+    await_answers(panel)
     iio.imwrite(output / "window.png", viewer.screenshot(canvas_only=False, flash=False))
     largest = 0
     for k in range(FLIGHTS):
@@ -90,6 +94,16 @@ def flight(viewer: Any, panel: Any, clock: SteppedClock) -> Iterator[Picture]:
     for k in range(1, frames + 1):
         clock.time = start + FLIGHT_SECONDS * k / frames + 1e-6
         yield picture(viewer, stage)
+
+
+def await_answers(panel: Any, seconds: float = PATIENCE) -> None:
+    """Wait until the panel has found out who can leave, so that its picture is a finished one."""
+    from qtpy.QtWidgets import QApplication
+
+    end = monotonic() + seconds
+    while not panel.unpack.answered and monotonic() < end:
+        QApplication.processEvents()
+        sleep(0.01)
 
 
 def picture(viewer: Any, stage: Any) -> Picture:

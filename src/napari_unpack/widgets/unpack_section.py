@@ -184,6 +184,11 @@ class UnpackSection(Section):
         if ids == frozenset() and not self._ways.running:
             self._ways.look()
 
+    @property
+    def answered(self) -> bool:
+        """Whether it is known who is free and, if nobody is, which direction would help."""
+        return self._free is not None and not self._ways.running
+
     def reveal_selected(self) -> None:
         """Find out what frees the selected object, if it is in the bag."""
         session = self._bench.session
