@@ -155,12 +155,15 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
 
     panel.workbench.close()
     assert not panel.files.save.isEnabled()
+    # What can be done next is open to see, and folded away once it is done.
+    assert panel.segment.start.isVisibleTo(panel)
     for layer in list(viewer.layers):
         viewer.layers.remove(layer.name)
     panel.files.open_from(path)
     done(panel, qtbot)
     again = panel.workbench.session
     assert again is not session
+    assert not panel.segment.start.isVisibleTo(panel)
     rest(panel, qtbot)
     assert states(again) == before
     assert again.hues == hues

@@ -69,6 +69,7 @@ class SegmentSection(Section):
         self.volume_box.chosen.connect(self._choose_volume)
         self.labels_box.chosen.connect(self._refresh)
         workbench.staged.connect(self._refresh)
+        workbench.staged.connect(lambda: self.fold.setChecked(workbench.stage is not None))
         workbench.changed.connect(lambda news: self._refresh() if "labels" in news else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         self._refresh()
@@ -189,7 +190,6 @@ class SegmentSection(Section):
             self._show_layers(result)
             return
         self._put_on_stage(self._order, result)
-        self.fold.setChecked(True)
         if self._then is not None:
             self._then()
 
