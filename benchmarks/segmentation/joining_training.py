@@ -11,34 +11,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, learn, scanned_bag, scanned_solids, train
-from napari_unpack.segmentation.affinity import Affinity, fit_affinity
+from benchmarks.segmentation.judges import Scan, committees, learn, train
+from napari_unpack.segmentation.affinity import Affinity
 from napari_unpack.segmentation.joining import FEATURES, SeenParts
 from napari_unpack.segmentation.training import overlaps
 
-SOLIDS, ROUNDS = 40, 2
+ROUNDS, RESTRAINT = 2, 30.0
 State = tuple[SeenParts, NDArray[np.float64]]
 
 
-def measured_bag(seed: int) -> State:
-    """Return the parts of a simulated bag, and what they share with the true objects."""
-    return _measured(scanned_bag(seed))
-
-
-def measured_solids(seed: int) -> State:
-    """Return the same of packed solids."""
-    return _measured(scanned_solids(seed))
-
-
-def _measured(scanned: Scan) -> State:
+def measured(scanned: Scan) -> State:
+    """Return the parts of a scan, and what they share with the true objects."""
     seen = scanned.seen()
     return seen.measured, overlaps(seen.parts, scanned.truth)
 
 
 def fit(states: list[State]) -> Affinity:
     """Return the judge of such parts."""
-    return learn(states, ROUNDS, lambda pairs, one: fit_affinity(pairs, one, features=FEATURES))
+    return learn(states, ROUNDS, committees(FEATURES, RESTRAINT))
 
 
 if __name__ == "__main__":
-    train(str(__doc__), SOLIDS, measured_bag, measured_solids, fit)
+    train(str(__doc__), measured, ("", "clad"), fit)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from typing import TypeVar
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.boundaries.examples import scan
 from benchmarks.boundaries.solids import coat, packed_solids
-from napari_unpack.segmentation.affinity import Affinity
+from benchmarks.boundaries.volumes import solids
+from napari_unpack.segmentation.affinity import Affinity, committee, fit_affinity
 from napari_unpack.segmentation.joining import SeenParts
 from napari_unpack.segmentation.learned import Seen, learned_parts
 from napari_unpack.segmentation.parting import Pieces
@@ -24,8 +27,9 @@ from napari_unpack.segmentation.training import examples_of
 from napari_unpack.simulation import simulate_bag
 
 # The network learned from solids of the first 260 seeds.
-FIRST, BAGS = 300, 16
+FIRST, BAGS, SOLIDS = 300, 24, 40
 Regions = TypeVar("Regions", SeenParts, Pieces)
+State = TypeVar("State")
 Fit = Callable[[NDArray[np.float64], NDArray[np.bool_]], Affinity]
 
 
@@ -49,13 +53,41 @@ def scanned_bag(seed: int) -> Scan:
     return Scan(bag.volume, bag.labels, (a, b, c))
 
 
-def scanned_solids(seed: int, coated: bool = False) -> Scan:
-    """Return packed solids, scanned as those the network learned from; some coated if so asked."""
-    density, labels = packed_solids(seed)
-    if coated:
+def scanned_solids(seed: int, dress: str = "") -> Scan:
+    """Return packed solids, scanned as those the network learned from.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random.
+    dress : {"", "coated", "clad"}
+        "coated": about a quarter have a coat. "clad": about half have one, and on two fifths lies
+        something flat.
+    """
+    density, labels = solids(seed, clad=True) if dress == "clad" else packed_solids(seed)
+    if dress == "coated":
         coat(seed, density, labels)
     scanned = scan(np.random.default_rng(seed), density.astype(np.float32))
     return Scan(np.clip(scanned, 0, 32000).astype(np.uint16), labels, (1.0, 1.0, 1.0))
+
+
+def committees(features: tuple[str, ...], restraint: float, members: int = 9) -> Fit:
+    """Return how a committee is fitted to pairs; see `affinity.fit_affinity`.
+
+    Notes
+    -----
+    One judge alone says anything of pairs unlike those it has learned from, as real scans have
+    them; the mean of several is quieter.
+    """
+
+    def fit(pairs: NDArray[np.float64], one: NDArray[np.bool_]) -> Affinity:
+        each = delayed(fit_affinity)
+        judges = Parallel(n_jobs=2)(
+            each(pairs, one, seed, features, restraint) for seed in range(members)
+        )
+        return committee(judges)
+
+    return fit
 
 
 def learn(states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: Fit) -> Affinity:
@@ -88,22 +120,46 @@ def learn(states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: F
 
 def train(
     description: str,
-    solids: int,
-    of_bag: Callable[[int], tuple[Regions, NDArray[np.float64]]],
-    of_solids: Callable[[int], tuple[Regions, NDArray[np.float64]]],
-    fit: Callable[[list[tuple[Regions, NDArray[np.float64]]]], Affinity],
+    measure: Callable[[Scan], State],
+    dresses: Sequence[str],
+    fit: Callable[[list[State]], Affinity],
     argv: list[str] | None = None,
 ) -> None:
-    """Measure every bag and every set of solids by its seed, fit a judge to them, and save it."""
+    """Measure bags and solids, fit a judge to them, and save it.
+
+    Parameters
+    ----------
+    description : str
+        For the command's help.
+    measure : callable
+        `measure(scan) -> state`.
+    dresses : sequence of str
+        Of the solids, every seed once in each; see `scanned_solids`.
+    fit : callable
+        `fit(states) -> judge`.
+    argv : list of str, optional
+        By default the command line.
+    """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("file", help="where to save the judge")
     parser.add_argument("--bags", type=int, default=BAGS)
-    parser.add_argument("--solids", type=int, default=solids)
+    parser.add_argument("--solids", type=int, default=SOLIDS, help="in every dress")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args(argv)
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-        states = list(pool.map(of_bag, range(FIRST, FIRST + options.bags)))
-        states += pool.map(of_solids, range(FIRST, FIRST + options.solids))
+        seeds = range(FIRST, FIRST + options.bags)
+        states = list(pool.map(partial(_of_bag, measure), seeds))
+        for dress in dresses:
+            seeds = range(FIRST, FIRST + options.solids)
+            states += pool.map(partial(_of_solids, measure, dress), seeds)
     # Many threads on small matrices wait for one another, and add up in any order.
     with threadpool_limits(1):
         fit(states).save(options.file)
+
+
+def _of_bag(measure: Callable[[Scan], State], seed: int) -> State:
+    return measure(scanned_bag(seed))
+
+
+def _of_solids(measure: Callable[[Scan], State], dress: str, seed: int) -> State:
+    return measure(scanned_solids(seed, dress))

@@ -11,29 +11,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, learn, scanned_bag, scanned_solids, train
-from napari_unpack.segmentation.affinity import Affinity, committee, fit_affinity
+from benchmarks.segmentation.judges import Scan, committees, learn, train
+from napari_unpack.segmentation.affinity import Affinity
 from napari_unpack.segmentation.learned import pieces_seen
 from napari_unpack.segmentation.parting import PIECE_FEATURES, Pieces
 from napari_unpack.segmentation.training import overlaps
 
-SOLIDS, ROUNDS, MEMBERS, RESTRAINT = 70, 1, 3, 100.0
+ROUNDS, RESTRAINT = 1, 100.0
 # Share of a piece that must be an object's for it to be a piece of that.
 SOLID = 0.2
 State = tuple[Pieces, NDArray[np.float64]]
 
 
-def measured_bag(seed: int) -> State:
-    """Return the pieces of a simulated bag, and what they share with the true objects."""
-    return _measured(scanned_bag(seed))
-
-
-def measured_solids(seed: int) -> State:
-    """Return the same of packed solids, some of them with a coat."""
-    return _measured(scanned_solids(seed, coated=True))
-
-
-def _measured(scanned: Scan) -> State:
+def measured(scanned: Scan) -> State:
+    """Return the pieces of a scan, and what they share with the true objects."""
     pieces, measured = pieces_seen(scanned.volume, scanned.spacing, scanned.seen())
     return measured, owned(measured, overlaps(pieces, scanned.truth))
 
@@ -66,15 +57,9 @@ def owned(measured: Pieces, shared: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def fit(states: list[State]) -> Affinity:
-    """Return the judge of such pieces, a committee."""
-
-    def members(pairs: NDArray[np.float64], one: NDArray[np.bool_]) -> Affinity:
-        return committee(
-            [fit_affinity(pairs, one, seed, PIECE_FEATURES, RESTRAINT) for seed in range(MEMBERS)]
-        )
-
-    return learn(states, ROUNDS, members)
+    """Return the judge of such pieces."""
+    return learn(states, ROUNDS, committees(PIECE_FEATURES, RESTRAINT))
 
 
 if __name__ == "__main__":
-    train(str(__doc__), SOLIDS, measured_bag, measured_solids, fit)
+    train(str(__doc__), measured, ("coated", "clad"), fit)

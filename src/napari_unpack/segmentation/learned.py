@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from napari_unpack.segmentation.borders import Scene, draw_borders
 from napari_unpack.segmentation.boundaries import Boundaries, Prediction, Tell, default_boundaries
 from napari_unpack.segmentation.checks import Spacing
 from napari_unpack.segmentation.field_of_view import measured_section
@@ -210,6 +211,9 @@ def seen_objects(
     tell(0.93, "Joining pieces")
     labels = part_seen(pieces, measured, seen.scale)
     labels = sharpened(labels, density, seen)
+    tell(0.94, "Drawing fine borders")
+    scene = Scene.of(labels, density, seen.scale, seen.said.next, seen.noise)
+    labels = draw_borders(labels, scene)
     metal = _dense(labels, density, seen.scale, max(smallest / 4, FEWEST * voxel) / voxel)
     return absorb_small(labels, spacing, max(smallest, FEWEST * voxel), metal)
 

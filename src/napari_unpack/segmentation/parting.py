@@ -33,10 +33,10 @@ STEP = 0.2
 MANY = 2000
 """Pieces at most, whose pairs are kept as a whole table; with more, objects stay as they are."""
 
-LEAST = 0.15
+LEAST = 0.25
 """Probability from which pieces are joined: what was one object before mostly is."""
 
-ACROSS = 0.2
+ACROSS = 0.4
 """Probability from which pieces of different objects are joined."""
 
 WORTHY = 1000

@@ -69,13 +69,23 @@ def sharpen(
     counts = np.bincount(flat)
     blurred = np.bincount(flat, values.reshape(-1), len(counts)) > dense * counts
     for even in (0.0,) * rounds + (EVEN,) * evening:
-        labels = _moved(labels, values, _inside(labels), following, noise, blurred, even)
+        labels = _moved(labels, values, find_inside(labels), following, noise, blurred, even)
     return labels
 
 
 @njit(cache=True, nogil=True)
-def _inside(labels):  # type: ignore[no-untyped-def]
-    """Return which voxels have no neighbour of another label."""
+def find_inside(labels):  # type: ignore[no-untyped-def]
+    """Return which voxels of objects share all faces with others of their object.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        0 is background, which has no inside.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of bool
+    """
     inside = np.zeros(labels.shape, np.bool_)
     size = labels.shape
     for z in range(size[0]):

@@ -1,0 +1,146 @@
+"""Train the judge of borders, which says whose a voxel is where objects touch.
+
+`python -m benchmarks.segmentation.border_training src/napari_unpack/segmentation/borders.npz
+--workers 2` gives it, to the bit for one state of the code, one network, the judges before it and
+one machine; no test and no row of the tables uses its seeds, nor did the network see them. To be
+run after every training of the network or of the judges of parts and of pieces.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from benchmarks.segmentation.judges import Scan, train
+from napari_unpack.segmentation.affinity import Affinity, fit_affinity
+from napari_unpack.segmentation.border_features import (
+    BORDER_FEATURES,
+    FEW,
+    describe,
+    find_rivals,
+)
+from napari_unpack.segmentation.borders import Scene
+from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.learned import pieces_seen, sharpened
+from napari_unpack.segmentation.parting import part_seen
+from napari_unpack.segmentation.sharpening import find_inside
+
+WIDTH = len(BORDER_FEATURES)
+# Of the voxels at borders, and of all examples at most.
+SHARE, MOST = 0.12, 400_000
+# A label is an object's of which that has so much of it.
+OWNED = 0.6
+State = tuple[NDArray[np.float32], NDArray[np.bool_]]
+
+
+def measured(scanned: Scan) -> State:
+    """Return what tells about labels at voxels of a scan, and whether the voxels are theirs."""
+    seen = scanned.seen()
+    pieces, measured = pieces_seen(scanned.volume, scanned.spacing, seen)
+    rough = part_seen(pieces, measured, seen.scale)
+    generator = np.random.default_rng(0)
+    found = []
+    # Borders as they come, which are often further off, and as the judge will get them.
+    for labels in (rough, sharpened(rough, scanned.volume, seen)):
+        scene = Scene.of(labels, scanned.volume, seen.scale, seen.said.next, seen.noise)
+        chosen = generator.random(labels.shape) < SHARE
+        found.append(border_examples(labels, scene, chosen, scanned.truth))
+    rows, right = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(right)
+
+
+def border_examples(
+    labels: NDArray[np.int32],
+    scene: Scene,
+    chosen: NDArray[np.bool_],
+    truth: NDArray[np.integer[Any]],
+) -> State:
+    """Return what tells about the labels at voxels of borders, and whether the voxels are theirs.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects as found; 0 is background.
+    scene : Scene
+        Of them.
+    chosen : (Z, Y, X) ndarray of bool
+        Voxels to look at; left out are those where a label around is no known object's, and
+        those where not exactly one is the true object's.
+    truth : (Z, Y, X) ndarray of int
+        True objects.
+
+    Returns
+    -------
+    rows : (N, F) ndarray of float32
+        Columns as `border_features.BORDER_FEATURES`.
+    right : (N,) ndarray of bool
+    """
+    rows, places, names = _described(labels, find_inside(labels), chosen, *scene.facts())
+    whose = owners(labels, truth)[names]
+    right = whose == truth.reshape(-1)[places]
+    kept = np.bincount(places, right, truth.size)[places] == 1
+    kept &= np.bincount(places, whose == 0, truth.size)[places] == 0
+    return rows[kept], right[kept]
+
+
+def owners(labels: NDArray[np.int32], truth: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    """Return the true object that each label mostly is, 0 where it is none's or several's."""
+    table = contingency(labels, truth)
+    compact = np.flatnonzero(np.bincount(labels.reshape(-1)))
+    objects = np.unique(np.append(truth.reshape(-1), 0))
+    main = table.argmax(axis=1)
+    clear = table.max(axis=1) > OWNED * table.sum(axis=1)
+    owner = np.zeros(int(labels.max()) + 1, np.int64)
+    owner[compact[compact > 0]] = np.where(clear, objects[main], 0)[1:]
+    return owner
+
+
+# Not cached: numba would not notice an edit of what it inlines from the package.
+@njit(nogil=True)
+def _described(  # type: ignore[no-untyped-def]
+    labels, inside, chosen, values, knee, following, noise, means, sizes, logs
+):
+    found = [np.zeros((0, 0), np.float32) for _ in range(0)]
+    places = [np.int64(0) for _ in range(0)]
+    owned = [np.int64(0) for _ in range(0)]
+    size = labels.shape
+    names = np.zeros(FEW, np.int32)
+    for z in range(size[0]):
+        for y in range(size[1]):
+            for x in range(size[2]):
+                if labels[z, y, x] == 0 or not chosen[z, y, x]:
+                    continue
+                count = find_rivals(labels, z, y, x, names)
+                if count == 1:
+                    continue
+                rows = np.zeros((FEW, WIDTH), np.float32)
+                describe(
+                    labels, inside, values, knee, following, noise, means, sizes, logs,
+                    z, y, x, names[:count], rows,
+                )  # fmt: skip
+                found.append(rows[:count])
+                for n in range(count):
+                    places.append((z * size[1] + y) * size[2] + x)
+                    owned.append(np.int64(names[n]))
+    table = np.zeros((len(places), WIDTH), np.float32)
+    k = 0
+    for rows in found:
+        table[k : k + len(rows)] = rows
+        k += len(rows)
+    return table, np.array(places), np.array(owned)
+
+
+def fit(states: list[State]) -> Affinity:
+    """Return the judge of such labels."""
+    rows = np.concatenate([r for r, _ in states])
+    right = np.concatenate([one for _, one in states])
+    print(f"{len(rows)} labels at voxels, {right.mean():.0%} theirs", flush=True)
+    kept = np.random.default_rng(0).permutation(len(rows))[:MOST]
+    return fit_affinity(rows[kept].astype(np.float64), right[kept], features=BORDER_FEATURES)
+
+
+if __name__ == "__main__":
+    train(str(__doc__), measured, ("", "clad"), fit)
