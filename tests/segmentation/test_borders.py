@@ -198,7 +198,7 @@ def test_a_thin_plate_gets_back_what_the_box_below_it_took():
     found = truth.copy()
     found[14:18, 20:28, 8:24] = 1
     mended = draw_borders(found, scene_of(found, density, said(truth)))
-    assert (mended != truth).sum() < 0.1 * (found != truth).sum()
+    assert (mended != truth).sum() < 0.15 * (found != truth).sum()
 
 
 @pytest.mark.parametrize("bump", [True, False])
