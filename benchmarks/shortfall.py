@@ -23,6 +23,7 @@ REASONS = {
     "definition is one with its filling; at one density with what it wraps, nothing parts them",
     "plate": BESIDE,
     "tube": BESIDE,
+    "belt": "one of three, joined with a larger thing that it touches",
     "phone": BESIDE,
     "book": BESIDE,
     "carton": BESIDE,
