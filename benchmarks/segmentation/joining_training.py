@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, committees, learn, train
-from napari_unpack.segmentation.affinity import Affinity
+from benchmarks.segmentation.judges import Scan, learn, train
+from napari_unpack.segmentation.affinity import Affinity, fit_affinity
 from napari_unpack.segmentation.joining import FEATURES, SeenParts
 from napari_unpack.segmentation.training import overlaps
 
-ROUNDS, RESTRAINT = 2, 30.0
+BAGS, ROUNDS = 16, 2
 State = tuple[SeenParts, NDArray[np.float64]]
 
 
@@ -28,8 +28,8 @@ def measured(scanned: Scan) -> State:
 
 def fit(states: list[State]) -> Affinity:
     """Return the judge of such parts."""
-    return learn(states, ROUNDS, committees(FEATURES, RESTRAINT))
+    return learn(states, ROUNDS, lambda pairs, one: fit_affinity(pairs, one, features=FEATURES))
 
 
 if __name__ == "__main__":
-    train(str(__doc__), measured, ("", "clad"), fit)
+    train(str(__doc__), measured, BAGS, ("",), fit)

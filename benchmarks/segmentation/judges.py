@@ -27,7 +27,7 @@ from napari_unpack.segmentation.training import examples_of
 from napari_unpack.simulation import simulate_bag
 
 # The network learned from solids of the first 260 seeds.
-FIRST, BAGS, SOLIDS = 300, 24, 40
+FIRST, SOLIDS = 300, 40
 Regions = TypeVar("Regions", SeenParts, Pieces)
 State = TypeVar("State")
 Fit = Callable[[NDArray[np.float64], NDArray[np.bool_]], Affinity]
@@ -121,6 +121,7 @@ def learn(states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: F
 def train(
     description: str,
     measure: Callable[[Scan], State],
+    bags: int,
     dresses: Sequence[str],
     fit: Callable[[list[State]], Affinity],
     argv: list[str] | None = None,
@@ -133,6 +134,8 @@ def train(
         For the command's help.
     measure : callable
         `measure(scan) -> state`.
+    bags : int
+        How many.
     dresses : sequence of str
         Of the solids, every seed once in each; see `scanned_solids`.
     fit : callable
@@ -142,7 +145,7 @@ def train(
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("file", help="where to save the judge")
-    parser.add_argument("--bags", type=int, default=BAGS)
+    parser.add_argument("--bags", type=int, default=bags)
     parser.add_argument("--solids", type=int, default=SOLIDS, help="in every dress")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args(argv)

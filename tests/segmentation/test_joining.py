@@ -95,24 +95,3 @@ def test_where_the_network_is_sure_the_judge_is_not_asked(monkeypatch, sure, tog
 def test_the_judge_that_ships_knows_these_features():
     assert default_judge().features == FEATURES
     assert default_judge().weights[0].shape[0] == len(FEATURES)
-
-
-@pytest.mark.parametrize(("share", "stay"), [(0.5, True), (1.0, False)])
-def test_two_convex_things_that_the_network_parts_stay_two_whatever_the_judge_says(share, stay):
-    labels, parts = measured()
-    # Of 0.29 of the pairs of cells it is said that they belong together, or of half as many.
-    for one, two in ((1, 2), (2, 1)):
-        parts.between[one, two] *= share
-    parts.between[2, 3] = parts.between[3, 2] = 0
-    joined = join_seen(labels, parts, judge_of_belonging(40.0))
-    assert (joined[10, 10, 8] != joined[10, 10, 24]) == stay
-    assert joined[10, 10, 24] != joined[10, 10, 38]
-
-
-def test_a_hollow_thing_may_be_one_with_what_the_network_parts_from_it():
-    labels, parts = measured()
-    parts.between[1, 2] = parts.between[2, 1] = 0
-    # As large a hull, half of it filled.
-    parts.sums[1, 0] /= 2
-    joined = join_seen(labels, parts, judge_of_belonging(40.0))
-    assert joined[10, 10, 8] == joined[10, 10, 24]

@@ -36,16 +36,9 @@ FEATURES = (
     "larger_cohesion",
 )
 
-BELONGING = FEATURES.index("belonging")
-HULLS = [FEATURES.index("solidity_of_smaller"), FEATURES.index("solidity_of_larger")]
 
 SURE = 0.1
 """So far above the usual bar of `linkage` the network joins two whatever the judge says."""
-
-APART, CONVEX = 0.25, 0.95
-"""Two that belong together less than this and each fill so much of their convex hulls stay two
-whatever the judge says: things come apart where they are concave, and of the examples no two such
-were one."""
 
 
 @dataclass
@@ -184,11 +177,9 @@ def join_seen(
 
     def chance(one: int, two: int, row: NDArray[np.float64]) -> float:
         told = measured.features(one, two, row)
-        if told[BELONGING] < APART and told[HULLS].min() > CONVEX:
-            return 0.0
         cells = float(min(measured.sums[one, 0], measured.sums[two, 0])) / 8
         # Where the network is sure, shapes that the judge has never seen do not matter.
-        beyond = told[BELONGING] - usual.height(cells) - SURE
+        beyond = told[FEATURES.index("belonging")] - usual.height(cells) - SURE
         believed = 0.5 + min(beyond, 0.5) if beyond > 0 else 0.0
         return max(float(trained.probability(told[None])[0]), believed)
 
