@@ -19,6 +19,9 @@ THINGS = {
 WHOLE = {thing: window for thing, (window, _) in THINGS.items()}
 WHOLE["coil of cable"] = np.s_[52:147, 84:193, 25:136]
 
+BESIDE = np.s_[52:147, 84:193, 25:62]
+"""Where its strands and the can are all that is as dense as they."""
+
 
 def hull(density, thing):
     """Return the largest dense piece in a thing's window."""
@@ -46,6 +49,10 @@ def test_each_thing_of_the_rucksack_is_one_object_apart_from_the_others():
         inside = np.count_nonzero(own[WHOLE[thing]])
         assert inside > 0.9 * np.count_nonzero(own), f"{thing} is one with what is around it"
     assert len(set(names.values())) == len(THINGS), f"joined: {names}"
+
+    strands = labels[BESIDE][(density[BESIDE] > 1500) & (density[BESIDE] < 2600)]
+    others = strands[strands != names["can at one side"]]
+    assert (others == names["coil of cable"]).mean() > 0.9, "strands beside the can are another's"
 
     sizes = np.bincount(labels.reshape(-1))
     means = np.bincount(labels.reshape(-1), density.reshape(-1)) / np.maximum(sizes, 1)
