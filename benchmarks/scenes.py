@@ -62,7 +62,7 @@ class Scenes:
     @cached_property
     def bricks(self) -> Any:
         """Of `packing`."""
-        from napari_unpack.raycasting import Bricks
+        from napari_unpack.rendering.cpu import Bricks
 
         return Bricks.of(self.packing.labels, self.packing.volume)
 
@@ -90,7 +90,7 @@ class Scenes:
 
     def tinted(self, backend: str) -> Any:
         """Cast a frame of `packing` in its tints, with either backend."""
-        from napari_unpack.imaging import cast_tinted
+        from napari_unpack.rendering import cast_tinted
 
         return cast_tinted(
             self.packing.volume,

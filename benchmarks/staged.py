@@ -8,7 +8,7 @@ import napari
 from numpy.typing import NDArray
 
 from napari_unpack import Session
-from napari_unpack.layers.stage import Stage
+from napari_unpack.viewer.controller import Stage
 
 
 def staged(

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation import Oracle, segment
-from napari_unpack.segmentation.confidence import default_oracle, fit_features
+from napari_unpack.segmentation.confidence.features import features
+from napari_unpack.segmentation.confidence.oracle import default_oracle, fit_features
 from napari_unpack.segmentation.evaluation import contingency, iou_table
-from napari_unpack.segmentation.features import features
 from napari_unpack.segmentation.training import oracle_examples, true_objects
 from napari_unpack.simulation import simulate_bag
 

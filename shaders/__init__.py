@@ -1,1 +1,1 @@
-"""GLSL sources, read by `napari_unpack.rendering.shader_source`."""
+"""GLSL sources, read by `napari_unpack.rendering.gl.programs`."""

@@ -166,9 +166,9 @@ def test_a_simulated_bag_knows_what_its_objects_are(tmp_path: Path) -> None:
 
 def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) -> None:
     got: list[Any] = []
-    module = ModuleType("napari_unpack.widgets.demo")
+    module = ModuleType("napari_unpack.demo")
     module.run = lambda *args: got.append(args)  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "napari_unpack.widgets.demo", module)
+    monkeypatch.setitem(sys.modules, "napari_unpack.demo", module)
     assert run("demo", "a.npz", "--labels", "b.npz", "--output", "out", "--seed", 3).exit_code == 0
     assert run("demo").exit_code == 0
     assert got == [
@@ -236,7 +236,7 @@ def test_the_table_is_written_as_a_page_and_as_csv(bag: Path) -> None:
 def test_steps_of_the_demo_are_lines_of_their_own_where_there_is_no_terminal(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from napari_unpack.widgets.demo import Steps
+    from napari_unpack.demo import Steps
 
     tell = Steps()
     for fraction in (0.0, 0.5):

@@ -33,14 +33,14 @@ def test_private_napari_and_vispy_names_live_in_compat_alone() -> None:
     assert offenders == []
 
 
-def test_no_file_is_longer_than_400_lines() -> None:
+def test_no_file_is_longer_than_700_lines() -> None:
     files = [
         *SOURCES,
         *SHADERS,
         *(ROOT / "tests").rglob("*.py"),
         *(ROOT / "benchmarks").rglob("*.py"),
     ]
-    too_long = [_relative(p) for p in files if len(p.read_text().splitlines()) > 400]
+    too_long = [_relative(p) for p in files if len(p.read_text().splitlines()) > 700]
     assert too_long == []
 
 

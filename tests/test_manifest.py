@@ -44,7 +44,7 @@ def test_the_reader_is_offered_for_the_formats_of_ct(manifest: PluginManifest, n
 
 
 def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: PluginManifest) -> None:
-    from napari_unpack.widgets.settings import BACKENDS, Preferences
+    from napari_unpack.widgets.preferences import BACKENDS, Preferences
 
     pages = manifest.contributions.configurations
     flight, drawing = pages["unpacking"].properties, pages["drawing"].properties

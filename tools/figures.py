@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io import save_png
-from napari_unpack.session.picture_patch import compose
-from napari_unpack.session.pictures import object_patch, packed_patch, sprite_patch
-from napari_unpack.session.scene import scene
+from napari_unpack.rendering.compose import object_patch, packed_patch, scene, sprite_patch
+from napari_unpack.rendering.image_patch import compose
 
 PANEL = (640, 820)
 FILM = (440, 740)
@@ -130,9 +129,9 @@ def studied(session: Any) -> Image:
 
 def revealed(session: Any) -> Image:
     """Return a buried object shown through what must leave for it, and the bag after that."""
-    from napari_unpack.layers.marks import LEAVING
-    from napari_unpack.layers.marks import draw as draw_marks
     from napari_unpack.layers.view_camera import Frame
+    from napari_unpack.viewer.overlays import LEAVING
+    from napari_unpack.viewer.overlays import draw as draw_marks
 
     target, found = _buried(session)
     camera, packed = session.camera, frozenset(session.ids)

@@ -13,13 +13,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from napari_unpack.appearance import PRESETS, Surroundings, TransferFunction, tints_of
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_ids
+from napari_unpack.rendering import cast_ids
+from napari_unpack.rendering.compose import scene
+from napari_unpack.rendering.image_patch import compose
+from napari_unpack.rendering.object_casting import Look, cast_crop
+from napari_unpack.rendering.scene import LIGHT
+from napari_unpack.rendering.subvolumes import PictureCache
 from napari_unpack.session import Session
-from napari_unpack.session.depicted import LIGHT
-from napari_unpack.session.picture_cache import PictureCache
-from napari_unpack.session.picture_casting import Look, cast_crop
-from napari_unpack.session.picture_patch import compose
-from napari_unpack.session.scene import scene
 
 Picture = NDArray[np.float32]
 SIDE = 392

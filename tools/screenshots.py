@@ -15,8 +15,8 @@ from figures import draw as draw_figures
 from gallery_pictures import draw, opened
 
 from napari_unpack import segment, simulate_bag
+from napari_unpack.demo import run
 from napari_unpack.io import load_volume
-from napari_unpack.widgets.demo import run
 
 ROOT = Path(__file__).parents[1]
 BACKPACK = ROOT.parent / "shared" / "data" / "backpack.npz"

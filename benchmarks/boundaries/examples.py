@@ -10,8 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
 
-from napari_unpack.segmentation.boundaries import REACHES
-from napari_unpack.segmentation.fragments import cells_of
+from napari_unpack.segmentation.learned.boundary_network import REACHES
+from napari_unpack.segmentation.learned.fragments import cells_of
 
 FAR = 9.0
 """No log density lies above."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from napari_unpack.segmentation.boundaries import CHANNELS
+from napari_unpack.segmentation.learned.boundary_network import CHANNELS
 
 WIDTHS = (24, 48, 64, 80)
 WIDE = 32

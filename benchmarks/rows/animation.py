@@ -9,10 +9,10 @@ import numpy as np
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.transforms import packed_pose
-from napari_unpack.layers.flight_painter import FRAME_SECONDS, adapted, cast_moving
-from napari_unpack.layers.moving import Moving
-from napari_unpack.session.picture_patch import compose
-from napari_unpack.session.pictures import object_patch, packed_patch
+from napari_unpack.rendering.compose import object_patch, packed_patch
+from napari_unpack.rendering.image_patch import compose
+from napari_unpack.viewer.animation import Moving
+from napari_unpack.viewer.transition_renderer import FRAME_SECONDS, adapted, cast_moving
 
 WHAT = "animation frame"
 GOAL = "<= 30 ms CPU"

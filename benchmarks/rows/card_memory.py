@@ -12,7 +12,7 @@ _SCRIPT = """
 import sys
 from benchmarks.packing import pack
 from benchmarks.staged import send_out, staged
-from napari_unpack.rendering.ledger import ledger
+from napari_unpack.rendering.gl.memory import ledger
 *shape, size = (int(n) for n in sys.argv[1:])
 bag = pack(tuple(shape), (4, 3, 5))
 viewer, stage = staged(bag.volume, bag.labels, size, backend="gl", recolor_at_rest=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
 from benchmarks.train_oracle import UNSEEN, judge
-from napari_unpack.segmentation.confidence import default_oracle
+from napari_unpack.segmentation.confidence.oracle import default_oracle
 
 GOAL = 0.95
 

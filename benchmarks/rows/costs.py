@@ -8,8 +8,8 @@ from benchmarks.packing import Packing, pack
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, SHADING, Scenes
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_ids, cast_tinted
-from napari_unpack.raycasting import Bricks
+from napari_unpack.rendering import cast_ids, cast_tinted
+from napari_unpack.rendering.cpu import Bricks
 
 SHAPES = ((128, 128, 128), (256, 256, 256), (256, 256, 512), (512, 512, 1024))
 CELLS = ((1, 2, 5), (5, 5, 8), (10, 10, 20), (30, 40, 50))

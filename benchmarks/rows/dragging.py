@@ -6,7 +6,7 @@ from benchmarks.napari_peer import napari_frame_ms
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import Scenes
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session.pictures import packed_patch
+from napari_unpack.rendering.compose import packed_patch
 
 WHAT = "while dragging, no GPU"
 WORK = "same, 384x384 rays, steps of 1.5 voxels, the view turning"

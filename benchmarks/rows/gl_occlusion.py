@@ -9,22 +9,22 @@ from benchmarks.rows.unpackability import WORK
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging.casting import off_faces, rays_for
-from napari_unpack.raycasting import Bricks, occlusion_counts
+from napari_unpack.rendering.casting import off_faces, rays_for
+from napari_unpack.rendering.cpu import Bricks, occlusion_counts
 
 WHAT, GPU_WHAT = "unpackability, software GL", "unpackability, GPU"
 GOAL, GPU_GOAL = "both methods measured", "<= 5 ms"
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    from napari_unpack.rendering import offscreen
+    from napari_unpack.rendering.gl import offscreen
 
     if not offscreen.available():
         return [
             Row.not_measured(what, WORK, "no GL context", goal)
             for what, goal in ((WHAT, GOAL), (GPU_WHAT, GPU_GOAL))
         ]
-    from napari_unpack.rendering import gl_backend
+    from napari_unpack.rendering.gl import backend as gl_backend
 
     crowd = scenes.crowd
     camera = View((0.2, 1.0, 0.1)).camera(crowd.labels.shape, MM).orthographic()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, SHADING, Scenes
-from napari_unpack.imaging import cast_tinted
+from napari_unpack.rendering import cast_tinted
 
 ROWS = (
     ("tinted frame, GPU", "512x512x1024, 60 objects, 1024x1024", "<= 8 ms"),
@@ -13,7 +13,7 @@ ROWS = (
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    from napari_unpack.rendering import offscreen
+    from napari_unpack.rendering.gl import offscreen
 
     if not (offscreen.available() and not offscreen.is_software()):
         return [Row.not_measured(what, work, "no GPU", goal) for what, work, goal in ROWS]
@@ -50,7 +50,7 @@ def _frame(scenes: Scenes) -> Row:
 
 def _flight(scenes: Scenes) -> Row:
     from napari_unpack.geometry.transforms import packed_pose
-    from napari_unpack.session.pictures import object_patch
+    from napari_unpack.rendering.compose import object_patch
 
     session, camera, size = scenes.session, scenes.camera, scenes.canvas
     slowest = 0.0

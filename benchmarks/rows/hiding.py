@@ -6,7 +6,7 @@ from itertools import cycle
 
 from benchmarks.row import Row, ms, paired_ms
 from benchmarks.scenes import Scenes
-from napari_unpack.session.pictures import packed_patch
+from napari_unpack.rendering.compose import packed_patch
 
 WHAT = "hiding an object to new picture"
 GOAL = "one frame"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.appearance import interference
-from napari_unpack.imaging import cast_ids
+from napari_unpack.rendering import cast_ids
 
 GOAL = "<= 50 ms CPU"
 

@@ -12,7 +12,7 @@ from benchmarks.scenes import Scenes
 from napari_unpack.appearance import assign_hues, color_classes, hue_distance, interference
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_ids
+from napari_unpack.rendering import cast_ids
 from napari_unpack.session.sight import DISTANCE, LAYERS, SessionSight
 
 GOAL = ">= 5x fewer recoloured, no pair closer than stated"

@@ -13,7 +13,7 @@ GOAL = "<= 1.0x VTK's CPU time"
 
 
 def measure(scenes: Scenes) -> list[Row]:
-    from napari_unpack.rendering import offscreen
+    from napari_unpack.rendering.gl import offscreen
 
     if not offscreen.available():
         return [Row.not_measured(WHAT, WORK, "no GL context", GOAL)]

@@ -7,8 +7,8 @@ import numpy as np
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_occlusion
-from napari_unpack.raycasting import Bricks
+from napari_unpack.rendering import cast_occlusion
+from napari_unpack.rendering.cpu import Bricks
 
 WORK = "60 objects, 384x384x512, 512x512 rays"
 GOAL = "<= 120 ms CPU"

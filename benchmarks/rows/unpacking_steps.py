@@ -17,9 +17,9 @@ from benchmarks.scenes import MM, Scenes
 from napari_unpack.appearance import interference
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_ids, cast_occlusion, cast_runs
-from napari_unpack.imaging.casting import off_faces, rays_for
-from napari_unpack.raycasting import Bricks
+from napari_unpack.rendering import cast_ids, cast_occlusion, cast_runs
+from napari_unpack.rendering.casting import off_faces, rays_for
+from napari_unpack.rendering.cpu import Bricks
 from napari_unpack.unpacking import free_ids, ratios
 
 NOT_MEASURED = "not measured"
@@ -152,11 +152,11 @@ def _gl_ways(
     labels: NDArray[np.uint16], camera: Any, visible: NDArray[np.bool_], size: Any, bricks: Any
 ) -> tuple[Any, ...]:
     """Return the passes of the paper's two ways on GL, none without it."""
-    from napari_unpack.rendering import offscreen
+    from napari_unpack.rendering.gl import offscreen
 
     if not offscreen.available():
         return ()
-    from napari_unpack.rendering import gl_backend
+    from napari_unpack.rendering.gl import backend as gl_backend
 
     rays, boxes = off_faces(rays_for(camera.orthographic(), size, MM)), label_boxes(labels)
     return (

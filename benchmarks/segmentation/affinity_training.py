@@ -44,7 +44,7 @@ def train(
     examples_path: str = "",
 ) -> None:
     """Train the affinity of pairs on simulated bags and plain solids, following the truth."""
-    from napari_unpack.segmentation.affinity import fit_affinity
+    from napari_unpack.segmentation.learned.pair_classifier import fit_affinity
 
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         jobs = [pool.submit(learn_from, seed, shape, count) for seed in seeds]

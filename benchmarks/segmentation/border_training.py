@@ -16,18 +16,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.segmentation.judges import Scan, train
-from napari_unpack.segmentation.affinity import Affinity, fit_affinity
-from napari_unpack.segmentation.border_features import (
+from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
     FEW,
+    Scene,
     describe,
     find_rivals,
 )
-from napari_unpack.segmentation.borders import Scene
-from napari_unpack.segmentation.evaluation import contingency
-from napari_unpack.segmentation.learned import pieces_seen, sharpened
-from napari_unpack.segmentation.parting import part_seen
-from napari_unpack.segmentation.sharpening import find_inside
+from napari_unpack.segmentation.learned.border_refinement import find_inside
+from napari_unpack.segmentation.learned.method import pieces_seen, sharpened
+from napari_unpack.segmentation.learned.pair_classifier import Affinity, fit_affinity
+from napari_unpack.segmentation.learned.part_splitting import part_seen
 
 BAGS, WIDTH = 24, len(BORDER_FEATURES)
 # Of the voxels at borders, and of all examples at most.

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.segmentation.judges import Scan, learn, train
-from napari_unpack.segmentation.affinity import Affinity, fit_affinity
-from napari_unpack.segmentation.joining import FEATURES, SeenParts
+from napari_unpack.segmentation.learned.pair_classifier import Affinity, fit_affinity
+from napari_unpack.segmentation.learned.part_merging import FEATURES, SeenParts
 from napari_unpack.segmentation.training import overlaps
 
 BAGS, ROUNDS = 16, 2

@@ -19,10 +19,10 @@ from threadpoolctl import threadpool_limits
 from benchmarks.boundaries.examples import scan
 from benchmarks.boundaries.solids import coat, packed_solids
 from benchmarks.boundaries.volumes import solids
-from napari_unpack.segmentation.affinity import Affinity, committee, fit_affinity
-from napari_unpack.segmentation.joining import SeenParts
-from napari_unpack.segmentation.learned import Seen, learned_parts
-from napari_unpack.segmentation.parting import Pieces
+from napari_unpack.segmentation.learned.method import Seen, learned_parts
+from napari_unpack.segmentation.learned.pair_classifier import Affinity, committee, fit_affinity
+from napari_unpack.segmentation.learned.part_merging import SeenParts
+from napari_unpack.segmentation.learned.part_splitting import Pieces
 from napari_unpack.segmentation.training import examples_of
 from napari_unpack.simulation import simulate_bag
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from benchmarks.segmentation.peers import Found
 from napari_unpack.segmentation import segment
-from napari_unpack.segmentation.cavities import fill_cavities
-from napari_unpack.segmentation.checks import checked_spacing, checked_volume
-from napari_unpack.segmentation.grainy import flattened, is_grainy
-from napari_unpack.segmentation.merging import absorb_small
-from napari_unpack.segmentation.parts import split_parts
-from napari_unpack.segmentation.ranking import rank_labels
-from napari_unpack.segmentation.region import default_smallest
-from napari_unpack.segmentation.splitting import SplitRule
+from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.region import default_smallest
+from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
+from napari_unpack.segmentation.foreground.denoising import flattened, is_grainy
+from napari_unpack.segmentation.isoperimetric.initial_parts import split_parts
+from napari_unpack.segmentation.isoperimetric.splitting import SplitRule
+from napari_unpack.segmentation.object_table import rank_labels
+from napari_unpack.segmentation.postprocessing.cavities import fill_cavities
 
 CUTS = "ours, cuts and oracle"
 

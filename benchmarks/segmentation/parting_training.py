@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.segmentation.judges import Scan, committees, learn, train
-from napari_unpack.segmentation.affinity import Affinity
-from napari_unpack.segmentation.learned import pieces_seen
-from napari_unpack.segmentation.parting import PIECE_FEATURES, Pieces
+from napari_unpack.segmentation.learned.method import pieces_seen
+from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.part_splitting import PIECE_FEATURES, Pieces
 from napari_unpack.segmentation.training import overlaps
 
 BAGS, ROUNDS, RESTRAINT = 24, 1, 100.0

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.checks import checked_spacing
-from napari_unpack.segmentation.foreground import find_levels, foreground, peel
-from napari_unpack.segmentation.grainy import flattened, is_grainy
-from napari_unpack.segmentation.region import Region
-from napari_unpack.segmentation.shape_cuts import shape_cuts
-from napari_unpack.segmentation.splitting import parts_of
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.common.validation import checked_spacing
+from napari_unpack.segmentation.foreground.denoising import flattened, is_grainy
+from napari_unpack.segmentation.foreground.thresholds import find_levels, foreground, peel
+from napari_unpack.segmentation.isoperimetric.shape_cuts import shape_cuts
+from napari_unpack.segmentation.isoperimetric.splitting import parts_of
 
 Labels = NDArray[np.integer[Any]]
 Found = Iterator[tuple[str, Labels]]

@@ -4,8 +4,8 @@
 //
 // in:  u_planes       (normal, -dot(point, normal)), voxels, x y z;  u_plane_count
 // out: the range of k, narrowed
-// cpu twin: raycasting/lattice.py (sample_range, clipping_planes)
-// test:     tests/rendering/test_parity.py
+// cpu twin: rendering/cpu/ray_sampling.py (sample_range, clipping_planes)
+// test:     tests/rendering/gl/test_parity.py
 
 #include "lib/ray.glsl"
 

@@ -5,8 +5,8 @@
 // in:  u_density      8 or 16 bit normalised or float texture, linear, clamped to its edge
 //      p              voxels, x y z, full resolution
 // out: the texture's own unit; lib/transfer_function.glsl knows the scale
-// cpu twin: raycasting/interpolation.py (density_at)
-// test:     tests/rendering/test_probes.py
+// cpu twin: rendering/cpu/ray_sampling.py (density_at)
+// test:     tests/rendering/gl/test_probes.py
 
 #include "lib/label_lookup.glsl"
 

@@ -8,8 +8,8 @@
 //                     large).  Reciprocals, for no compiler divides by them once
 //      voxel          nearest voxel, x y z, full resolution
 //      id tables      256 wide, row id / 256
-// cpu twin: raycasting/object_ids.py
-// test:     tests/rendering/test_probes.py
+// cpu twin: rendering/cpu/object_ids.py
+// test:     tests/rendering/gl/test_probes.py
 
 uniform sampler3D u_labels;
 uniform float u_label_scale;

@@ -8,8 +8,8 @@
 //      u_light        ambient, diffuse, specular, shininess
 //      u_steepness    1 / floor
 // out: (light, highlight)
-// cpu twin: geometry/shading.py, raycasting/chunks.py (_light, shade)
-// test:     tests/rendering/test_probes.py
+// cpu twin: geometry/shading.py, rendering/cpu/compositing.py (_light, shade)
+// test:     tests/rendering/gl/test_probes.py
 
 uniform vec4 u_light;
 uniform float u_steepness;

@@ -6,8 +6,8 @@
 // in:  u_shape        voxels of the whole volume, x y z
 //      origin, direction of the ray (lib/ray.glsl); planes (lib/clip_planes.glsl)
 // out: (first, end): half-open range of k
-// cpu twin: raycasting/lattice.py (sample_range)
-// test:     tests/rendering/test_probes.py
+// cpu twin: rendering/cpu/ray_sampling.py (sample_range)
+// test:     tests/rendering/gl/test_probes.py
 
 #include "lib/ray.glsl"
 #include "lib/clip_planes.glsl"

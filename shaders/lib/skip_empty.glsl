@@ -8,8 +8,8 @@
 // in:  u_leaps        (128 + d) / 255, one texel a brick of BRICK voxels;  u_bricks its size, x y z
 //      voxel          nearest voxel of the sample, x y z
 // out: k from which to ask again; errs on the side of too early
-// cpu twin: raycasting/lattice.py (leap), raycasting/bricks.py (Strides)
-// test:     tests/rendering/test_parity.py
+// cpu twin: rendering/cpu/ray_sampling.py (leap), rendering/cpu/bricks.py (Strides)
+// test:     tests/rendering/gl/test_parity.py
 
 #include "lib/ray.glsl"
 

@@ -6,13 +6,13 @@
 //   gradient = the same blend of the voxels' central differences, which is the central
 //              difference of the interpolated density one voxel to both sides
 //
-// in:  u_voxels       x fastest, in the density texture's unit (rendering/voxel_buffer.py)
+// in:  u_voxels       x fastest, in the density texture's unit (rendering/gl/voxel_buffer.py)
 //      p              voxels, x y z; beyond the edge are the voxels at the edge
 //      last, stride   of the volume: its last voxel, and how far apart neighbours lie; handed in,
 //                     for no driver takes them out of a loop
 // out: gradient per voxel, density
-// cpu twin: raycasting/vectors.py (blend_cell)
-// test:     tests/rendering/test_probes.py
+// cpu twin: rendering/cpu/simd.py (blend_cell)
+// test:     tests/rendering/gl/test_probes.py
 
 #include "lib/ray_box.glsl"
 

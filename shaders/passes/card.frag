@@ -13,8 +13,8 @@
 //      u_z_of_t       (a, b, c, d)
 //      u_opacity      of the card as a whole
 // out: premultiplied RGBA, window depth
-// cpu twin: rendering/visuals/places.py (depth_row)
-// test:     tests/rendering/test_cards.py
+// cpu twin: rendering/gl/depth_quads.py (depth_row)
+// test:     tests/rendering/gl/test_cards.py
 
 #include "lib/no_depth.glsl"
 

@@ -5,8 +5,8 @@
 // in:  a_corner       corner of the quad, 0 or 1: right, down the picture
 //      u_clip_*       the picture's top left corner and its two edges, clip space
 // out: v_uv           texture coordinates, (0, 0) the picture's top left corner
-// cpu twin: rendering/visuals/places.py (Place.frame)
-// test:     tests/rendering/test_cards.py
+// cpu twin: rendering/gl/depth_quads.py (Place.frame)
+// test:     tests/rendering/gl/test_cards.py
 
 attribute vec2 a_corner;
 

@@ -9,8 +9,8 @@
 // out: Counts         5 rows of n: samples, hits, occluded hits, occluded samples, exact samples;
 //                     then 1 if a ray met more objects than it can remember
 //      Blocks         bit row n + column: the row's object lies in front of the column's
-// cpu twin: raycasting/occlusion.py (occlusion_counts)
-// test:     tests/rendering/test_occlusion_atomics.py
+// cpu twin: rendering/cpu/occlusion.py (occlusion_counts)
+// test:     tests/rendering/gl/test_occlusion_atomics.py
 
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"

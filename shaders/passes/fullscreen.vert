@@ -2,7 +2,7 @@
 //
 // in:  a_position     corners, NDC
 // cpu twin: none
-// test:     tests/rendering/test_parity.py
+// test:     tests/rendering/gl/test_parity.py
 
 attribute vec2 a_position;
 

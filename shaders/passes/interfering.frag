@@ -8,8 +8,8 @@
 //      u_layers, u_height, u_width, u_reach (rows of the disk on either side), u_objects (slots)
 // out: Pairs          bit a * n + b, a < b: interfere; the last word: 1 if a pixel saw too many
 //      Lengths        at a * n + b: pixels on borders of either that come within DT of the other
-// cpu twin: appearance/contacts.py (interference)
-// test:     tests/rendering/test_interference_pass.py
+// cpu twin: appearance/interference_graph.py (interference)
+// test:     tests/rendering/gl/test_interference_pass.py
 
 #define MOST_NEAR 64
 

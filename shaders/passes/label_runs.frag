@@ -10,8 +10,8 @@
 //      u_size         pixels: width, height
 // out: [0] [1] [2] two runs each (ID, samples, ID, samples), zeros where there is none
 //      [3] k to resume from, NO_MORE once the ray is done
-// cpu twin: raycasting/occlusion.py
-// test:     tests/rendering/test_occlusion_pass.py
+// cpu twin: rendering/cpu/occlusion.py
+// test:     tests/rendering/gl/test_occlusion_pass.py
 
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"

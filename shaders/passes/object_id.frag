@@ -9,8 +9,8 @@
 //      u_size         pixels: width, height
 //      u_wanted       layers to fill in this pass, 1 to 4
 // out: four IDs, exact floats, 0 where there is none
-// cpu twin: raycasting/object_ids.py
-// test:     tests/rendering/test_parity.py
+// cpu twin: rendering/cpu/object_ids.py
+// test:     tests/rendering/gl/test_parity.py
 
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"

@@ -8,8 +8,8 @@
 //      u_first        nearest object of every pixel, red;  u_size pixels: width, height
 //      u_occluded     1: count occluded rays only; 0: all rays that meet the object
 // out: anything; samples passed is the count
-// cpu twin: raycasting/occlusion.py (occlusion_counts)
-// test:     tests/rendering/test_occlusion_queries.py
+// cpu twin: rendering/cpu/occlusion.py (occlusion_counts)
+// test:     tests/rendering/gl/test_occlusion_queries.py
 
 #include "lib/ray_box.glsl"
 #include "lib/label_lookup.glsl"

@@ -11,8 +11,8 @@
 //      u_jitter       1: samples start at a hash of the pixel
 //      SHADED         a define, with light;  VOXELS: a define, density from lib/voxel_buffer.glsl
 // out: [0] premultiplied RGBA   [1] t in mm where A first reached 1/2, NO_DEPTH where never
-// cpu twin: raycasting/tinted.py (tinted), raycasting/marching.py (march)
-// test:     tests/rendering/test_parity.py
+// cpu twin: rendering/cpu/tinted.py (tinted), rendering/cpu/compositing.py (march)
+// test:     tests/rendering/gl/test_parity.py
 
 #ifdef VOXELS
 #extension GL_EXT_gpu_shader4 : require

@@ -1,7 +1,7 @@
 from .appearance import TransferFunction, assign_hues, interference
 from .geometry.view import View
-from .imaging import object_id_layers, occlusion_ratios, pick, render
 from .io import movie, open_session, save_session
+from .rendering import object_id_layers, occlusion_ratios, pick, render
 from .segmentation import Oracle, score, score_by, score_objects, segment, train
 from .session import Session
 from .simulation import simulate_bag

@@ -10,17 +10,20 @@ from typing import Annotated, Any
 
 import typer
 
-from napari_unpack.cli_input import (
+from napari_unpack.cli_options import (
     Backend,
+    Box,
     Direction,
+    Ground,
     Input,
     LabelsOption,
     Look,
+    Scale,
     Ticker,
     check_output,
     open_input,
+    wanted_surroundings,
 )
-from napari_unpack.cli_surroundings import Box, Ground, Scale, wanted_surroundings
 
 app = typer.Typer(
     name="napari-unpack",
@@ -230,8 +233,8 @@ def render(
     """Draw the bag and what is unpacked beside it."""
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import framed, unpack_in_order
-    from napari_unpack.io.session_stores import holds_session
-    from napari_unpack.session.scene import scene
+    from napari_unpack.io.session_archive import holds_session
+    from napari_unpack.rendering.compose import scene
 
     check_output(output, (".png",))
     around = wanted_surroundings(background, box, scale)
@@ -274,7 +277,7 @@ def movie(
 ) -> None:
     """Film the unpacking, or the bag from all around."""
     from napari_unpack.io import movie as film
-    from napari_unpack.io.film_files import checked_film
+    from napari_unpack.io.movies import checked_film
 
     check_output(checked_film(output), ("",))
     around = wanted_surroundings(background, box, scale)
@@ -332,7 +335,7 @@ def demo(
     seed: Annotated[int, typer.Option(help="Of the simulated bag.")] = 0,
 ) -> None:
     """Open the plugin on a bag, or film it where there is no screen."""
-    from napari_unpack.widgets.demo import run
+    from napari_unpack.demo import run
 
     run(source, labels, output, seed)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from napari_unpack.appearance import assign_hues, color_classes, hue_distance, interference
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_ids
+from napari_unpack.rendering import cast_ids
 
 MARGIN = 0.4
 

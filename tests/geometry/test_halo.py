@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.geometry.grow_labels import grow_labels
 
 
 def test_one_round_claims_the_six_neighbours() -> None:

@@ -12,12 +12,11 @@ from scipy.linalg import polar
 
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
-from napari_unpack.io.film_files import film_writer
-from napari_unpack.io.films import turned
 from napari_unpack.io.headless import framed, twin, unpack_in_order
 from napari_unpack.io.images import straight_bytes
+from napari_unpack.io.movies import film_writer, turned
+from napari_unpack.rendering.compose import scene
 from napari_unpack.session import Session
-from napari_unpack.session.scene import scene
 
 
 @pytest.fixture

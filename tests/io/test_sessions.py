@@ -15,9 +15,9 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.appearance import Surroundings
 from napari_unpack.io import Scan, save_scan
-from napari_unpack.io.session_stores import holds_session
+from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
-from napari_unpack.session.scene import scene
+from napari_unpack.rendering.compose import scene
 
 SIZE = (72, 96)
 

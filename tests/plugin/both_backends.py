@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from conftest import canvas
-from napari_unpack.layers.live_shots import LiveShot
+from napari_unpack.layers.rendered_image import LiveShot
 
 
 def pictures_of_both(viewer: Any, stage: Any) -> dict[str, np.ndarray]:

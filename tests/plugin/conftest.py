@@ -35,7 +35,7 @@ def modules_and_manifests_read_once() -> Iterator[None]:
     """
     for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
         importlib.import_module(name)
-    importlib.import_module("napari_unpack.layers.stage")
+    importlib.import_module("napari_unpack.viewer.controller")
     from npe2 import PluginManifest
 
     found = list(PluginManifest.discover())
@@ -47,8 +47,8 @@ def modules_and_manifests_read_once() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def kernels_compiled() -> None:
     """Compile what casts, which takes a slow machine minutes, before any test waits for it."""
+    from napari_unpack.rendering.compose import scene
     from napari_unpack.session import Session
-    from napari_unpack.session.scene import scene
 
     for density in (np.uint16, np.float32):
         volume, labels = phantom()
@@ -115,7 +115,7 @@ def session(bag):
 @pytest.fixture
 def staged(make_napari_viewer_proxy, session, qtbot):
     """Return (viewer, stage): the phantom on a shown viewer of moderate size, at rest."""
-    from napari_unpack.layers.stage import Stage
+    from napari_unpack.viewer.controller import Stage
 
     viewer = make_napari_viewer_proxy(show=True)
     viewer.window.resize(760, 560)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from napari_unpack.layers.at_rest import AtRest
+from napari_unpack.viewer.background_queries import AtRest
 
 
 class Lanes:

@@ -6,10 +6,10 @@ import pytest
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtGui import QColor
 
-from napari_unpack.widgets import color_strip
+from napari_unpack.widgets import color_ramp_editor
+from napari_unpack.widgets.color_ramp_editor import ColorStrip
 from napari_unpack.widgets.color_section import ColorSection
-from napari_unpack.widgets.color_strip import ColorStrip
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.workspace import Workbench
 
 LEFT, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
 STOPS = [(500.0, (1.0, 0.0, 0.0)), (1280.0, (0.0, 0.0, 1.0))]
@@ -30,7 +30,7 @@ def strip(qtbot):
 def dialog(monkeypatch):
     """Answer the colour dialog with what is put here; an invalid colour leaves it."""
     answers = [QColor("#33cc66")]
-    monkeypatch.setattr(color_strip.QColorDialog, "getColor", lambda *_: answers[0])
+    monkeypatch.setattr(color_ramp_editor.QColorDialog, "getColor", lambda *_: answers[0])
     return answers
 
 

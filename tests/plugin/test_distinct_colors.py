@@ -10,8 +10,8 @@ import pytest
 from napari.layers import Labels
 
 from conftest import phantom
-from napari_unpack.layers.distinct_colors import question
-from napari_unpack.widgets.distinct_colors import distinct_colors, restore_colors
+from napari_unpack.viewer.view_colors import question
+from napari_unpack.widgets.contributions import distinct_colors, restore_colors
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_objects_in_front_of_each_other_differ_in_3d_under_any_affine(viewer, qt
     viewer.screenshot(flash=False)
     seen = question(viewer, layer)
     colored(viewer, qtbot)
-    from napari_unpack.imaging import cast_ids
+    from napari_unpack.rendering import cast_ids
 
     ids = cast_ids(
         labels,
@@ -115,7 +115,7 @@ def test_the_camera_is_the_one_the_viewer_draws_with(viewer, orientation):
     viewer.scene.camera.angles = (0, 60, 0)
     picture = viewer.screenshot(flash=False)[..., :3].max(axis=2) > 30
     seen = question(viewer, layer)
-    from napari_unpack.imaging import cast_ids
+    from napari_unpack.rendering import cast_ids
 
     ids = cast_ids(
         labels, (2, 1, 1), seen.camera, np.array([False, True]), seen.size,

@@ -11,8 +11,8 @@ import pytest
 from vispy.gloo import gl
 
 from conftest import canvas
-from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import Stage
 
 SCALE = (1.5, 1.5, 1.5)
 

@@ -13,9 +13,9 @@ from napari._app_model.actions._layerlist_context_actions import (  # noqa: TID2
 from napari.layers import Points
 
 from napari_unpack.layers import compat
-from napari_unpack.layers.packed import PackedLayer
-from napari_unpack.layers.sprites import SpriteLayer
-from napari_unpack.layers.transition import TransitionLayer
+from napari_unpack.layers.packed_layer import PackedLayer
+from napari_unpack.layers.sprite_layer import SpriteLayer
+from napari_unpack.layers.transition_layer import TransitionLayer
 
 BOX = np.array([[0, 0, 0], [9, 19, 29]], dtype=float)
 

@@ -6,8 +6,8 @@ import dask.array
 import numpy as np
 import pytest
 
-from napari_unpack.widgets.prepare import prepare
-from napari_unpack.widgets.sources import Volume, in_memory
+from napari_unpack.widgets.layer_inputs import Volume, in_memory
+from napari_unpack.widgets.session_builder import prepare
 
 MM = (1.0, 1.0, 1.0)
 

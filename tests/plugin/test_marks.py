@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from conftest import canvas
-from napari_unpack.layers.marks import FREE, LEAST, TOGETHER, Marks
-from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.overlays import FREE, LEAST, TOGETHER, Marks
 
 
 def knot() -> tuple[np.ndarray, np.ndarray]:

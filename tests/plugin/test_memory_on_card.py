@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from napari_unpack.layers import compat
-from napari_unpack.layers.stage import Stage
-from napari_unpack.rendering.ledger import DENSITY, LABELS, TARGETS, ledger
-from napari_unpack.rendering.textures import VolumeTextures
+from napari_unpack.rendering.gl.memory import DENSITY, LABELS, TARGETS, ledger
+from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.session import Session
+from napari_unpack.viewer.controller import Stage
 
 MOST_NAMES = 1024
 

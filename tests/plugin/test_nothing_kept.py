@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-from napari_unpack.layers.stage import Stage
+from napari_unpack.viewer.controller import Stage
 from napari_unpack.widgets.job import Job
 
 

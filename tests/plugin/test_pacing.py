@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from qtpy.QtWidgets import QApplication
 
-from napari_unpack.layers import pacing
 from napari_unpack.layers.compat import native_canvas
-from napari_unpack.layers.jobs import Jobs
-from napari_unpack.layers.packed_painter import PackedPainter
 from napari_unpack.layers.view_camera import same_camera
+from napari_unpack.viewer import redraw_throttle
+from napari_unpack.viewer.packed_renderer import PackedPainter
+from napari_unpack.viewer.scheduler import Jobs
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def casting(staged, monkeypatch):
         return cast(self, frame, size, step)
 
     monkeypatch.setattr(PackedPainter, "_cast", wait)
-    monkeypatch.setattr(pacing, "LONGEST_MS", 20_000)
+    monkeypatch.setattr(redraw_throttle, "LONGEST_MS", 20_000)
     native_canvas(viewer).events.draw.connect(lambda _: drawn.append(stage.packed.shot))
     yield viewer, stage, allowed, drawn
     allowed.set()
@@ -93,7 +93,7 @@ def test_a_pan_a_zoom_and_a_selection_are_drawn_at_once(casting, session) -> Non
 def test_it_waits_no_longer_than_it_may(casting, qtbot, monkeypatch) -> None:
     viewer, _, _, drawn = casting
     turn(viewer, 5)
-    monkeypatch.setattr(pacing, "LONGEST_MS", 300)
+    monkeypatch.setattr(redraw_throttle, "LONGEST_MS", 300)
     turn(viewer, 5)
     qtbot.waitUntil(lambda: len(drawn) > 1, timeout=10_000)
 

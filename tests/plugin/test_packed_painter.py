@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import napari_unpack as nu
-from napari_unpack.layers.packed_painter import PackedPainter, cast_packed
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.viewer.packed_renderer import PackedPainter, cast_packed
 
 SIZE = (220, 260)
 

@@ -16,8 +16,8 @@ from widget_phantoms import press, stage_with
 
 from conftest import canvas
 from napari_unpack.layers import compat
-from napari_unpack.layers.painted_labels import PaintedLabels
 from napari_unpack.segmentation.repair import LabelEdit
+from napari_unpack.viewer.label_sync import PaintedLabels
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 BELL, CUBE, SLAB = 1, 2, 3

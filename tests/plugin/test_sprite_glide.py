@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.layers.sprite_glide import SECONDS, Glides
+from napari_unpack.viewer.animation import GLIDE_SECONDS, Glides
 
 EYE = np.eye(3)
 
@@ -36,14 +36,14 @@ def test_a_new_plan_is_glided_to_from_wherever_the_sprite_is(glides) -> None:
     assert center(made.follow(at(0, 0, 0), first)) == [0, 0, 0]
     assert made.settled
     assert center(made.follow(at(0, 8, 0), second)) == [0, 0, 0]
-    time[0] += SECONDS / 4
+    time[0] += GLIDE_SECONDS / 4
     # Smoothstep at a quarter: 3/16 - 2/64 = 5/32.
     assert center(made.follow(at(0, 8, 0), second)) == pytest.approx([0, 1.25, 0])
     assert center(made.follow(at(0, 8, 4), third)) == pytest.approx([0, 1.25, 0])
-    time[0] += SECONDS / 2
+    time[0] += GLIDE_SECONDS / 2
     assert center(made.follow(at(0, 8, 4), third)) == pytest.approx([0, 4.625, 2])
     assert not made.settled
-    time[0] += SECONDS
+    time[0] += GLIDE_SECONDS
     assert center(made.follow(at(0, 8, 4), third)) == [0, 8, 4]
     assert made.settled
 
@@ -56,7 +56,7 @@ def test_a_hand_a_landing_and_reduced_motion_jump(glides) -> None:
     assert center(made.follow(at(0, 5, 0), plan)) == [0, 5, 0]
     other = object()
     made.follow(at(0, 9, 0), other)
-    time[0] += SECONDS / 2
+    time[0] += GLIDE_SECONDS / 2
     assert center(made.follow(at(0, 2, 0), other)) == [0, 2, 0]
     still = Glides(lambda: None, lambda: False, lambda: time[0])
     still.follow(at(0, 0, 0), plan)
@@ -85,7 +85,7 @@ def test_sprites_glide_when_the_window_takes_another_shape(
     # Every look at the clock is a twentieth of a glide later, however slow the machine.
     looks = itertools.count()
     clock = stage._projector._glides._clock
-    monkeypatch.setattr(clock, "now", lambda: next(looks) * SECONDS / 20)
+    monkeypatch.setattr(clock, "now", lambda: next(looks) * GLIDE_SECONDS / 20)
     width = session.canvas_size[1]
     viewer.window.resize(1060, 560)
     qtbot.waitUntil(lambda: session.canvas_size[1] > width, timeout=20000)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.layers.shots import Sprite
-from napari_unpack.layers.sprite_painter import PIXELS_PER_VOXEL, resolution
-from napari_unpack.layers.sprites import SpriteLayer
+from napari_unpack.layers.rendered_image import Sprite
+from napari_unpack.layers.sprite_layer import SpriteLayer
+from napari_unpack.rendering.compose import sprite_patch
 from napari_unpack.session import Session
-from napari_unpack.session.pictures import sprite_patch
+from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, resolution
 
 CANVAS = 1024, 1024
 

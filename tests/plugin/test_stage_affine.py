@@ -12,9 +12,9 @@ from conftest import canvas, complaints
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
-from napari_unpack.layers.split_clicks import surface_voxel
-from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.split_tool import surface_voxel
 
 pytestmark = pytest.mark.filterwarnings("ignore:Non-orthogonal slicing")
 TILT = np.eye(4)
@@ -205,7 +205,7 @@ def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     assert stage.settle(60)
     pose = session.poses[left]
     towards = np.linalg.inv(pose.rotation @ pose.stretch) @ [5.0, 0.0, 0.0]
-    from napari_unpack.layers.pointer import drag_rotation
+    from napari_unpack.viewer.interaction import drag_rotation
 
     stage.turn(left, drag_rotation(np.array([0.0, 30.0])))
     stage.turned(left)

@@ -7,7 +7,7 @@ import pytest
 
 from conftest import canvas
 from napari_unpack.appearance import Surroundings
-from napari_unpack.layers import hue_fade, studio
+from napari_unpack.viewer import animation, canvas_backend
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def slow(staged, monkeypatch):
     viewer, stage = staged
     stage.recolor_at_rest = False
     assert stage.settle(30)
-    monkeypatch.setattr(hue_fade, "SECONDS", 1e9)
+    monkeypatch.setattr(animation, "SECONDS", 1e9)
     stage.fade.allowed = True
     yield viewer, stage
     monkeypatch.undo()
@@ -24,7 +24,7 @@ def slow(staged, monkeypatch):
 
 def set_part(stage, part: float) -> None:
     """Put a running transition where its smooth step gives a part, 0.5 in the middle."""
-    stage.fade._began = stage.fade._clock.now() - hue_fade.SECONDS * part
+    stage.fade._began = stage.fade._clock.now() - animation.FADE_SECONDS * part
     stage.fade._tick(stage.fade._clock.now())
 
 
@@ -79,18 +79,18 @@ def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> 
 
 def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeypatch) -> None:
     _, stage = slow
-    monkeypatch.setattr("napari_unpack.layers.packed_painter.FADING_SECONDS", 60.0)
+    monkeypatch.setattr("napari_unpack.viewer.packed_renderer.FADING_SECONDS", 60.0)
     stage.backend = "gl"
     assert stage.settle(60)
     uploads = stage._projector.studio.uploads
     seen = []
-    tints = studio.Studio._packed_tints
+    tints = canvas_backend.Studio._packed_tints
 
     def watched(self):
         seen.append(tints(self)[7, :3].copy())
         return tints(self)
 
-    monkeypatch.setattr(studio.Studio, "_packed_tints", watched)
+    monkeypatch.setattr(canvas_backend.Studio, "_packed_tints", watched)
     session.accept_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
     qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
     set_part(stage, 0.5)

@@ -74,7 +74,7 @@ def test_what_is_cut_away_cannot_be_picked(staged, session) -> None:
 
 
 def test_the_users_own_planes_are_taken_over(make_napari_viewer_proxy, bag, session) -> None:
-    from napari_unpack.layers.stage import Stage
+    from napari_unpack.viewer.controller import Stage
 
     viewer = make_napari_viewer_proxy(show=True)
     image = viewer.add_image(bag[0], scale=session.spacing)

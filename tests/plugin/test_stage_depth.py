@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from conftest import canvas
-from napari_unpack.layers import packed_painter
+from napari_unpack.viewer import packed_renderer
 
 
 def greenness(viewer, stage, world) -> float:
@@ -57,15 +57,15 @@ def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
     stage.recolor_at_rest = False
     stage.backend = backend
     # A machine that casts such a small bag in no time would give the hand all rays.
-    monkeypatch.setattr(packed_painter, "FRAME_SECONDS", 0.0)
-    monkeypatch.setattr(packed_painter, "GL_FRAME_SECONDS", 0.0)
+    monkeypatch.setattr(packed_renderer, "FRAME_SECONDS", 0.0)
+    monkeypatch.setattr(packed_renderer, "GL_FRAME_SECONDS", 0.0)
     viewer.window.resize(1000, 900)
     assert stage.settle(60)
     bag = stage._projector.bag
-    bag._rays = packed_painter.FEWEST_RAYS
+    bag._rays = packed_renderer.FEWEST_RAYS
     interval = bag._rest.interval()
     # Casting on the canvas sets the interval again.
-    monkeypatch.setattr(packed_painter, "REST_MS", 60_000)
+    monkeypatch.setattr(packed_renderer, "REST_MS", 60_000)
     bag._rest.setInterval(60_000)
     viewer.scene.camera.angles = (12, -35, 70)
     qtbot.waitUntil(

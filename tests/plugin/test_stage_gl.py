@@ -11,12 +11,13 @@ from counted_passes import assert_camera_hue_and_transfer_function_each_cast_ane
 
 from conftest import canvas
 from napari_unpack.geometry.boxes import differing_box
-from napari_unpack.layers import compat, studio
-from napari_unpack.layers.live_shots import LiveShot
-from napari_unpack.layers.shots import Shot
-from napari_unpack.rendering import programs, shader_source, textures
-from napari_unpack.rendering.programs import ShaderError
+from napari_unpack.layers import compat
+from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.rendering.gl import programs, textures
+from napari_unpack.rendering.gl import programs as shader_source
+from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.session import ObjectState
+from napari_unpack.viewer import canvas_backend
 
 
 @pytest.fixture
@@ -172,7 +173,7 @@ def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
     def refuse(*_args, **_kwargs) -> None:
         raise problem(words)
 
-    monkeypatch.setattr(studio.TintedCaster, "cast", refuse)
+    monkeypatch.setattr(canvas_backend.TintedCaster, "cast", refuse)
     stage.backend = "gl"
     qtbot.waitUntil(lambda: bool(heard), timeout=10000)
     assert stage.settle(30)
@@ -261,7 +262,7 @@ def test_auto_takes_gl_on_hardware_and_the_cpu_on_a_software_rasteriser(
     _, stage = staged
     assert stage.backend == "auto"
     assert stage.casts_with == "cpu"
-    monkeypatch.setattr(studio, "is_software_renderer", lambda name: name == "")
+    monkeypatch.setattr(canvas_backend, "is_software_renderer", lambda name: name == "")
     stage.backend = "auto"
     assert stage.settle(30)
     assert stage.casts_with == "gl"
@@ -273,7 +274,7 @@ def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
     viewer, stage = staged
     stage.recolor_at_rest = False
     wanted = canvas(viewer)
-    monkeypatch.setattr(studio, "BYTES_A_FRAME", 20_000)
+    monkeypatch.setattr(canvas_backend, "BYTES_A_FRAME", 20_000)
     monkeypatch.setattr(textures, "SLAB_BYTES", 20_000)
     casting = stage._projector.studio
     sent = []

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from conftest import canvas, complaints
-from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import Stage
 
 
 def test_the_users_layers_and_view_come_back_exactly(

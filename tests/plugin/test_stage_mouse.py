@@ -15,8 +15,8 @@ from widget_phantoms import at_rest
 from conftest import canvas
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
-from napari_unpack.layers.stage import Stage
 from napari_unpack.session import ObjectState
+from napari_unpack.viewer.controller import Stage
 
 
 def native(viewer):

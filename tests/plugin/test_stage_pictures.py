@@ -8,7 +8,7 @@ from counted_passes import assert_camera_hue_and_transfer_function_each_cast_ane
 from widget_phantoms import at_rest
 
 from conftest import canvas
-from napari_unpack.layers.shots import RESTING
+from napari_unpack.layers.rendered_image import RESTING
 from napari_unpack.session import ObjectState
 
 

@@ -7,9 +7,9 @@ import pytest
 from napari.layers import Labels
 
 from napari_unpack.layers import compat
-from napari_unpack.layers.plain_stage import PlainStage, stage_class
-from napari_unpack.layers.stage import Stage
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.plain_stage import PlainStage, stage_class
+from napari_unpack.widgets.workspace import Workbench
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from widget_phantoms import add_bag, open_panel, press, stage_with
 
-from napari_unpack.segmentation.confidence import fit_features
-from napari_unpack.segmentation.features import FEATURES
+from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.segmentation.confidence.oracle import fit_features
 from napari_unpack.widgets.object_model import Column
 
 
@@ -47,7 +47,7 @@ def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
 def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp_path):
     panel, session = taught
     warned = []
-    monkeypatch.setattr("napari_unpack.widgets.notices.warn", warned.append)
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
     box = panel.objects.confidence
     session.mark_good([1, 2, 3])
     box.refresh()
@@ -80,7 +80,7 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     assert "default" in box.told.text()
     path.write_text("no oracle")
     warned = []
-    monkeypatch.setattr("napari_unpack.widgets.notices.warn", warned.append)
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
     box.judge_by(str(path))
     qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
     assert "not an oracle" in warned[0]

@@ -13,10 +13,9 @@ from pytestqt.qtbot import QtBot
 from widget_phantoms import add_bag, press, rest, stage_with, states
 
 import napari_unpack as nu
-from napari_unpack.widgets import notices
-from napari_unpack.widgets.exports import EXPORTS
-from napari_unpack.widgets.files_section import _with_suffix
-from napari_unpack.widgets.session_reader import get_session_reader, open_dropped
+from napari_unpack.widgets import notifications
+from napari_unpack.widgets.contributions import get_session_reader, open_dropped
+from napari_unpack.widgets.files_section import EXPORTS, _with_suffix
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
@@ -186,7 +185,7 @@ def test_faults_of_files_are_told_and_change_nothing(
 ) -> None:
     panel = staged
     said: list[str] = []
-    monkeypatch.setattr(notices, "warn", said.append)
+    monkeypatch.setattr(notifications, "warn", said.append)
     session, names = panel.workbench.session, [layer.name for layer in viewer.layers]
     whole = nu.save_session(session, tmp_path / "whole.unpack").read_bytes()
     (tmp_path / "cut.unpack").write_bytes(whole[: len(whole) // 2])

@@ -6,7 +6,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
-from napari_unpack.widgets.waiting import Waiting
+from napari_unpack.widgets.task_progress import Waiting
 
 
 def _run(qtbot: QtBot, job: Job, work: object) -> Outcome:

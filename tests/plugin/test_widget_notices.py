@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 from napari.utils.notifications import notification_manager
 
-from napari_unpack.widgets import notices
+from napari_unpack.widgets import notifications
 
 
 @pytest.fixture
@@ -20,11 +20,11 @@ def records():
 
 def test_what_stands_there_already_is_not_said_again(records) -> None:
     for _ in range(3):
-        notices.inform("There is nothing to undo.")
-    notices.warn("Cup cannot leave.")
-    notices.inform("There is nothing to undo.")
+        notifications.inform("There is nothing to undo.")
+    notifications.warn("Cup cannot leave.")
+    notifications.inform("There is nothing to undo.")
     said = [record.message for record in records]
     assert said == ["There is nothing to undo.", "Cup cannot leave.", "There is nothing to undo."]
     records[-1].date -= timedelta(seconds=5)
-    notices.inform("There is nothing to undo.")
+    notifications.inform("There is nothing to undo.")
     assert len(records) == 4

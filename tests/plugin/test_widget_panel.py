@@ -304,7 +304,7 @@ def test_the_simulated_bag_is_one_click_away(
 
 
 def test_the_sample_is_labels_unseen_and_above_them_the_volume_to_segment() -> None:
-    from napari_unpack.widgets.sample_data import COUNT, SHAPE, packed_bag
+    from napari_unpack.widgets.contributions import COUNT, SHAPE, packed_bag
 
     heard = []
     (labels, about_labels, _), (volume, about_volume, kind) = packed_bag(

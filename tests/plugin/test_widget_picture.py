@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from napari_unpack.appearance import Surroundings
-from napari_unpack.widgets.picture_options import DARK, OWN, PictureOptions
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.background_options import DARK, OWN, PictureOptions
+from napari_unpack.widgets.workspace import Workbench
 
 
 @pytest.fixture
@@ -40,15 +40,15 @@ def test_choices_become_the_sessions_surroundings(options, session) -> None:
 def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypatch) -> None:
     from qtpy.QtGui import QColor
 
-    from napari_unpack.widgets import picture_options
+    from napari_unpack.widgets import background_options
 
-    monkeypatch.setattr(picture_options.QColorDialog, "getColor", lambda *_: QColor())
-    options.background.setCurrentText(picture_options.COLOR)
-    options.choose(picture_options.COLOR)
+    monkeypatch.setattr(background_options.QColorDialog, "getColor", lambda *_: QColor())
+    options.background.setCurrentText(background_options.COLOR)
+    options.choose(background_options.COLOR)
     assert options.background.currentText() == DARK
     assert session.surroundings.background.name == "dark"
-    monkeypatch.setattr(picture_options.QColorDialog, "getColor", lambda *_: QColor("#336699"))
-    options.choose(picture_options.COLOR)
+    monkeypatch.setattr(background_options.QColorDialog, "getColor", lambda *_: QColor("#336699"))
+    options.choose(background_options.COLOR)
     assert session.surroundings.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
 
 

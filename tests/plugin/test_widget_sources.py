@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from napari.layers import Image, Labels
 
-from napari_unpack.widgets.sources import (
+from napari_unpack.widgets.layer_inputs import (
     labels_of,
     names_of,
     same_shape,

@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from widget_phantoms import press, stage_with, states
 
-from napari_unpack.widgets.filming import await_answers
+from napari_unpack.demo import await_answers
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from napari_unpack.rendering.visuals.outlines import Ink, outlined
+from napari_unpack.rendering.outlines import Ink, outlined
 
 RED, BLUE = Ink((1.0, 0.0, 0.0, 0.8)), Ink((0.0, 0.0, 1.0, 1.0), width=2, fill=0.2)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from napari_unpack.rendering.visuals.silhouettes import Silhouette, decorated
+from napari_unpack.rendering.outlines import Silhouette, decorated
 
 EDGE = Silhouette((0, 0, 1, 1), 2.0, (0, 1, 0, 1), shadow_offset=(2.0, 3.0), shadow_size=7.0)
 

@@ -4,9 +4,8 @@ import numpy as np
 from benchmarks.segmentation.border_training import border_examples, owners
 from phantoms import box, scanned
 
-from napari_unpack.segmentation.border_features import BORDER_FEATURES
-from napari_unpack.segmentation.borders import Scene
-from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.learned.border_classifier import BORDER_FEATURES, Scene
 
 SHAPE = (16, 16, 36)
 

@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 from phantoms import box, scanned
 
-from napari_unpack.segmentation.affinity import Affinity
-from napari_unpack.segmentation.border_features import (
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
     FEW,
+    HOLD,
+    Scene,
     describe,
+    draw_borders,
     find_rivals,
 )
-from napari_unpack.segmentation.borders import HOLD, Scene, draw_borders
-from napari_unpack.segmentation.materials import MaterialScale
-from napari_unpack.segmentation.sharpening import find_inside
+from napari_unpack.segmentation.learned.border_refinement import find_inside
+from napari_unpack.segmentation.learned.pair_classifier import Affinity
 
 SHAPE = (20, 20, 40)
 SCALE = MaterialScale(0.0, 200.0)

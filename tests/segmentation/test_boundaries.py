@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from phantoms import box, packed, scanned, two_balls
 
-from napari_unpack.segmentation import boundaries, score, segment
-from napari_unpack.segmentation.boundaries import Boundaries, default_boundaries
-from napari_unpack.segmentation.fragments import Ties, tie
-from napari_unpack.segmentation.linkage import Bar, link
-from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.segmentation import score, segment
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.learned import boundary_network
+from napari_unpack.segmentation.learned.affinity_linkage import Bar, link
+from napari_unpack.segmentation.learned.boundary_network import Boundaries, default_boundaries
+from napari_unpack.segmentation.learned.fragments import Ties, tie
 from napari_unpack.simulation import simulate_bag
 
 SCALE = MaterialScale(0.0, 200.0)
@@ -64,7 +65,7 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
 
         def run(self, names, feed):
             cells = feed["cells"][0]
-            said = np.zeros((boundaries.CHANNELS, *cells.shape[1:]), np.uint8)
+            said = np.zeros((boundary_network.CHANNELS, *cells.shape[1:]), np.uint8)
             said[:8] = np.rint(np.expm1(cells) * 100)
             return [said[None]]
 
@@ -74,7 +75,7 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
 
 
 def test_a_damaged_or_foreign_network_is_refused(tmp_path):
-    good = (Path(boundaries.__file__).parent / "boundaries.onnx").read_bytes()
+    good = (Path(boundary_network.__file__).parents[1] / "weights" / "boundaries.onnx").read_bytes()
     for content in (b"", good[: len(good) // 2], b"not a network"):
         path = tmp_path / "net.onnx"
         path.write_bytes(content)
@@ -128,7 +129,7 @@ def test_ties_are_what_counting_by_hand_gives():
     fragments = rng.integers(0, 4, (4, 5, 14)).astype(np.int32)
     far = rng.integers(0, 256, (12, 4, 5, 14)).astype(np.uint8)
     wanted: dict = {}
-    for k, reach in enumerate(boundaries.REACHES):
+    for k, reach in enumerate(boundary_network.REACHES):
         for axis in range(3):
             for cell in np.ndindex(fragments.shape):
                 other = tuple(c + reach * (a == axis) for a, c in enumerate(cell))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from phantoms import ball, box, two_balls
 
-from napari_unpack.segmentation.candidates import pool
-from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.isoperimetric.candidates import pool
 
 UNIT = (1.0, 1.0, 1.0)
 

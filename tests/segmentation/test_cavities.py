@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.cavities import fill_cavities, join_hanging
+from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
 
 EVEN = (1.0, 1.0, 1.0)
 

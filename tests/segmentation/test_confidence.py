@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from phantoms import ball, box, packed, scanned, superquadric
 
-from napari_unpack.segmentation.confidence import Oracle, fit_features
-from napari_unpack.segmentation.convexity import solidity
-from napari_unpack.segmentation.features import FEATURES, features
-from napari_unpack.segmentation.measures import chamfer, quantiles
-from napari_unpack.segmentation.mixture import Mixture
-from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.common.convex_hull import solidity
+from napari_unpack.segmentation.common.measures import chamfer, quantiles
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.confidence.features import FEATURES, features
+from napari_unpack.segmentation.confidence.mixture import Mixture
+from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.segmentation.training import halves, merged_pairs, true_objects
 
 UNIT = (1.0, 1.0, 1.0)

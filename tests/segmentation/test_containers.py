@@ -1,10 +1,10 @@
 import numpy as np
 from phantoms import ball
 
-from napari_unpack.segmentation.affinity import measure_parts
-from napari_unpack.segmentation.containers import join_containers
-from napari_unpack.segmentation.convexity import hull_volume, support_points
-from napari_unpack.segmentation.merging import absorb_fringes
+from napari_unpack.segmentation.common.convex_hull import hull_volume, support_points
+from napari_unpack.segmentation.common.merging import absorb_fringes
+from napari_unpack.segmentation.learned.pair_classifier import measure_parts
+from napari_unpack.segmentation.postprocessing.containers import join_containers
 
 
 def canister():

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from phantoms import ball, box, two_balls
 
-from napari_unpack.segmentation.distance_tree import significant_minima, tree_sweep
-from napari_unpack.segmentation.region import Region
-from napari_unpack.segmentation.shape_cuts import shape_cuts
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.isoperimetric.distance_tree import significant_minima, tree_sweep
+from napari_unpack.segmentation.isoperimetric.shape_cuts import shape_cuts
 
 UNIT = (1.0, 1.0, 1.0)
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation.checks import checked_spacing, checked_volume
-from napari_unpack.segmentation.foreground import find_levels, foreground, peel
-from napari_unpack.segmentation.matter import checked_way, find_matter
-from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
+from napari_unpack.segmentation.foreground.methods import checked_way, find_matter
+from napari_unpack.segmentation.foreground.scanner_table import find_supports
+from napari_unpack.segmentation.foreground.thresholds import find_levels, foreground, peel
 
 SHAPE = (32, 40, 48)
 
@@ -47,7 +47,7 @@ def test_nan_is_background():
 
 
 def test_weak_matter_counts_only_where_it_is_connected_to_strong():
-    from napari_unpack.segmentation.foreground import Levels
+    from napari_unpack.segmentation.foreground.thresholds import Levels
 
     volume = np.array([[[0, 5, 9, 5, 0, 5, 5, 0]]])
     found = foreground(volume, Levels(0, 1, 5, 9))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from napari_unpack.segmentation import segment
-from napari_unpack.segmentation.matter import WAYS
+from napari_unpack.segmentation.foreground.methods import WAYS
 
 FEW = settings(
     max_examples=12,

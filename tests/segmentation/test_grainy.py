@@ -5,8 +5,8 @@ from real_scans import real_scan
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation import score, segment
-from napari_unpack.segmentation.grainy import flattened, is_grainy, to_half_height
-from napari_unpack.segmentation.region import default_smallest
+from napari_unpack.segmentation.common.region import default_smallest
+from napari_unpack.segmentation.foreground.denoising import flattened, is_grainy, to_half_height
 
 MM = (1.0, 1.0, 1.0)
 

@@ -5,7 +5,7 @@ import pytest
 from phantoms import ball, box, scanned
 from real_scans import real_scan
 
-from napari_unpack.segmentation.inclusions import take_out_inclusions
+from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
 
 SHAPE = (48, 56, 64)
 AIR, CLOTH, PLASTIC, METAL = 0, 1, 2, 3

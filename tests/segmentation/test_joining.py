@@ -2,11 +2,16 @@ import numpy as np
 import pytest
 from phantoms import box
 
-from napari_unpack.segmentation import joining
-from napari_unpack.segmentation.affinity import Affinity
-from napari_unpack.segmentation.fragments import Ties
-from napari_unpack.segmentation.joining import FEATURES, default_judge, join_seen, seen_parts
-from napari_unpack.segmentation.materials import MaterialScale
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.learned import part_merging
+from napari_unpack.segmentation.learned.fragments import Ties
+from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.part_merging import (
+    FEATURES,
+    default_judge,
+    join_seen,
+    seen_parts,
+)
 
 SHAPE = (20, 20, 52)
 
@@ -75,7 +80,7 @@ def judge_of_belonging(bias):
 
 
 def test_the_judge_decides_who_is_joined(monkeypatch):
-    monkeypatch.setattr(joining, "SURE", 1.0)
+    monkeypatch.setattr(part_merging, "SURE", 1.0)
     labels, parts = measured()
     joined = join_seen(labels, parts, judge_of_belonging(0.0))
     # 2 and 3 belong together by 0.9, 1 and 2 by 0.29; 1 and both by less than a half.
@@ -84,7 +89,7 @@ def test_the_judge_decides_who_is_joined(monkeypatch):
 
 @pytest.mark.parametrize(("sure", "together"), [(0.5, True), (0.8, False)])
 def test_where_the_network_is_sure_the_judge_is_not_asked(monkeypatch, sure, together):
-    monkeypatch.setattr(joining, "SURE", sure)
+    monkeypatch.setattr(part_merging, "SURE", sure)
     labels, parts = measured()
     joined = join_seen(labels, parts, judge_of_belonging(-1000.0))
     # 0.9 lies by more than 0.5 and less than 0.8 above the bar for so few cells, about 0.2.

@@ -7,7 +7,7 @@ import pytest
 from phantoms import ball, box, scanned
 
 from napari_unpack.segmentation import segment
-from napari_unpack.segmentation.sources import blocks, source_of
+from napari_unpack.segmentation.common.array_source import blocks, source_of
 from napari_unpack.segmentation.working_grid import reduced, reduction
 
 MM = (1.0, 1.0, 1.0)
@@ -130,7 +130,7 @@ def test_the_table_tells_what_the_labels_hold():
 
 
 def test_the_result_does_not_depend_on_the_size_of_blocks(monkeypatch):
-    import napari_unpack.segmentation.large as large
+    import napari_unpack.segmentation.large_volumes as large
 
     truth, densities = packed_shapes()
     volume = scanned(truth, densities)
@@ -144,7 +144,7 @@ def test_the_result_does_not_depend_on_the_size_of_blocks(monkeypatch):
 
 
 def test_a_stored_volume_is_never_read_whole_and_labels_go_where_they_should(monkeypatch, tmp_path):
-    import napari_unpack.segmentation.large as large
+    import napari_unpack.segmentation.large_volumes as large
 
     truth, densities = packed_shapes()
     volume = scanned(truth, densities)

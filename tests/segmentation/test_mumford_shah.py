@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from phantoms import ball, box
 
-from napari_unpack.segmentation.binary_step import least_boundary
-from napari_unpack.segmentation.foreground import Levels
-from napari_unpack.segmentation.matter import find_matter
-from napari_unpack.segmentation.mumford_shah import Weights, descend, halved, mumford_shah
-from napari_unpack.segmentation.smooth_fields import energy, relax
+from napari_unpack.segmentation.foreground.methods import find_matter
+from napari_unpack.segmentation.foreground.mumford_shah import (
+    Weights,
+    descend,
+    energy,
+    halved,
+    least_boundary,
+    mumford_shah,
+    relax,
+)
+from napari_unpack.segmentation.foreground.thresholds import Levels
 
 MM = (1.0, 1.0, 1.0)
 TINY = (2, 2, 3)

@@ -3,8 +3,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from napari_unpack.segmentation.merging import absorb_small
-from napari_unpack.segmentation.neighbours import find_neighbours
+from napari_unpack.segmentation.common.adjacency import find_neighbours
+from napari_unpack.segmentation.common.merging import absorb_small
 
 MM = (1.0, 1.0, 1.0)
 

@@ -2,13 +2,14 @@ import numpy as np
 import pytest
 from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation import parting, segment
-from napari_unpack.segmentation.affinity import PAIR_FEATURES, Affinity, committee
-from napari_unpack.segmentation.boundaries import REACHES
-from napari_unpack.segmentation.fragments import cells_of, tie_within
-from napari_unpack.segmentation.materials import MaterialScale, crossed
-from napari_unpack.segmentation.merging import absorb_small
-from napari_unpack.segmentation.parting import (
+from napari_unpack.segmentation import segment
+from napari_unpack.segmentation.common.density_regions import MaterialScale, crossed
+from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.learned import part_splitting
+from napari_unpack.segmentation.learned.boundary_network import REACHES
+from napari_unpack.segmentation.learned.fragments import cells_of, tie_within
+from napari_unpack.segmentation.learned.pair_classifier import PAIR_FEATURES, Affinity, committee
+from napari_unpack.segmentation.learned.part_splitting import (
     PIECE_FEATURES,
     default_piece_judge,
     part_seen,
@@ -77,7 +78,7 @@ def test_labels_are_parted_where_others_end():
 
 
 def test_with_too_many_pieces_objects_stay_as_they_are(monkeypatch):
-    monkeypatch.setattr(parting, "MANY", 2)
+    monkeypatch.setattr(part_splitting, "MANY", 2)
     objects, _, density = three_in_a_row()
     pieces, parts = measured(objects, density)
     np.testing.assert_array_equal(pieces, np.array([0, 1, 0, 2])[objects])
@@ -97,7 +98,7 @@ def test_the_judge_decides_which_pieces_are_one():
 
 def test_pieces_of_two_objects_are_joined_more_reluctantly_than_those_of_one():
     objects, truth, density = three_in_a_row()
-    between = (parting.LEAST + parting.ACROSS) / 2
+    between = (part_splitting.LEAST + part_splitting.ACROSS) / 2
     unsure = judge_of("one_host", 0.0, float(np.log(between / (1 - between))))
     joined = part_seen(*measured(objects, density), SCALE, unsure)
     assert len(names_in(joined, truth < 3) - {0}) == 1

@@ -3,9 +3,16 @@ import pytest
 from phantoms import ball, box, scanned, two_balls
 
 from napari_unpack.segmentation import score, segment
-from napari_unpack.segmentation.recursion import CutRule, Node, best_rule, grow, kept, take_apart
-from napari_unpack.segmentation.refine_by_oracle import refine_by_oracle
-from napari_unpack.segmentation.region import Region
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.isoperimetric.cut_tree import (
+    CutRule,
+    Node,
+    best_rule,
+    grow,
+    kept,
+    take_apart,
+)
+from napari_unpack.segmentation.isoperimetric.oracle_refinement import refine_by_oracle
 
 UNIT = (1.0, 1.0, 1.0)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation.sharpening import sharpen
+from napari_unpack.segmentation.learned.border_refinement import sharpen
 
 SHAPE = (20, 20, 40)
 TWO = {1: 500.0, 2: 1500.0}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.foreground.scanner_table import find_supports
 
 
 def _wall(ends: int) -> np.ndarray:

@@ -3,10 +3,9 @@
 import numpy as np
 from phantoms import ball, box
 
-from napari_unpack.segmentation.crumpled import bundle_folds
-from napari_unpack.segmentation.field_of_view import measured_section
-from napari_unpack.segmentation.shells import find_shell
-from napari_unpack.segmentation.supports import find_supports
+from napari_unpack.segmentation.foreground.bag_shell import find_shell
+from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
+from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 
 
 def test_the_rim_of_a_round_field_of_view_is_not_measured():

@@ -4,7 +4,7 @@ from phantoms import packed, scanned
 
 from napari_unpack import simulate_bag
 from napari_unpack.segmentation import Oracle, train
-from napari_unpack.segmentation.confidence import default_oracle
+from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.training import oracle_examples
 
 

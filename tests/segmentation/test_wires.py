@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from phantoms import scanned
 
-from napari_unpack.segmentation.materials import MaterialScale
-from napari_unpack.segmentation.wires import gather_wires
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.postprocessing.cables import gather_wires
 
 SHAPE = (60, 64, 64)
 # Cloth is matter here: its median lies four knees above air.

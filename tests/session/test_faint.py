@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from napari_unpack import Session, TransferFunction
+from napari_unpack.appearance.minimum_opacity import FAINT, VEILED, surely_seen, veil
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.session.faint import FAINT, VEILED, surely_seen, veil
-from napari_unpack.session.pictures import sprite_patch
-from napari_unpack.session.study import Study
+from napari_unpack.rendering.compose import sprite_patch
+from napari_unpack.rendering.object_style import Study
 
 FAINT_SHEET, SOLID = 1, 2
 SHOWN = TransferFunction([(0, 0.0), (100, 0.0), (1000, 0.5)])

@@ -11,9 +11,9 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session.fine_crops import MOST_VOXELS, divisions, refined
-from napari_unpack.session.picture_cache import PictureCache
-from napari_unpack.session.pictures import object_patch, sprite_patch
+from napari_unpack.rendering.compose import object_patch, sprite_patch
+from napari_unpack.rendering.subvolumes import PictureCache
+from napari_unpack.rendering.upsampling import MOST_VOXELS, divisions, refined
 
 TURN = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
 STILL = Pose(np.zeros(3), np.eye(3), 1.0)

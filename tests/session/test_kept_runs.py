@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import napari_unpack.imaging
+import napari_unpack.rendering
 from napari_unpack.geometry.view import View
-from napari_unpack.imaging import cast_occlusion
+from napari_unpack.rendering import cast_occlusion
 from napari_unpack.session.asking import imaging_casters
 
 MM = np.ones(3)
@@ -19,14 +19,14 @@ def test_rays_are_cast_once_a_direction_while_objects_leave(
     labels = np.random.default_rng(3).integers(0, 5, (3, 4, 5)).astype(np.uint16)
     labels = np.ascontiguousarray(np.kron(labels, np.ones((6, 6, 6), np.uint16)))
     casts: list[object] = []
-    real = napari_unpack.imaging.cast_runs
+    real = napari_unpack.rendering.cast_runs
 
     def counted(*arguments, known, **options):
         runs = real(*arguments, known=known, **options)
         casts.extend([runs] if runs is not known else [])
         return runs
 
-    monkeypatch.setattr(napari_unpack.imaging, "cast_runs", counted)
+    monkeypatch.setattr(napari_unpack.rendering, "cast_runs", counted)
     casters = imaging_casters(labels, MM, lambda: "cpu", lambda: np.zeros((0, 2, 3)))
     cameras = [View(d).camera(labels.shape, MM) for d in ((0.2, 1, 0.1), (1, 0.3, 0.2))]
     hidden_casts = [((), 1), ((2,), 1), ((2, 4), 1), ((4,), 1), ((), 1)]

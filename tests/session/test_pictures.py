@@ -9,17 +9,16 @@ import pytest
 
 from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.session import pictures
-from napari_unpack.session import scene as composed
-from napari_unpack.session.study import Study
+from napari_unpack.rendering import compose
+from napari_unpack.rendering.object_style import Study
 
-object_patch = partial(pictures.object_patch, backend="cpu")
-packed_patch = partial(pictures.packed_patch, backend="cpu")
-sprite_patch = partial(pictures.sprite_patch, backend="cpu")
-scene = partial(composed.scene, backend="cpu")
+object_patch = partial(compose.object_patch, backend="cpu")
+packed_patch = partial(compose.packed_patch, backend="cpu")
+sprite_patch = partial(compose.sprite_patch, backend="cpu")
+scene = partial(compose.scene, backend="cpu")
 SIZE = (120, 160)
 
 
@@ -205,8 +204,8 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
     session.poses = {1: Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))}
     casts: list[int] = []
-    real = pictures.cast_crop
-    monkeypatch.setattr(pictures, "cast_crop", lambda *a: (casts.append(1), real(*a))[1])
+    real = compose.cast_crop
+    monkeypatch.setattr(compose, "cast_crop", lambda *a: (casts.append(1), real(*a))[1])
     first = scene(session, camera, SIZE)
     assert len(casts) == 2
     np.testing.assert_array_equal(scene(session, camera, SIZE), first)

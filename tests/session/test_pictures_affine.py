@@ -7,12 +7,11 @@ import pytest
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
+from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.layers.view_camera import camera_in_session, parts_of
+from napari_unpack.rendering.compose import object_patch, packed_patch, scene, sprite_patch
+from napari_unpack.rendering.image_patch import compose
 from napari_unpack.session import Session
-from napari_unpack.session.picture_patch import compose
-from napari_unpack.session.pictures import object_patch, packed_patch, sprite_patch
-from napari_unpack.session.record import record_of, session_from
-from napari_unpack.session.scene import scene
 from napari_unpack.unpacking import Ball, Flight
 
 SIZE = (90, 120)

@@ -5,7 +5,7 @@ import pytest
 
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session.picture_patch import Patch, compose, window_of
+from napari_unpack.rendering.image_patch import Patch, compose, window_of
 
 INF = np.inf
 

@@ -3,9 +3,8 @@ import pytest
 
 from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.view import View
+from napari_unpack.rendering.compose import packed_patch, scene
 from napari_unpack.session import Session
-from napari_unpack.session.pictures import packed_patch
-from napari_unpack.session.scene import scene
 
 
 @pytest.fixture

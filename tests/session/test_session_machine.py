@@ -14,8 +14,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
+from napari_unpack.io.session_json import given_labels, record_of, session_from
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.session.record import given_labels, record_of, session_from
 
 PICK = st.integers(0, 9)
 PICKS = st.lists(PICK, min_size=1, max_size=3)

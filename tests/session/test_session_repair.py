@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.geometry.halo import grow_labels
+from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.session import ObjectState, Session
 

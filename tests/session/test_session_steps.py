@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from bags import hooked, session_of, stack_of_plates
 
+from napari_unpack.io.session_json import given_labels, record_of, session_from
+from napari_unpack.rendering.compose import scene
 from napari_unpack.session import ObjectState
-from napari_unpack.session.record import given_labels, record_of, session_from
-from napari_unpack.session.scene import scene
 
 
 def out(session):

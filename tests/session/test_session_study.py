@@ -12,11 +12,11 @@ from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
+from napari_unpack.io.session_json import record_of, session_from
+from napari_unpack.rendering.compose import object_patch, packed_patch
+from napari_unpack.rendering.object_style import Study, cut_open, facts_of
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.session.opening import opened, parts_by_density, surrounded
-from napari_unpack.session.pictures import object_patch, packed_patch
-from napari_unpack.session.record import record_of, session_from
-from napari_unpack.session.study import Study, cut_open, facts_of
+from napari_unpack.session.containers import opened, parts_by_density, surrounded
 from tin import tin
 
 SPACING = (2.0, 1.0, 1.0)

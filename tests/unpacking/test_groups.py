@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.unpacking import Blocking, groups, reveal
-from napari_unpack.unpacking.groups import blocking_graph, leading_groups
+from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 
 IDS = [2, 3, 5, 7, 9]
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.unpacking import free_ids, ratios
 
 

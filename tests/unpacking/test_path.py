@@ -11,7 +11,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.unpacking import Ball, Flight, clearance
-from napari_unpack.unpacking.skirting import skirt
+from napari_unpack.unpacking.flight_path import skirt
 
 SHAPE, SPACING = (100, 100, 100), (1.0, 1.0, 1.0)
 CENTER = np.array([30.0, 40.0, 50.0])

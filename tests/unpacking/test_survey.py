@@ -9,8 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from napari_unpack.geometry.counts import OcclusionCounts
-from napari_unpack.unpacking.survey import COMPASS, Outlook, best_way_out, least_unearthing
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.unpacking.direction_survey import (
+    COMPASS,
+    Outlook,
+    best_way_out,
+    least_unearthing,
+)
 
 UP, DOWN, SIDE = np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0])
 

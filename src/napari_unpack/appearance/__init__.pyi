@@ -1,11 +1,8 @@
 from .background import Background
-from .coloring import color_classes
-from .contacts import interference
 from .decorations import Surroundings
-from .hues import arc_hues, assign_hues
-from .safe_ring import safe_to_rgb
-from .steady import golden_hue, hue_distance, hues_between
-from .tints import hsv_to_rgb, perceptual_to_rgb, tints_of
+from .hues import arc_hues, assign_hues, color_classes, golden_hue, hue_distance, hues_between
+from .interference_graph import interference
+from .tints import hsv_to_rgb, perceptual_to_rgb, safe_to_rgb, tints_of
 from .transfer_function import PRESETS, TransferFunction
 
 __all__ = [

@@ -1,13 +1,195 @@
-"""Hues on a circle: one arc a colour class, and colours that stay from view to view."""
+"""Hues on a circle: one arc a colour class, and colours that stay from view to view.
+
+Greedy colouring of the interference graph, the same on every machine.
+
+Colours that stay: settle the conflicts of a new view by moving few objects a little.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
 
 import networkx as nx
 
-from napari_unpack.appearance.coloring import color_classes
-from napari_unpack.appearance.steady import keep_hues
+
+def color_classes(graph: nx.Graph) -> list[list[int]]:
+    """Divide objects into as few classes as greedy colouring finds, none with an edge inside.
+
+    Parameters
+    ----------
+    graph : networkx.Graph
+        Nodes are object IDs, edges join interfering objects.
+
+    Returns
+    -------
+    list of list of int
+        C classes, each ascending by ID; the first holds the object with most neighbours.
+
+    Notes
+    -----
+    Li et al. 2012, section 4.2: "the greedy algorithm that processes vertices in decreasing
+    order of degrees". Ties, which the paper leaves open, by ascending ID.
+    """
+    colors = nx.greedy_color(graph, strategy=_largest_first)
+    classes: list[list[int]] = [[] for _ in range(max(colors.values(), default=-1) + 1)]
+    for node in sorted(graph):
+        classes[colors[node]].append(node)
+    return classes
+
+
+def _largest_first(graph: nx.Graph, colors: dict[int, int]) -> list[Any]:
+    return sorted(graph, key=lambda node: (-graph.degree(node), node))
+
+
+def hue_distance(a: float, b: float) -> float:
+    """Return the distance of two hues around the circle, at most 0.5."""
+    return abs((a - b + 0.5) % 1.0 - 0.5)
+
+
+def hues_between(
+    before: Mapping[int, float], after: Mapping[int, float], part: float
+) -> dict[int, float]:
+    """Return the hues on the way from one assignment to another, each along its shorter arc.
+
+    Parameters
+    ----------
+    before, after : mapping of int to float
+        Hues by ID; what is new stands at its end from the beginning.
+    part : float
+        Of the way, in [0, 1].
+
+    Returns
+    -------
+    dict of int to float
+        Those of `after` whose hue is another than before.
+    """
+    return {
+        i: (hue - (1.0 - part) * ((hue - before[i] + 0.5) % 1.0 - 0.5)) % 1.0
+        for i, hue in after.items()
+        if i in before and before[i] != hue
+    }
+
+
+def golden_hue(object_id: int) -> float:
+    """Return a hue for an object of which nothing is known: the golden-ratio sequence by ID."""
+    return object_id * 0.6180339887498949 % 1.0
+
+
+def keep_hues(
+    graph: nx.Graph,
+    previous: Mapping[int, float],
+    separation: float,
+    locked: Collection[int] = (),
+) -> dict[int, float] | None:
+    """Change as few hues as can be found until all neighbours are apart.
+
+    Parameters
+    ----------
+    graph : networkx.Graph
+        The interference graph of the new view.
+    previous : mapping of int to float
+        Hues so far; nodes without one get the free hue nearest their `golden_hue`.
+    separation : float
+        Least hue distance of neighbours.
+    locked : collection of int
+        Nodes with a previous hue that must keep it, conflict or not.
+
+    Returns
+    -------
+    dict of int to float, or None
+        Hues of all nodes, any two neighbours at least `separation` apart but where locked ones
+        leave no room; None where moving one by one came to no end.
+
+    Notes
+    -----
+    Objects in most conflicts are taken out until none is left (a greedy vertex cover of the
+    conflicts), then placed again, the most constrained first, at the free hue nearest their old
+    one. Where none is free an object takes the hue that displaces fewest others, and these are
+    placed anew; after a bounded number of displacements it gives up. O(moved x degree).
+    """
+    fixed = {node for node in locked if node in previous and node in graph}
+    hues = {node: previous[node] % 1.0 for node in graph if node in previous}
+    waiting = deque(_to_move(graph, hues, separation, fixed))
+    for node in waiting:
+        hues.pop(node, None)
+    fresh = [node for node in graph if node not in hues and node not in waiting]
+    waiting.extend(sorted(fresh, key=lambda node: (-graph.degree(node), node)))
+    displacements = 0
+    while waiting:
+        node = waiting.popleft()
+        around = sorted({hues[other] for other in graph[node] if other in hues})
+        wish = previous.get(node, golden_hue(node))
+        found = _free_hue(around, wish, separation)
+        if found is None:
+            found, displaced = _least_harm(graph, node, hues, separation, fixed)
+            displacements += len(displaced)
+            if displacements > 4 * len(graph):
+                return None
+            for other in displaced:
+                del hues[other]
+            waiting.extend(displaced)
+        hues[node] = found % 1.0
+    return {node: hues[node] for node in graph}
+
+
+def _to_move(
+    graph: nx.Graph, hues: Mapping[int, float], separation: float, fixed: Collection[int]
+) -> list[int]:
+    conflicts: dict[int, set[int]] = {}
+    for a, b in graph.edges:
+        if a in hues and b in hues and hue_distance(hues[a], hues[b]) < separation - 1e-9:
+            conflicts.setdefault(a, set()).add(b)
+            conflicts.setdefault(b, set()).add(a)
+    moved: list[int] = []
+    while True:
+        open_to_it = [node for node, others in conflicts.items() if others and node not in fixed]
+        if not open_to_it:
+            return moved
+        # Of equals the one with fewer neighbours finds a new hue more easily.
+        worst = min(open_to_it, key=lambda n: (-len(conflicts[n]), graph.degree(n), n))
+        for other in conflicts.pop(worst):
+            conflicts[other].discard(worst)
+        moved.append(worst)
+
+
+def _free_hue(around: list[float], wish: float, separation: float) -> float | None:
+    """Return the hue nearest the wish that is clear of all those around, None if there is none."""
+    if not around:
+        return wish
+    candidates = []
+    for low, high in zip(around, [*around[1:], around[0]], strict=True):
+        width = (high - low) % 1.0 or 1.0
+        if width < 2 * separation:
+            continue
+        if separation <= (wish - low) % 1.0 <= width - separation:
+            return wish
+        candidates += [low + separation, low + width - separation]
+    return min(candidates, key=lambda hue: hue_distance(hue, wish), default=None)
+
+
+def _least_harm(
+    graph: nx.Graph,
+    node: int,
+    hues: Mapping[int, float],
+    separation: float,
+    fixed: Collection[int],
+) -> tuple[float, list[int]]:
+    others = sorted(other for other in graph[node] if other in hues)
+
+    def displaced(hue: float) -> list[int]:
+        return [o for o in others if hue_distance(hues[o], hue) < separation - 1e-9]
+
+    def harm(hue: float) -> tuple[int, int, float]:
+        hit = displaced(hue)
+        return sum(o in fixed for o in hit), len(hit), hue
+
+    tries: Iterable[float] = {
+        (hues[o] + side * separation) % 1.0 for o in others for side in (-1, 1)
+    }
+    best = min(tries, key=harm)
+    return best, [o for o in displaced(best) if o not in fixed]
 
 
 def assign_hues(

@@ -1,9 +1,8 @@
-from .films import movie
 from .images import save_png
-from .pages import save_objects_page
+from .movies import movie
+from .report import save_objects_csv, save_objects_page
 from .scan import Scan
 from .sessions import open_session, save_session
-from .tables import save_objects_csv
 from .volumes import load_labels, load_volume, save_scan
 
 __all__ = [

@@ -104,8 +104,8 @@ def twin(session: Any, packed: bool = True) -> Any:
     -------
     Session
     """
+    from napari_unpack.io.session_json import given_labels, record_of, session_from
     from napari_unpack.session import ObjectState, Session
-    from napari_unpack.session.record import given_labels, record_of, session_from
 
     if not packed:
         same = session_from(record_of(session), session.volume, given_labels(session))

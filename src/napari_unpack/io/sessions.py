@@ -13,14 +13,17 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.io.session_arrays import ArrayFacts, Told, read_array, write_array
-from napari_unpack.io.session_stores import (
+from napari_unpack.io.json_fields import Fields
+from napari_unpack.io.session_archive import (
     MANIFEST,
+    ArrayFacts,
     Source,
+    Told,
     opened_for_reading,
     opened_for_writing,
+    read_array,
+    write_array,
 )
-from napari_unpack.session.fields import Fields
 
 Progress = Callable[[float, str], None]
 FORMAT = "napari-unpack session"
@@ -76,7 +79,7 @@ def save_session(
     """
     from importlib.metadata import version
 
-    from napari_unpack.session.record import given_labels, record_of
+    from napari_unpack.io.session_json import given_labels, record_of
 
     target = Path(path).expanduser()
     tell = progress or (lambda fraction, text: None)
@@ -154,7 +157,7 @@ def open_session(
         If it is damaged, no session, of a newer version, or refers to other data than it was
         saved with; the message says what.
     """
-    from napari_unpack.session.record import session_from
+    from napari_unpack.io.session_json import session_from
 
     source = Path(path).expanduser()
     tell = progress or (lambda fraction, text: None)
@@ -313,7 +316,7 @@ def _picture(session: Any) -> bytes:
     import imageio.v3 as iio
 
     from napari_unpack.io.images import straight_bytes
-    from napari_unpack.session.scene import scene
+    from napari_unpack.rendering.compose import scene
 
     image = scene(session, session.camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))

@@ -1,4 +1,7 @@
-"""The table of objects: what a person reads about each of them."""
+"""The table of objects: what a person reads about each of them.
+
+Names of objects: 1, 2, ... from the largest to the smallest.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.checks import Spacing
-from napari_unpack.segmentation.confidence import default_oracle
-from napari_unpack.segmentation.region import Region
-from napari_unpack.segmentation.sources import Box
-from napari_unpack.segmentation.splitting import Oracle
+from napari_unpack.segmentation.common.array_source import Box
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.confidence.oracle import default_oracle
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,3 +178,38 @@ def _add(labels, density, inner, start, faces, totals, area):  # type: ignore[no
                     area[label] += faces[2]
                 if x == width - 1 or labels[z, y, x + 1] != label:
                     area[label] += faces[2]
+
+
+def ranks(voxels: NDArray[np.number]) -> NDArray[np.int32]:
+    """Return the new name of every label, the largest first; 0 for those without voxels.
+
+    Parameters
+    ----------
+    voxels : (M,) ndarray
+        Of every label; of 0, which is background, none count.
+
+    Returns
+    -------
+    (M,) ndarray of int32
+    """
+    counts = voxels.copy()
+    counts[0] = 0
+    present = int(np.count_nonzero(counts))
+    names = np.zeros(len(counts), np.int32)
+    names[np.argsort(-counts, kind="stable")[:present]] = np.arange(1, present + 1)
+    return names
+
+
+def rank_labels(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Renumber labels 1, 2, ... from the largest to the smallest.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Not changed.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+    """
+    return ranks(np.bincount(labels.reshape(-1)))[labels]

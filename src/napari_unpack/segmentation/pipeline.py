@@ -11,24 +11,32 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.segmentation.affinity import Affinity
-from napari_unpack.segmentation.cavities import fill_cavities, join_hanging
-from napari_unpack.segmentation.checks import Spacing, check_out, checked_spacing, checked_volume
-from napari_unpack.segmentation.confidence import default_oracle
-from napari_unpack.segmentation.grainy import cleared, looks_grainy, to_half_height
-from napari_unpack.segmentation.inclusions import take_out_inclusions
-from napari_unpack.segmentation.large import segment_large
-from napari_unpack.segmentation.learned import seen_objects
-from napari_unpack.segmentation.matter import checked_way
-from napari_unpack.segmentation.merging import absorb_small
-from napari_unpack.segmentation.object_table import object_table
-from napari_unpack.segmentation.parts import default_affinity, join_parts, split_parts
-from napari_unpack.segmentation.ranking import rank_labels
-from napari_unpack.segmentation.refine_by_oracle import RefineRule, join_touching
-from napari_unpack.segmentation.region import FEWEST, SMALLEST, default_smallest
-from napari_unpack.segmentation.sources import source_of
-from napari_unpack.segmentation.splitting import Oracle, Progress, SplitRule
-from napari_unpack.segmentation.wires import gather_wires
+from napari_unpack.segmentation.common.array_source import source_of
+from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.region import FEWEST, SMALLEST, default_smallest
+from napari_unpack.segmentation.common.validation import (
+    Spacing,
+    check_out,
+    checked_spacing,
+    checked_volume,
+)
+from napari_unpack.segmentation.confidence.oracle import default_oracle
+from napari_unpack.segmentation.foreground.denoising import cleared, looks_grainy, to_half_height
+from napari_unpack.segmentation.foreground.methods import checked_way
+from napari_unpack.segmentation.isoperimetric.initial_parts import (
+    default_affinity,
+    join_parts,
+    split_parts,
+)
+from napari_unpack.segmentation.isoperimetric.oracle_refinement import RefineRule, join_touching
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress, SplitRule
+from napari_unpack.segmentation.large_volumes import segment_large
+from napari_unpack.segmentation.learned.method import seen_objects
+from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.object_table import object_table, rank_labels
+from napari_unpack.segmentation.postprocessing.cables import gather_wires
+from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
+from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
 from napari_unpack.segmentation.working_grid import MOST
 
 METHODS = ("learned", "affinity", "cuts")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.segmentation.cut_between import cut_between
+from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
 
 Labels = NDArray[np.integer[Any]]
 Box = tuple[slice, slice, slice]

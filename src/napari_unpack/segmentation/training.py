@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.affinity import Affinity, Parts, measure_parts
-from napari_unpack.segmentation.agglomeration import agglomerate
-from napari_unpack.segmentation.checks import Spacing
-from napari_unpack.segmentation.confidence import Oracle, fit_features
+from napari_unpack.segmentation.common.density_regions import log_density
+from napari_unpack.segmentation.common.merging import measure_contacts
+from napari_unpack.segmentation.common.region import Region, bounding_box
+from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.confidence.features import features
+from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.segmentation.evaluation import contingency
-from napari_unpack.segmentation.features import features
-from napari_unpack.segmentation.materials import log_density
-from napari_unpack.segmentation.merging import measure_contacts
-from napari_unpack.segmentation.parts import split_parts
-from napari_unpack.segmentation.region import Region, bounding_box
-from napari_unpack.segmentation.splitting import Progress
+from napari_unpack.segmentation.isoperimetric.initial_parts import split_parts
+from napari_unpack.segmentation.isoperimetric.splitting import Progress
+from napari_unpack.segmentation.learned.pair_classifier import (
+    Affinity,
+    Parts,
+    agglomerate,
+    measure_parts,
+)
 
 
 def true_objects(

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.checks import Spacing
-from napari_unpack.segmentation.sources import Source, blocks
+from napari_unpack.segmentation.common.array_source import Source, blocks
+from napari_unpack.segmentation.common.validation import Spacing
 
 MOST = 16_000_000
 """Voxels that are worked on whole."""

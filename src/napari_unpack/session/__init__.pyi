@@ -1,6 +1,6 @@
 from .asking import Casters, OcclusionAnswer, OcclusionQuestion
 from .errors import BlockedError, NobodyFreeError
-from .log import LogEntry
+from .events import LogEntry
 from .session import Session
 from .state import ObjectState
 

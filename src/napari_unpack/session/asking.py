@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Vector
-from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
 from napari_unpack.unpacking import Blocking, free_ids, ratios
-from napari_unpack.unpacking.groups import blocking_graph
+from napari_unpack.unpacking.blocking_graph import blocking_graph
 from napari_unpack.unpacking.occlusion import Rule
 
 SURELY_HELD = 0.35
@@ -38,7 +38,7 @@ Prober = Callable[[int, tuple[slice, ...], int], frozenset[int]]
 
 @dataclass(frozen=True)
 class Casters:
-    """The two passes a session needs; by default those of `imaging`.
+    """The two passes a session needs; by default those of `rendering`.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def imaging_casters(
     backend: Callable[[], str],
     clipping: Callable[[], NDArray[np.float64]],
 ) -> Casters:
-    """Return the casters of `imaging` for a label volume.
+    """Return the casters of `rendering` for a label volume.
 
     Parameters
     ----------
@@ -87,15 +87,15 @@ def imaging_casters(
     met: list[Any] = []
 
     def bricks() -> Any:
-        from napari_unpack.raycasting import Bricks
+        from napari_unpack.rendering.cpu import Bricks
 
         if not kept:
             kept.append(Bricks.of(labels))
         return kept[0]
 
     def occlusion(camera: Camera, visible: Mask, size: Size) -> OcclusionCounts:
-        from napari_unpack.imaging import cast_occlusion, cast_runs
-        from napari_unpack.imaging.backends import on_cpu
+        from napari_unpack.rendering import cast_occlusion, cast_runs
+        from napari_unpack.rendering.backends import on_cpu
 
         if on_cpu(backend()):
             # One slot, replaced at once: questions are answered on several threads.
@@ -110,7 +110,7 @@ def imaging_casters(
         return counts
 
     def ids(camera: Camera, visible: Mask, size: Size, layers: int) -> NDArray[np.int32]:
-        from napari_unpack.imaging import cast_ids
+        from napari_unpack.rendering import cast_ids
 
         return cast_ids(
             labels, spacing, camera, visible, size, layers,
@@ -118,12 +118,12 @@ def imaging_casters(
         )  # fmt: skip
 
     def pull(direction: Vector, visible: Mask, pulled: Mask) -> Table | None:
-        from napari_unpack.raycasting.pulling import met_when_pulled
+        from napari_unpack.rendering.cpu.sweep import met_when_pulled
 
         return met_when_pulled(labels, spacing, direction, visible, bricks(), pulled)
 
     def probe(direction: Vector, visible: Mask) -> Prober:
-        from napari_unpack.raycasting.pulling import Pulling
+        from napari_unpack.rendering.cpu.sweep import Pulling
 
         return Pulling.of(labels, spacing, direction, visible, bricks()).blockers
 

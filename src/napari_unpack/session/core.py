@@ -16,18 +16,17 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.asking import Casters, imaging_casters
-from napari_unpack.session.checks import (
+from napari_unpack.session.events import SessionEvents
+from napari_unpack.session.history import History, Step
+from napari_unpack.session.labels import Contents, object_table, touched_between
+from napari_unpack.session.placement import Bag, launch
+from napari_unpack.session.state import Berth, ObjectState, Situation
+from napari_unpack.session.validation import (
     checked_labels,
     checked_planes,
     checked_spacing,
     checked_volume,
 )
-from napari_unpack.session.contents import Contents, touched_between
-from napari_unpack.session.departures import Bag, launch
-from napari_unpack.session.events import SessionEvents
-from napari_unpack.session.history import History, Step
-from napari_unpack.session.objects import object_table
-from napari_unpack.session.state import Berth, ObjectState, Situation
 from napari_unpack.unpacking import Flight, Slots, arrange
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ class SessionCore:
     objects : DataFrame, optional
         Facts by ID; completed with what is missing.
     casters : Casters, optional
-        The ray casting passes, by default those of `imaging`.
+        The ray casting passes, by default those of `rendering`.
     clock : callable, optional
         Returns the time in seconds by which flights go.
 

@@ -10,13 +10,13 @@ from time import perf_counter
 import numpy as np
 
 from napari_unpack.geometry.axes import Vector, unit
-from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import GRAVITY_UP
 from napari_unpack.session.asking import view_along
 from napari_unpack.session.criteria import SessionCriteria
 from napari_unpack.session.state import Situation
 from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
-from napari_unpack.unpacking.survey import (
+from napari_unpack.unpacking.direction_survey import (
     COMPASS,
     Outlook,
     WayOut,

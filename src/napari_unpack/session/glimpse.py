@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from napari_unpack.geometry.axes import Vector
-from napari_unpack.session.checks import checked_ids
 from napari_unpack.session.inquiry import SessionInquiry
 from napari_unpack.session.state import Situation
-from napari_unpack.unpacking.groups import leading_groups
+from napari_unpack.session.validation import checked_ids
+from napari_unpack.unpacking.blocking_graph import leading_groups
 
 Group = tuple[int, ...]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from napari_unpack.session.contents import Edit
+from napari_unpack.session.labels import Edit
 from napari_unpack.session.state import Situation
 
 MOST_STEPS = 500

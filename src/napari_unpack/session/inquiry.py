@@ -8,11 +8,11 @@ import numpy as np
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion, view_along
-from napari_unpack.session.checks import checked_ids
 from napari_unpack.session.directions import SessionDirections
 from napari_unpack.session.errors import listed
 from napari_unpack.session.revealing import RevealAnswer, RevealQuestion
-from napari_unpack.unpacking.survey import Unearthing
+from napari_unpack.session.validation import checked_ids
+from napari_unpack.unpacking.direction_survey import Unearthing
 
 
 class SessionInquiry(SessionDirections):

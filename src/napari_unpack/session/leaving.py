@@ -7,8 +7,8 @@ from dataclasses import replace
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.errors import NobodyFreeError, share_of
+from napari_unpack.session.events import LogEntry
 from napari_unpack.session.glimpse import Glimpse, SessionGlimpses
-from napari_unpack.session.log import LogEntry
 from napari_unpack.session.state import Berth, Situation
 from napari_unpack.unpacking import Queue
 

@@ -17,10 +17,10 @@ from napari_unpack.segmentation.repair import (
     merge_objects,
     split_between,
 )
-from napari_unpack.session.checks import MOST_ID, checked_ids
-from napari_unpack.session.contents import Contents, Edit, Judge
 from napari_unpack.session.errors import listed
+from napari_unpack.session.labels import Contents, Edit, Judge
 from napari_unpack.session.sight import SessionSight
+from napari_unpack.session.validation import MOST_ID, checked_ids
 from napari_unpack.unpacking import Queue
 
 
@@ -290,7 +290,7 @@ class SessionRepair(SessionSight):
 
     def _judge(self) -> Judge:
         from napari_unpack.segmentation import Region
-        from napari_unpack.segmentation.confidence import default_oracle
+        from napari_unpack.segmentation.confidence.oracle import default_oracle
 
         confidence = self.judge or default_oracle()
         z, y, x = (float(v) for v in self.spacing)

@@ -9,7 +9,7 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.directions import Progress, Survey, SurveyQuestion
 from napari_unpack.session.errors import NoTableError
-from napari_unpack.unpacking.survey import Unearthing, least_unearthing
+from napari_unpack.unpacking.direction_survey import Unearthing, least_unearthing
 
 
 @dataclass(frozen=True, eq=False)

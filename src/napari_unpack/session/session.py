@@ -10,10 +10,10 @@ import numpy as np
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer
-from napari_unpack.session.checks import checked_count, checked_ids
 from napari_unpack.session.errors import BlockedError, NoTableError
 from napari_unpack.session.state import Berth, Situation
 from napari_unpack.session.steps import SessionSteps
+from napari_unpack.session.validation import checked_count, checked_ids
 from napari_unpack.unpacking import named
 
 Group = tuple[int, ...]

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
-from napari_unpack.imaging import interference_in
-from napari_unpack.session.checks import checked_ids, checked_planes
-from napari_unpack.session.faint import surely_seen, veil, veiled
+from napari_unpack.appearance.minimum_opacity import surely_seen, veil, veiled
+from napari_unpack.rendering import interference_in
+from napari_unpack.rendering.object_style import Study
 from napari_unpack.session.state import ObjectState
-from napari_unpack.session.study import Study
 from napari_unpack.session.tinting import SessionTints
+from napari_unpack.session.validation import checked_ids, checked_planes
 
 DISTANCE = 5.0
 """DT of eq. 1, pixels of the canvas."""

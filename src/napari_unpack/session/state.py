@@ -11,8 +11,8 @@ import numpy as np
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.session.contents import Edit
-from napari_unpack.session.study import Study
+from napari_unpack.rendering.object_style import Study
+from napari_unpack.session.labels import Edit
 from napari_unpack.unpacking import Queue, Slots
 
 

@@ -1,13 +1,18 @@
 """What may leave, in which order, along which path, and where it waits."""
 
+from napari_unpack.unpacking.blocking_graph import Blocking, groups, reveal
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
-from napari_unpack.unpacking.groups import Blocking, groups, reveal
+from napari_unpack.unpacking.flight_path import Ball, Flight, clearance
 from napari_unpack.unpacking.occlusion import free_ids, ratios
-from napari_unpack.unpacking.oriented_box import OrientedBox, hull_vertices, oriented_box, outline
-from napari_unpack.unpacking.path import Flight, clearance
-from napari_unpack.unpacking.posture import broad_side, picture_size
+from napari_unpack.unpacking.oriented_box import (
+    OrientedBox,
+    broad_side,
+    hull_vertices,
+    oriented_box,
+    outline,
+    picture_size,
+)
 from napari_unpack.unpacking.queue import Queue
-from napari_unpack.unpacking.skirting import Ball
 from napari_unpack.unpacking.slots import Slots, arrange
 
 __all__ = [

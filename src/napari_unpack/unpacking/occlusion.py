@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from napari_unpack.geometry.counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 
 Definition = Literal["first_hit", "exact", "eq2", "first_hit_bbox", "listing"]
 Rule = Literal["exact", "first_hit", "eq2", "listing"]

@@ -1,18 +1,61 @@
-"""Step 2: hues that neighbours in this view do not share, and what density shows."""
+"""Step 2: hues that neighbours in this view do not share, and what density shows.
+
+The names under which transfer functions are offered.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 from qtpy.QtCore import QTimer
 from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
 
-from napari_unpack.widgets.color_strip import ColorStrip, Stop
-from napari_unpack.widgets.notices import spoken
+from napari_unpack.widgets.background_options import PictureOptions
+from napari_unpack.widgets.color_ramp_editor import ColorStrip, Stop
+from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
-from napari_unpack.widgets.picture_options import PictureOptions
-from napari_unpack.widgets.presets import AUTOMATIC, CUSTOM, PRESETS, transfer_function
 from napari_unpack.widgets.section import Disclosure, Section, button, form
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.workspace import Workbench
+
+AUTOMATIC = "Automatic"
+CUSTOM = "My own curve"
+PRESETS = {
+    "All matter": "all",
+    "Soft: cloth to water": "soft",
+    "Dense: solids": "dense",
+    "Metal": "metal",
+}
+"""Names here to names in `appearance.TransferFunction.preset`, all for CT numbers."""
+
+
+def transfer_function(name: str, volume: Any) -> Any:
+    """Make the transfer function of a name.
+
+    Parameters
+    ----------
+    name : str
+        `AUTOMATIC`, or a key of `PRESETS`.
+    volume : (Z, Y, X) ndarray
+        What the automatic one is fitted to.
+
+    Returns
+    -------
+    napari_unpack.TransferFunction
+
+    Raises
+    ------
+    ValueError
+        If there is no such name, or nothing can be fitted to the volume.
+    """
+    from napari_unpack.appearance import TransferFunction
+
+    if name == AUTOMATIC:
+        return TransferFunction.default_for(volume)
+    if name not in PRESETS:
+        raise ValueError(f"no transfer function {name!r}: choose one of {', '.join(PRESETS)}")
+    return TransferFunction.preset(PRESETS[name])
+
 
 MODES = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 _LIVE_MS = 40

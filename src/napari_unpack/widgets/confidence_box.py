@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from qtpy.QtWidgets import QFileDialog
 
-from napari_unpack.widgets import notices
+from napari_unpack.widgets import notifications
 from napari_unpack.widgets.job import Job, Outcome, Progress
 from napari_unpack.widgets.section import Disclosure, button, label, row
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.workspace import Workbench
 
 FILES = "Oracle (*.npz)"
 NEEDED = 8
@@ -151,7 +151,7 @@ class ConfidenceBox(Disclosure):
     def _finish(self, outcome: Outcome) -> None:
         session, self._subject = self._subject, None
         if not outcome.cancelled:
-            with notices.spoken():
+            with notifications.spoken():
                 self._oracle, scores = outcome.get()
                 session.judge_by(self._oracle, scores)
                 self._rescored()

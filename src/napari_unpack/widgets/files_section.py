@@ -1,8 +1,12 @@
-"""Step 5: keep what was done: sessions, pictures, films, tables."""
+"""Step 5: keep what was done: sessions, pictures, films, tables.
+
+What a session can be exported as.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,13 +14,106 @@ from typing import Any
 from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
-from napari_unpack.widgets import notices
-from napari_unpack.widgets.exports import EXPORTS, Export, Prints
+from napari_unpack.widgets import notifications
 from napari_unpack.widgets.job import Outcome, Progress
+from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Disclosure, Section, button, form, row
-from napari_unpack.widgets.settings import preferences
-from napari_unpack.widgets.waiting import Waiting
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.task_progress import Waiting
+from napari_unpack.widgets.workspace import Workbench
+
+
+@dataclass(frozen=True)
+class Prints:
+    """How pictures and films are made.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Height and width, pixels.
+    fps : int
+        Pictures a second.
+    seconds : float
+        Of one flight.
+    backend : str
+        Who casts; workers have no GL context of the viewer's, "gl" is made headless.
+    """
+
+    size: tuple[int, int]
+    fps: int
+    seconds: float
+    backend: str
+
+
+@dataclass(frozen=True)
+class Export:
+    """One kind of export.
+
+    Parameters
+    ----------
+    title : str
+        In menus.
+    suffixes : tuple of str
+        Of its files, the usual one first.
+    write : callable
+        (session, path, prints, progress) -> path; runs in a worker and changes no session.
+    """
+
+    title: str
+    suffixes: tuple[str, ...]
+    write: Callable[[Any, Path, Prints, Progress], Path]
+
+
+def _picture(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+    from napari_unpack.io import save_png
+    from napari_unpack.io.headless import twin
+    from napari_unpack.rendering.compose import scene
+
+    progress(0.0, "Drawing the picture")
+    image = scene(twin(session, packed=False), session.camera, prints.size, backend="cpu")
+    progress(0.9, "Writing the picture")
+    return save_png(image, path)
+
+
+def _film(kind: str) -> Callable[[Any, Path, Prints, Progress], Path]:
+    def write(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+        from napari_unpack.io import movie
+
+        return movie(
+            session,
+            path,
+            size=prints.size,
+            fps=prints.fps,
+            seconds=prints.seconds,
+            backend="cpu",
+            progress=progress,
+            kind=kind,
+        )
+
+    return write
+
+
+def _page(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+    from napari_unpack.io import save_objects_page
+
+    return save_objects_page(session, path, path.stem, progress, backend="cpu")
+
+
+def _csv(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+    from napari_unpack.io import save_objects_csv
+
+    progress(0.0, "Writing the table")
+    return save_objects_csv(session.objects, path)
+
+
+FILMS = (".mp4", ".gif")
+EXPORTS = (
+    Export("Picture", (".png",), _picture),
+    Export("Film of the unpacking", FILMS, _film("unpacking")),
+    Export("Film of the bag turning", FILMS, _film("turntable")),
+    Export("Objects as web page", (".html",), _page),
+    Export("Objects as table", (".csv",), _csv),
+)
+
 
 WHOLE = "Session with its volume (*.unpack)"
 REFERRING = "Small session that refers to the volume's file (*.unpack)"
@@ -115,7 +212,7 @@ class FilesSection(Section):
 
     def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
         if self.waiting.running:
-            notices.inform("Wait for the file that is being written, or cancel it.")
+            notifications.inform("Wait for the file that is being written, or cancel it.")
             return
         self._then = then
         self.waiting.begin(work)
@@ -124,14 +221,14 @@ class FilesSection(Section):
     def _finish(self, outcome: Outcome) -> None:
         self._refresh()
         if not outcome.cancelled:
-            with notices.spoken(ImportError):
+            with notifications.spoken(ImportError):
                 self._then(outcome.get())
 
     def _say_written(self, path: Any) -> None:
         self.set_status(f"{Path(path).name} written")
 
     def _put_on_stage(self, session: Any, affine: Any, name: str) -> None:
-        from napari_unpack.session.record import given_labels
+        from napari_unpack.io.session_json import given_labels
 
         # The viewer is where an inspection is looked at; it begins with the whole bag.
         session.leave()

@@ -7,7 +7,7 @@ from typing import Any
 from qtpy.QtCore import QObject, QTimer, Signal
 
 from napari_unpack.widgets.job import Job, Outcome, Progress
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.workspace import Workbench
 
 REST_MS = 350
 

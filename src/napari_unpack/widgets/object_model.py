@@ -13,7 +13,7 @@ from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex,
 from qtpy.QtGui import QColor, QFont
 
 from napari_unpack.session.errors import percent
-from napari_unpack.widgets import notices
+from napari_unpack.widgets import notifications
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
 SORT = Qt.ItemDataRole.UserRole
@@ -271,7 +271,7 @@ class ObjectModel(QAbstractTableModel):
         name = str(value).strip()
         if index.column() != Column.NAME or not name or self._session is None:
             return False
-        with notices.spoken():
+        with notifications.spoken():
             self._session.rename(self.id_at(index.row()), name)
             self.refresh()
             return True

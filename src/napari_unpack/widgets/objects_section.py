@@ -10,10 +10,10 @@ from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
 from napari_unpack.widgets.confidence_box import ConfidenceBox
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
-from napari_unpack.widgets.repair_bench import RepairBench
+from napari_unpack.widgets.repair_tools import RepairBench
+from napari_unpack.widgets.reveal_box import Ways
 from napari_unpack.widgets.section import Section, button, label, row
-from napari_unpack.widgets.ways import Ways
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.workspace import Workbench
 
 _SHOWN: dict[str, frozenset[str] | None] = {
     "All": None,

@@ -1,16 +1,152 @@
-"""What must leave for a buried object: a sentence and two buttons."""
+"""What must leave for a buried object: a sentence and two buttons.
+
+Other ways out: the best of 26 directions, and what frees a buried object, in a worker.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed
 from napari_unpack.widgets.directions import words_of
+from napari_unpack.widgets.job import Job, Outcome, Progress
+from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.section import button, column, label, row
-from napari_unpack.widgets.ways import Ways
+from napari_unpack.widgets.workspace import Workbench
+
+
+class Ways(QObject):
+    """Asks the session's longer questions when somebody wants to know.
+
+    Signals: `best` carries a `WayOut`, or None while it is unknown or there is none; `found` an
+    `Unearthing`, or None when none is shown any more; `busy` tells whether rays are being cast.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    parent : QObject, optional
+    """
+
+    best = Signal(object)
+    found = Signal(object)
+    busy = Signal(bool)
+
+    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._bench = workbench
+        self._job = Job(self)
+        self._asked: tuple[Any, str] | None = None
+        self._next: tuple[str, int] | None = None
+        self._found: Any = None
+        self._job.ended.connect(self._take)
+        workbench.staged.connect(self._clear)
+        workbench.changed.connect(self._hear)
+
+    @property
+    def running(self) -> bool:
+        """Whether rays are being cast."""
+        return self._job.running
+
+    @property
+    def shown(self) -> bool:
+        """Whether it is shown what frees a buried object."""
+        return self._found is not None
+
+    def look(self) -> None:
+        """Find the best direction; `best` tells."""
+        session = self._bench.session
+        if session is None:
+            return
+        question = session.survey_question()
+        if question is None:
+            self.best.emit(session.way_out())
+        else:
+            self._start("survey", question, 0)
+
+    def reveal(self, object_id: int) -> None:
+        """Find what frees a buried object; `found` tells."""
+        if self._bench.session is None:
+            return
+        with spoken():
+            self._start("reveal", self._bench.session.reveal_question(object_id), object_id)
+
+    def unpack_found(self) -> None:
+        """Unpack those who free the buried object, and it as well."""
+        if self._found is not None:
+            one = self._found
+            self.forget()
+            self._bench.reveal(one.target, tuple(float(v) for v in one.direction))
+
+    def forget(self) -> None:
+        """Show no buried object any more."""
+        if self._found is not None:
+            self._found = None
+            self._show(0, frozenset())
+            self.found.emit(None)
+
+    def end(self) -> None:
+        """Ask nothing more."""
+        self._job.cancel()
+        self._asked = self._next = None
+
+    def _start(self, kind: str, question: Any, object_id: int) -> None:
+        if self._job.running:
+            # The one that runs is finished or cancelled first.
+            self._next = (kind, object_id)
+            return
+        self._asked = self._bench.session, kind
+
+        def answer(progress: Progress) -> Any:
+            return question.answer(progress)
+
+        self.busy.emit(True)
+        self._job.start(answer)
+
+    def _take(self, outcome: Outcome) -> None:
+        asked, self._asked = self._asked, None
+        waiting, self._next = self._next, None
+        self.busy.emit(False)
+        session = self._bench.session
+        if asked is None or session is None or session is not asked[0]:
+            return
+        with spoken():
+            result = outcome.get()
+            if asked[1] == "survey":
+                if session.accept_survey(result):
+                    self.best.emit(session.way_out())
+            elif session.accept_reveal(result):
+                self._settle(result.unearthing)
+        if waiting is not None:
+            kind, object_id = waiting
+            self.look() if kind == "survey" else self.reveal(object_id)
+
+    def _settle(self, one: Any) -> None:
+        self._found = one
+        self._show(one.target, one.first)
+        self.found.emit(one)
+
+    def _show(self, target: int, leaving: frozenset[int]) -> None:
+        overlays = getattr(self._bench.stage, "overlays", None)
+        if overlays is not None:
+            overlays.unearth(target, leaving)
+
+    def _hear(self, news: frozenset[str]) -> None:
+        if "labels" in news:
+            self.forget()
+        elif "states" in news and self._found is not None:
+            states = self._bench.session.states
+            if any(states[i].name != "PACKED" for i in self._found.ids):
+                self.forget()
+
+    def _clear(self) -> None:
+        self._job.cancel()
+        self._found = self._next = None
+        self.best.emit(None)
+        self.found.emit(None)
 
 
 class RevealBox(QWidget):

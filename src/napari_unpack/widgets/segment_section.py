@@ -10,17 +10,25 @@ from typing import Any
 from napari.layers import Image, Labels
 
 from napari_unpack.session.errors import listed
-from napari_unpack.widgets import notices
+from napari_unpack.widgets import notifications
+from napari_unpack.widgets.contributions import LayerData, packed_bag
 from napari_unpack.widgets.job import Outcome, Progress
-from napari_unpack.widgets.layer_box import LayerBox, is_users, plain
-from napari_unpack.widgets.prepare import Prepared, prepare
-from napari_unpack.widgets.sample_data import LayerData, packed_bag
+from napari_unpack.widgets.layer_inputs import (
+    LayerBox,
+    Volume,
+    is_users,
+    labels_of,
+    names_of,
+    plain,
+    same_shape,
+    volume_of,
+)
+from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Section, button, form
 from napari_unpack.widgets.segment_options import SegmentOptions
-from napari_unpack.widgets.settings import preferences
-from napari_unpack.widgets.sources import Volume, labels_of, names_of, same_shape, volume_of
-from napari_unpack.widgets.waiting import Waiting
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.session_builder import Prepared, prepare
+from napari_unpack.widgets.task_progress import Waiting
+from napari_unpack.widgets.workspace import Workbench
 
 FIND = "Find the objects"
 
@@ -150,9 +158,9 @@ class SegmentSection(Section):
             return
         image = self.volume_box.layer
         if image is None:
-            notices.inform("Open a 3D volume first, or press Try a simulated bag.")
+            notifications.inform("Open a 3D volume first, or press Try a simulated bag.")
             return
-        with notices.spoken():
+        with notifications.spoken():
             volume = volume_of(image)
             layer = self.labels_box.layer
             labels = None if layer is None else labels_of(layer, volume)
@@ -167,7 +175,7 @@ class SegmentSection(Section):
         others = [plain(each) for each in self._bench.viewer.layers]
         volumes = [each.name for each in others if _is_image(each) and _is_volume(each)]
         if _is_labels(layer) and volumes:
-            notices.inform(
+            notifications.inform(
                 f"{layer.name!r} has another shape than {listed(map(repr, volumes))}: its objects "
                 "are shown without a volume."
             )
@@ -179,7 +187,7 @@ class SegmentSection(Section):
     def _finish(self, outcome: Outcome) -> None:
         try:
             if not outcome.cancelled:
-                with notices.spoken():
+                with notifications.spoken():
                     self._conclude(outcome.get())
         finally:
             self._order = None

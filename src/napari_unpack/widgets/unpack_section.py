@@ -9,14 +9,13 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
 from napari_unpack.session.errors import share_of
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
-from napari_unpack.widgets.inspect_box import InspectBox
-from napari_unpack.widgets.notices import inform, spoken
-from napari_unpack.widgets.reveal_box import RevealBox
-from napari_unpack.widgets.scrub_bar import ScrubBar
+from napari_unpack.widgets.inspection_box import InspectBox
+from napari_unpack.widgets.notifications import inform, spoken
+from napari_unpack.widgets.preferences import BACKENDS
+from napari_unpack.widgets.reveal_box import RevealBox, Ways
 from napari_unpack.widgets.section import Disclosure, Section, button, form, label, row
-from napari_unpack.widgets.settings import BACKENDS
-from napari_unpack.widgets.ways import Ways
-from napari_unpack.widgets.workbench import Workbench
+from napari_unpack.widgets.step_slider import ScrubBar
+from napari_unpack.widgets.workspace import Workbench
 
 PERSPECTIVE = 20.0
 """Vertical field of view of a gentle perspective, degrees."""

@@ -1,0 +1,131 @@
+"""What commands take in: arguments they share, files, and progress told on stderr.
+
+The options of the command line that say what is behind and around a picture.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from napari_unpack.geometry.view import FROM_ABOVE, View
+
+Input = Annotated[
+    Path,
+    typer.Argument(
+        metavar="INPUT",
+        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr; "
+        "for order, render and movie also a saved session.",
+    ),
+]
+LabelsOption = Annotated[
+    Path | None,
+    typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
+]
+Direction = Annotated[
+    str | None,
+    typer.Option(
+        help="Where objects leave: up, +x, -x, +y, -y, +z, -z or 'z,y,x' numbers; "
+        "by default towards the viewer."
+    ),
+]
+Look = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        "--view",
+        metavar="Z Y X",
+        help="Direction of looking; by default from above, or a session's.",
+    ),
+]
+Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
+
+
+class Ticker:
+    """Progress as plain lines on stderr: one a step, and one every 5 % of it.
+
+    What a text says after a colon is a count within a step and makes no new line.
+    """
+
+    def __init__(self) -> None:
+        self._last = ("", -1)
+
+    def __call__(self, fraction: float, text: str) -> None:
+        """Tell how far we are."""
+        now = (text.split(":")[0], int(fraction * 20))
+        if now != self._last:
+            self._last = now
+            typer.echo(f"{fraction:4.0%}  {text}", err=True)
+
+
+def open_input(
+    source: Path,
+    labels: Path | None,
+    direction: str | None,
+    view: tuple[float, float, float] | None,
+    backend: str,
+) -> Any:
+    """Return the session of a file: a saved one, or a new one on a volume."""
+    from napari_unpack.io import load_labels, load_volume, open_session
+    from napari_unpack.io.headless import opened
+    from napari_unpack.io.session_archive import holds_session
+
+    if holds_session(source):
+        if labels is not None:
+            raise ValueError("a session has labels of its own: leave --labels out")
+        session = open_session(source, progress=Ticker())
+        session.leave()
+        session.backend = backend
+        if view is not None:
+            session.view = View(view)
+        if direction is not None:
+            session.direction = direction_of(direction)
+        return session
+    scan = load_volume(source)
+    if labels is not None:
+        scan = scan.with_labels(load_labels(labels)[0])
+    return opened(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
+
+
+def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Refuse what cannot be written before the long work, not after it."""
+    if not path.name.lower().endswith(suffixes):
+        raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f"no such folder: {path.parent}")
+
+
+def direction_of(text: str | None) -> str | tuple[float, float, float] | None:
+    """Return a direction as `Session.direction` takes it."""
+    if text is None or "," not in text:
+        return text
+    try:
+        z, y, x = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise ValueError(
+            f"direction must be a name or three numbers 'z,y,x', got {text!r}"
+        ) from error
+    return z, y, x
+
+
+Ground = Annotated[
+    str | None,
+    typer.Option(
+        "--background",
+        help="dark, dusk, light, daylight, black, white, '#rrggbb', two of these with a comma "
+        "between (top, bottom), or a picture's path.",
+    ),
+]
+Box = Annotated[bool, typer.Option("--box", help="Draw the box around all objects.")]
+Scale = Annotated[bool, typer.Option("--scale-bar", help="Draw a scale bar.")]
+
+
+def wanted_surroundings(background: str | None, box: bool, scale: bool) -> Any:
+    """Return the Surroundings asked for; None where nothing is, as a saved session has its own."""
+    from napari_unpack.appearance import Surroundings
+
+    shown = [kind for kind, wanted in (("box", box), ("scale", scale)) if wanted]
+    if background is None and not shown:
+        return None
+    return Surroundings.of(background or "dark", shown)

@@ -1,9 +1,0 @@
-"""The one door to both backends: pictures, ID layers, occlusion, picking.
-
-Checks arguments, converts them, chooses a backend; computes nothing itself. Names are imported
-on first use, so that a plugin starts without loading numba.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,314 @@
+"""Films of an unpacking, or of the bag turning round, without a window.
+
+Where films go: MP4, GIF, or a folder of PNG pictures.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.axes import unit
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
+from napari_unpack.io.atomic import folder_written_whole, written_whole
+from napari_unpack.io.headless import Progress, framed, packed_count, surrounded, twin
+from napari_unpack.io.images import straight_bytes
+from napari_unpack.rendering.compose import scene
+
+Frame = NDArray[np.uint8]
+FORMATS = (".mp4", ".gif", "")
+"""Suffixes of films; a name without one is a folder of pictures."""
+
+
+def checked_film(path: str | Path) -> Path:
+    """Return where a film goes; raise `ValueError` where that is no known format."""
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise ValueError(
+            "a film must end in .mp4 or .gif, or be a folder's name without a suffix for PNG "
+            f"pictures; got {target.name!r}"
+        )
+    return target
+
+
+@contextmanager
+def film_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open a film that appears once it is whole; what it yields takes its frames.
+
+    Parameters
+    ----------
+    path : Path
+        From `checked_film`.
+    size : (int, int)
+        Height and width of the frames, even.
+    fps : int
+        Frames a second.
+    """
+    suffix = path.suffix.lower()
+    if not suffix:
+        with folder_written_whole(path, _holds_frames) as folder:
+            yield _pictures_writer(folder)
+        return
+    writing = mp4_writer if suffix == ".mp4" else _gif
+    with written_whole(path) as temporary, writing(temporary, size, fps) as write:
+        yield write
+
+
+@contextmanager
+def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open an H.264 film; what it yields takes (H, W, 3) uint8 frames of an even size."""
+    with _encoded(
+        path,
+        size,
+        fps=fps,
+        codec="libx264",
+        quality=8,
+        macro_block_size=2,
+        output_params=["-movflags", "+faststart"],
+    ) as write:
+        yield write
+
+
+@contextmanager
+def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open a GIF: its 256 colours are chosen once all frames are known and kept without loss.
+
+    A ninth as large as with colours chosen frame by frame and dithered: what stands still
+    stays the same and is left out.
+    """
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
+        film, colors = Path(folder) / "film.mkv", Path(folder) / "colors.png"
+        with _encoded(
+            film, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
+        ) as write:
+            yield write
+        _ffmpeg("-i", str(film), "-vf", "palettegen", str(colors))
+        palette = "paletteuse=dither=none:diff_mode=rectangle"
+        _ffmpeg("-i", str(film), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
+
+
+@contextmanager
+def _encoded(
+    path: Path, size: tuple[int, int], **options: Any
+) -> Iterator[Callable[[Frame], None]]:
+    import imageio_ffmpeg
+
+    writer = imageio_ffmpeg.write_frames(
+        str(path), (size[1], size[0]), ffmpeg_log_level="error", **options
+    )
+    writer.send(None)
+    try:
+        yield lambda frame: writer.send(np.ascontiguousarray(frame))
+    finally:
+        writer.close()
+
+
+def _ffmpeg(*arguments: str) -> None:
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    if done.returncode:
+        raise OSError(f"the film could not be written: {done.stderr.strip()[-300:]}")
+
+
+def _pictures_writer(folder: Path) -> Callable[[Frame], None]:
+    import imageio.v3 as iio
+
+    count = 0
+
+    def write(frame: Any) -> None:
+        nonlocal count
+        count += 1
+        iio.imwrite(folder / f"frame-{count:05d}.png", frame, extension=".png")
+
+    return write
+
+
+def _holds_frames(folder: Path) -> bool:
+    return all(p.name.startswith("frame-") and p.suffix == ".png" for p in folder.iterdir())
+
+
+KINDS = ("unpacking", "turntable")
+ROOM = 1.03
+"""Visible height of a turntable, in heights of the bag."""
+
+REST = (0.6, 0.12, 1.2)
+"""Seconds of standstill before the first flight, after each, and at the end."""
+
+
+def movie(
+    session: Any,
+    path: str | Path,
+    count: int | None = None,
+    size: tuple[int, int] = (720, 960),
+    fps: int = 25,
+    seconds: float = 0.8,
+    backend: str = "auto",
+    background: object = None,
+    decorations: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    kind: str = "unpacking",
+    turn_seconds: float = 8.0,
+) -> Path:
+    """Film how a bag is unpacked, from everything packed to the last object, or how it turns.
+
+    Parameters
+    ----------
+    session : Session
+        The bag, its colours, view and direction. Not changed: a twin of it is filmed, so this
+        may run on a thread of its own.
+    path : str or Path
+        .mp4 (H.264), .gif, or the name of a folder, without a suffix, for PNG pictures; the
+        folder it stands in must exist.
+    count : int, optional
+        How many objects to unpack; by default all that are not hidden.
+    size : (int, int)
+        Height and width, pixels; odd numbers are rounded down, as video wants.
+    fps : int
+        Frames a second.
+    seconds : float
+        What one flight takes.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    background : optional
+        What is behind everything, as `Background.of` takes it; by default the session's.
+    decorations : sequence of str, optional
+        Out of "box" and "scale"; by default the session's.
+    progress : callable, optional
+        Takes (fraction, text) before every flight and frame; raising in it cancels and leaves
+        no file.
+    kind : {"unpacking", "turntable"}
+        A turntable shows the session as it stands, from all around.
+    turn_seconds : float
+        What one turn of the turntable takes.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    ValueError
+        If the format or the kind is unknown, or a number not positive.
+    FileNotFoundError
+        If the folder does not exist.
+    """
+    target = checked_film(path)
+    if kind not in KINDS:
+        raise ValueError(f"kind must be {' or '.join(KINDS)}, got {kind!r}")
+    even = int(size[0]) // 2 * 2, int(size[1]) // 2 * 2
+    if min(even) < 2 or fps < 1 or not (seconds > 0 and turn_seconds > 0):
+        raise ValueError(
+            f"size, fps and seconds must be positive, got {size!r}, {fps!r} and "
+            f"{(seconds, turn_seconds)!r}"
+        )
+    around = surrounded(session, background, decorations)
+    tell = progress or (lambda fraction, text: None)
+    with film_writer(target, even, fps) as write:
+        if kind == "turntable":
+            filmed = twin(session, packed=False)
+            filmed.surroundings = around
+            camera = framed(filmed, even) if filmed.step else _close(filmed, even)
+            stage = _Stage(filmed, camera, even, fps, backend, tell)
+            frames = _turning(stage, turn_seconds)
+        else:
+            filmed = twin(session)
+            filmed.surroundings = around
+            camera = framed(filmed, even)
+            stage = _Stage(filmed, camera, even, fps, backend, tell)
+            frames = _unpacking(stage, count, seconds)
+        for frame in frames:
+            write(frame)
+    return target
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    session: Any
+    camera: Camera
+    size: tuple[int, int]
+    fps: int
+    backend: str
+    tell: Callable[[float, str], None]
+
+    def picture(self, camera: Camera, time: float | None = None) -> Frame:
+        image = scene(self.session, camera, self.size, time, self.backend)
+        return straight_bytes(image[..., :3])
+
+    def still(self, rest: float) -> Iterator[Frame]:
+        frame = self.picture(self.camera)
+        for _ in range(max(1, round(rest * self.fps))):
+            yield frame
+
+
+def _unpacking(film: _Stage, count: int | None, seconds: float) -> Iterator[Frame]:
+    session, tell = film.session, film.tell
+    packed = packed_count(session)
+    wanted = packed if count is None else min(count, packed)
+    session.animated, session.seconds = True, seconds
+    tell(0.0, "Filming")
+    yield from film.still(REST[0])
+    gone = 0
+    while gone < wanted and session.unpack(1):
+        flights = dict(session.flights)
+        start = min(flight.start for flight in flights.values())
+        length = max(flight.start + flight.seconds for flight in flights.values()) - start
+        frames = max(1, round(length * film.fps))
+        for i in range(frames):
+            part = gone + len(flights) * i / frames
+            tell(min(part / wanted, 1.0), f"Filming: {gone} of {wanted} objects out")
+            yield film.picture(film.camera, start + (i + 1) * length / frames)
+        for object_id in flights:
+            session.land(object_id)
+        gone += len(flights)
+        yield from film.still(REST[1])
+    yield from film.still(REST[2])
+    tell(1.0, "Filmed")
+
+
+def _turning(film: _Stage, seconds: float) -> Iterator[Frame]:
+    """Turn the bag once round the vertical; the film may be played in a loop."""
+    frames = max(2, round(seconds * film.fps))
+    for i in range(frames):
+        film.tell(i / frames, f"Filming: {i} of {frames} pictures")
+        angle = 2 * np.pi * i / frames
+        yield film.picture(turned(film.camera, angle, film.session.away_from_table))
+    film.tell(1.0, "Filmed")
+
+
+def _close(session: Any, size: tuple[int, int]) -> Camera:
+    """Return the camera that just holds the bag at every turn, nothing being out of it."""
+    aspect = min(1.0, size[1] / size[0])
+    camera: Camera = session.overview()
+    half_angle = np.radians(camera.fov) / 2
+    height = 2 * ROOM * session.bag.radius_in(camera.stretch) / (aspect * np.cos(half_angle))
+    return replace(camera, height=float(height))
+
+
+def turned(camera: Camera, angle: float, up: ArrayLike = GRAVITY_UP) -> Camera:
+    """Return a camera that has gone round its centre.
+
+    Parameters
+    ----------
+    camera : Camera
+    angle : float
+        Radians, about the vertical; about the picture's where one looks along it.
+    up : (3,) array_like
+        What is up, see `Session.away_from_table`.
+    """
+    upright = unit(np.linalg.solve(camera.stretch, np.asarray(up, dtype=np.float64)))
+    towards, down, _ = camera.rotation
+    axis = upright if abs(float(towards @ upright)) < STEEPEST else -down
+    turn = rotation_about(axis, -angle)
+    return replace(camera, rotation=camera.rotation @ turn)

@@ -1,0 +1,284 @@
+"""The table of objects as one web page: a picture of each, sortable, nothing fetched.
+
+What every page of objects carries: its looks, light and dark, and how it sorts itself.
+
+The table of objects as a CSV file.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterator, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.io.atomic import checked_target, written_whole
+from napari_unpack.io.headless import Progress, framed, twin
+from napari_unpack.io.images import straight_bytes
+from napari_unpack.rendering.compose import scene, sprite_patch
+from napari_unpack.session.errors import percent
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STYLE = """
+:root { color-scheme: light dark; --ground: #fbfbfc; --raised: #ffffff; --ink: #1c2128;
+  --faint: #626b78; --line: #dfe3e8; --well: #14181f; --accent: #0b6bcb; }
+@media (prefers-color-scheme: dark) {
+  :root { --ground: #14171c; --raised: #1c2027; --ink: #e6e9ee; --faint: #98a2b1;
+    --line: #2e343e; --well: #0d1014; --accent: #6cb2ff; } }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 1080px; padding: 32px 20px 48px; background: var(--ground);
+  color: var(--ink); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }
+h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em; }
+p, footer { color: var(--faint); margin: 0; }
+figure { margin: 20px 0; }
+figure img { display: block; width: 100%; height: auto; border-radius: 10px; }
+.search { display: block; color: var(--faint); margin: 0 0 12px; }
+input { font: inherit; color: var(--ink); background: var(--raised); padding: 5px 10px;
+  border: 1px solid var(--line); border-radius: 6px; margin-left: 8px; width: 240px; }
+.wide { overflow-x: auto; border: 1px solid var(--line); border-radius: 10px;
+  background: var(--raised); }
+table { border-collapse: collapse; width: 100%; }
+th, td { padding: 8px 12px; text-align: left; border-bottom: 1px solid var(--line);
+  white-space: nowrap; }
+tbody tr:last-child td { border-bottom: 0; }
+th { font-weight: 600; font-size: 13px; color: var(--faint); position: sticky; top: 0;
+  background: var(--raised); }
+th[data-kind=n], .n { text-align: right; font-variant-numeric: tabular-nums; }
+th button { all: unset; cursor: pointer; }
+th button:hover, th[aria-sort$=ending] button { color: var(--accent); }
+th button:focus-visible { outline: 2px solid var(--accent); outline-offset: 3px; }
+th[aria-sort=ascending] button::after { content: " \\2191"; }
+th[aria-sort=descending] button::after { content: " \\2193"; }
+.picture { width: 136px; }
+.picture img { display: block; margin: 0 auto; max-width: 112px; max-height: 84px; }
+td.picture { background: var(--well); }
+td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
+  margin-right: 9px; }
+tbody tr:hover td:not(.picture) { background: color-mix(in srgb, var(--accent) 8%, transparent); }
+footer { margin-top: 20px; font-size: 13px; }
+@media print { .search, footer { display: none; } .wide { overflow: visible; } }
+"""
+
+SCRIPT = """
+"use strict";
+const body = document.querySelector("tbody");
+const heads = [...document.querySelectorAll("th")];
+const texts = new Intl.Collator(undefined, { numeric: true, sensitivity: "base" });
+heads.forEach((head, column) => {
+  const button = head.querySelector("button");
+  if (!button) return;
+  button.addEventListener("click", () => {
+    const up = head.getAttribute("aria-sort") !== "ascending";
+    heads.forEach(other => other.dataset.kind && other.setAttribute("aria-sort", "none"));
+    head.setAttribute("aria-sort", up ? "ascending" : "descending");
+    const number = head.dataset.kind === "n";
+    const value = row => number ? row.cells[column].dataset.value : row.cells[column].textContent;
+    const rows = [...body.rows].sort((a, b) => {
+      const [x, y] = [value(a), value(b)];
+      if (number && (x === "" || y === "")) return (x === "") - (y === "");
+      return (up ? 1 : -1) * (number ? x - y : texts.compare(x, y));
+    });
+    body.append(...rows);
+  });
+});
+document.querySelector("input").addEventListener("input", event => {
+  const wanted = event.target.value.trim().toLowerCase();
+  for (const row of body.rows) {
+    const [id, name] = [row.cells[1].textContent, row.cells[2].textContent.toLowerCase()];
+    row.hidden = Boolean(wanted) && id !== wanted && !name.includes(wanted);
+  }
+});
+"""
+
+
+SIDE = 112
+"""Longer side of an object's picture, CSS pixels; it is cast twice as large."""
+
+BAG = (600, 960)
+WORDS = {
+    "packed": "in the bag",
+    "flying out": "taken out",
+    "unpacked": "taken out",
+    "flying back": "in the bag",
+    "inspected": "inspected",
+    "hidden": "hidden",
+}
+COLUMNS = (
+    ("", "Picture"),
+    ("n", "ID"),
+    ("t", "Name"),
+    ("t", "Where"),
+    ("n", "Left as"),
+    ("n", "Volume cm³"),
+    ("n", "Size mm"),
+    ("n", "Density"),
+    ("n", "Confidence"),
+)
+
+
+def save_objects_page(
+    session: Any,
+    path: str | Path,
+    title: str = "Packed bag",
+    progress: Progress | None = None,
+    backend: str = "auto",
+) -> Path:
+    """Write the table of objects as one self-contained HTML file.
+
+    Parameters
+    ----------
+    session : Session
+        Its objects as they stand. Not changed: a twin is drawn, so this may run on a thread.
+    path : str or Path
+        .html; its folder must exist.
+    title : str
+        What the page is called.
+    progress : callable, optional
+        Takes (fraction, text); raising in it cancels and leaves no file.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    ValueError
+        If the file is to be no .html.
+    """
+    target = checked_target(path, ".html", ".htm")
+    tell = progress or (lambda fraction, text: None)
+    tell(0.0, "Drawing the bag")
+    shown = twin(session, packed=False)
+    bag = scene(shown, framed(shown, BAG), BAG, backend=backend)
+    rows = "\n".join(_rows(shown, tell, backend))
+    with written_whole(target) as temporary:
+        temporary.write_text(_page(title, shown, _data_uri(bag), rows), encoding="utf-8")
+    tell(1.0, "Written")
+    return target
+
+
+def _page(title: str, session: Any, bag: str, rows: str) -> str:
+    name = escape(title)
+    out = len(session.poses)
+    count = f"{len(session.ids)} objects" + (f", {out} taken out" if out else "")
+    heads = "".join(
+        f'<th scope="col" data-kind="{kind}"{" aria-sort=none" if kind else ""}>'
+        + (f"<button>{words}</button>" if kind else words)
+        + "</th>"
+        for kind, words in COLUMNS
+    )
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{name}</title>
+<style>{STYLE}</style>
+</head>
+<body>
+<header>
+<h1>{name}</h1>
+<p>{count}. Click a column to sort by it.</p>
+</header>
+<figure><img src="{bag}" alt="The bag" width="{BAG[1]}" height="{BAG[0]}"></figure>
+<label class="search">Search <input type="search" placeholder="name or ID"></label>
+<div class="wide"><table>
+<thead><tr>{heads}</tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table></div>
+<footer>Made with napari-unpack.</footer>
+<script>{SCRIPT}</script>
+</body>
+</html>
+"""
+
+
+def _rows(session: Any, tell: Progress, backend: str) -> Iterator[str]:
+    objects, boxes = session.objects, session.boxes
+    spacing = np.asarray(session.spacing)
+    left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
+    for k, i in enumerate(session.ids):
+        facts = objects.loc[i]
+        tell(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
+        row = boxes.index(i)
+        edges = sorted((boxes.upper[row] - boxes.lower[row]) * spacing, reverse=True)
+        red, green, blue = (round(255 * float(v)) for v in session.solo_tints(i)[i, :3])
+        name = escape(str(facts["name"]))
+        swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
+        sure = float(facts.get("confidence", math.nan))
+        yield (
+            f'<tr><td class="picture"><img src="{_picture(session, i, backend)}" alt="{name}"></td>'
+            + _number(session.label_of(i), str(session.label_of(i)))
+            + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i].value]}</td>"
+            + _number(left.get(i), str(left.get(i, "")))
+            + _number(facts["volume_mm3"], _amount(float(facts["volume_mm3"]) / 1000))
+            + _number(edges[0], " × ".join(f"{edge:.0f}" for edge in edges))
+            + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
+            + _number(sure, "–" if math.isnan(sure) else percent(sure))
+            + "</tr>"
+        )
+
+
+def _number(value: Any, words: str) -> str:
+    known = value is not None and math.isfinite(value)
+    return (
+        f'<td class="n" data-value="{float(value):.9g}">{words}</td>'
+        if known
+        else (f'<td class="n" data-value="">{words}</td>')
+    )
+
+
+def _amount(volume: float) -> str:
+    return f"{volume:.2g}" if volume < 1 else f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
+
+
+def _picture(session: Any, object_id: int, backend: str) -> str:
+    berth = session._situation.out.get(object_id) or session.bag.berth(
+        object_id, 0, (object_id,), session.unpack_direction, session.camera
+    )
+    held = berth.rotation if berth.placed is None else berth.placed.rotation
+    pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
+    pixels = 2 * SIDE / max(berth.turned_mm or berth.picture_mm)
+    patch = sprite_patch(session, object_id, pose, pixels, backend=backend)
+    return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
+
+
+def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
+    import imageio.v3 as iio
+
+    encoded = iio.imwrite("<bytes>", straight_bytes(np.asarray(image)), extension=".png")
+    return f"data:image/png;base64,{base64.b64encode(encoded).decode('ascii')}"
+
+
+def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
+    """Write a table of objects, one row an object, the ID first.
+
+    Parameters
+    ----------
+    objects : DataFrame
+        Indexed by ID, such as `Segmentation.objects` or `Session.objects`.
+    path : str or Path
+        The file; its folder must exist.
+
+    Returns
+    -------
+    Path
+        What was written.
+    """
+    target = Path(path)
+    with written_whole(target) as temporary:
+        objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
+    return target

@@ -1,0 +1,353 @@
+"""Patches on their way to cards: a picture, and the camera it was cast for.
+
+Where a picture made for one camera stands when another camera looks.
+
+Pictures that the canvas's own GL casts at the moment they are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.rendering.gl.depth_quads import Card, Picture, PivotPlace
+from napari_unpack.rendering.image_patch import Patch
+from napari_unpack.rendering.outlines import Silhouette, decorated
+
+
+@dataclass(frozen=True)
+class PicturePlace(PivotPlace):
+    """A rectangle in the pivot plane of the camera that a picture was cast for.
+
+    Parameters
+    ----------
+    center, half, ndc_depth
+        As for `PivotPlace`, in the pivot space of the camera that looks now.
+    plane : float
+        Where pixels stand that have no depth of their own, mm behind the picture's own pivot
+        plane.
+    """
+
+    plane: float = 0.0
+
+    @property
+    def t(self) -> float:
+        """Depth of what has none of its own, mm from the pivot plane of the camera."""
+        return self.plane - float(self.center[0])
+
+    @property
+    def t_origin(self) -> float:
+        """What to add to the picture's depths, mm."""
+        return -float(self.center[0])
+
+
+class Placed(Protocol):
+    """A rectangle of a picture: a `Patch`, or one that is still to be cast."""
+
+    @property
+    def row(self) -> int:
+        """First row of the whole picture."""
+
+    @property
+    def col(self) -> int:
+        """First column of the whole picture."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+
+    @property
+    def plane(self) -> float:
+        """Depth t of what has none of its own, mm."""
+
+
+def picture_place(
+    patch: Placed, made_for: Camera, size: tuple[int, int], seen_by: Camera
+) -> PicturePlace:
+    """Place a patch of a picture where it belongs under the camera that looks now.
+
+    Parameters
+    ----------
+    patch : Patch or Window
+        Where the pixels are in the whole picture.
+    made_for : Camera
+        The camera the picture was cast for.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    seen_by : Camera
+        The camera that looks now.
+
+    Returns
+    -------
+    PicturePlace
+
+    Notes
+    -----
+    Under the same camera this is the patch's window, exactly; after a zoom or a pan the old
+    picture follows at once, while the new one is being cast. A turn it cannot follow.
+    """
+    mm = made_for.height / size[0]
+    height, width = patch.size
+    towards, down, right = seen_by.linear @ (made_for.center - seen_by.center)
+    return PicturePlace(
+        center=(
+            float(towards),
+            float(down) + (patch.row + (height - size[0]) / 2) * mm,
+            float(right) + (patch.col + (width - size[1]) / 2) * mm,
+        ),
+        half=(height * mm / 2, width * mm / 2),
+        plane=patch.plane,
+    )
+
+
+def sprite_place(patch: Patch, center: tuple[float, float, float], mm: float) -> PivotPlace:
+    """Place a sprite's patch in pivot space.
+
+    Parameters
+    ----------
+    patch : Patch
+        Of `session.pictures.sprite_patch`: row and col count from the object's centre.
+    center : (float, float, float)
+        Where that centre is, pivot space mm.
+    mm : float
+        Size of a pixel, mm.
+
+    Returns
+    -------
+    PivotPlace
+    """
+    height, width = patch.rgba.shape[:2]
+    return PivotPlace(
+        center=(
+            float(center[0]),
+            float(center[1]) + (patch.row - 0.5 + height / 2) * mm,
+            float(center[2]) + (patch.col - 0.5 + width / 2) * mm,
+        ),
+        half=(height * mm / 2, width * mm / 2),
+    )
+
+
+RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
+CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
+RESTING_ON_LIGHT = Silhouette(
+    outline=(0.0, 0.0, 0.0, 0.3), outline_width=1.0, shadow=(0.0, 0.0, 0.0, 0.22)
+)
+CHOSEN_ON_LIGHT = Silhouette(
+    outline=(0.05, 0.06, 0.09, 0.95), outline_width=2.0, shadow=(0.0, 0.0, 0.0, 0.22)
+)
+
+FRONT = -0.999
+"""Depth of what is before everything else, normalised device coordinates."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A patch of a picture cast for one camera.
+
+    Parameters
+    ----------
+    patch : Patch
+        Pixels, depths, window.
+    picture : Picture
+        The same, for the graphics card.
+    camera : Camera
+        The camera it was cast for.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    in_front : bool
+        Draw it before everything else instead of where it is.
+    """
+
+    patch: Patch
+    picture: Picture
+    camera: Camera
+    size: tuple[int, int]
+    in_front: bool = False
+
+    @classmethod
+    def of(cls, patch: Patch, camera: Camera, size: tuple[int, int]) -> Shot | None:
+        """Return the shot of a patch; None where it has no pixels. For worker threads too."""
+        if patch.is_empty:
+            return None
+        return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), camera, size)
+
+    @property
+    def thumbnail(self) -> NDArray[np.float32]:
+        """(h, w, 4) pixels for the layer list."""
+        return self.patch.rgba
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is cast; it always is."""
+        return True
+
+    def covers(self, other: Shot) -> bool:
+        """Return whether pixels of both show the same rays."""
+        mine, theirs = self.patch, other.patch
+        return self.camera is other.camera and (self.size, mine.row, mine.col, mine.size) == (
+            other.size,
+            theirs.row,
+            theirs.col,
+            theirs.size,
+        )
+
+    def mixed(self, before: Shot, part: float) -> Shot:
+        """Return the shot that is so far on the way from another, which it must cover."""
+        rgba = before.patch.rgba + np.float32(part) * (self.patch.rgba - before.patch.rgba)
+        patch = replace(self.patch, rgba=rgba)
+        return replace(self, patch=patch, picture=Picture(to_bytes(rgba), patch.depth))
+
+    def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
+        """Return the card that shows it where it belongs under a camera."""
+        place = picture_place(self.patch, self.camera, self.size, seen_by)
+        if self.in_front:
+            place = replace(place, ndc_depth=FRONT)
+        return Card(self.picture, place, opacity)
+
+
+@dataclass(frozen=True, eq=False)
+class Sprite:
+    """The small picture of an unpacked object, in pivot space.
+
+    Parameters
+    ----------
+    patch : Patch
+        Of `session.pictures.sprite_patch`, its colours as float16.
+    pose : Pose
+        Where it waits and how it is turned.
+    mm : float
+        Size of a pixel, mm.
+    pictures : dict
+        The same for the graphics card, by the silhouette laid under it.
+    """
+
+    patch: Patch
+    pose: Pose
+    mm: float
+    pictures: dict[Silhouette, Picture] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, patch: Patch, pose: Pose, mm: float) -> Sprite | None:
+        """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
+        if patch.is_empty:
+            return None
+        # Half precision, since it is kept for as long as the object is out.
+        slim: Any = patch.rgba.astype(np.float16)
+        sprite = cls(replace(patch, rgba=slim), pose, mm)
+        sprite.picture(RESTING)
+        return sprite
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of its pixels, bytes: as cast, and four of colour and of depth as textures."""
+        drawn = sum(8 * p.size[0] * p.size[1] for p in self.pictures.values())
+        return self.patch.rgba.nbytes + self.patch.depth.nbytes + drawn
+
+    def moved(self, pose: Pose) -> Sprite:
+        """Return the same picture elsewhere."""
+        return replace(self, pose=pose)
+
+    def picture(self, silhouette: Silhouette) -> Picture:
+        """Return its picture with a silhouette, made at the first call (some milliseconds)."""
+        if silhouette not in self.pictures:
+            m = silhouette.margin
+            depth = np.pad(self.patch.depth, m, constant_values=np.inf)
+            rgba = to_bytes(decorated(self.patch.rgba.astype(np.float32), silhouette))
+            self.pictures[silhouette] = Picture(rgba, depth)
+        return self.pictures[silhouette]
+
+    def card(self, silhouette: Silhouette, opacity: float = 1.0) -> Card:
+        """Return its card."""
+        z, y, x = (float(v) for v in self.pose.center)
+        place = sprite_place(self.patch, (z, y, x), self.mm)
+        margin = silhouette.margin * self.mm
+        half = place.half[0] + margin, place.half[1] + margin
+        return Card(self.picture(silhouette), replace(place, half=half), opacity)
+
+    def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
+        """Return whether a point of its plane lies on its rectangle, widened by mm."""
+        place = sprite_place(self.patch, (0.0, *self.pose.center[1:]), self.mm)
+        down, right = np.abs(pivot_point[1:] - place.center[1:])
+        return bool(down <= place.half[0] + margin and right <= place.half[1] + margin)
+
+
+def to_bytes(rgba: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return colours in [0, 1] as bytes, a quarter of the upload."""
+    return (np.clip(rgba, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+WIDEN = 64
+"""Windows are widened to multiples of so many pixels, so that few frame buffers serve all."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of a picture, placed as a `Patch` is.
+
+    Parameters
+    ----------
+    row, col : int
+        Its first pixel; may be negative.
+    size : (int, int)
+        Height and width, pixels.
+    plane : float
+        t of the middle of what is shown, mm.
+    """
+
+    row: int
+    col: int
+    size: tuple[int, int]
+    plane: float
+
+    @classmethod
+    def around(cls, window: tuple[int, int, int, int], plane: float) -> Window:
+        """Return (row, col, height, width) widened to the right and down."""
+        row, col, height, width = window
+        return cls(row, col, (-(-height // WIDEN) * WIDEN, -(-width // WIDEN) * WIDEN), plane)
+
+
+@dataclass(eq=False)
+class LiveShot:
+    """A picture for one camera, cast when it is first drawn.
+
+    Parameters
+    ----------
+    window : Window
+        The part of the picture that is cast.
+    camera : Camera
+        The camera it is for.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    develop : callable
+        Casts it; called once, with the canvas's context current. None: it could not be cast.
+    in_front : bool
+        Draw it before everything else instead of where it is.
+    """
+
+    window: Window
+    camera: Camera
+    size: tuple[int, int]
+    develop: Callable[[], Picture | None]
+    in_front: bool = False
+    ready: bool = field(default=False, init=False)
+    _picture: Picture | None = field(default=None, init=False)
+
+    thumbnail: None = field(default=None, init=False)
+    """Nothing is read back from the graphics card for the layer list."""
+
+    def card(self, seen_by: Camera, opacity: float = 1.0) -> Card | None:
+        """Return the card that shows it under a camera; None where it could not be cast."""
+        if not self.ready:
+            self._picture, self.ready = self.develop(), True
+        if self._picture is None:
+            return None
+        place = picture_place(self.window, self.camera, self.size, seen_by)
+        if self.in_front:
+            place = replace(place, ndc_depth=FRONT)
+        return Card(self._picture, place, opacity)

@@ -1,0 +1,122 @@
+"""The layer of what is unpacked: one small picture per object, in pivot space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.compat import PictureLayer, register
+from napari_unpack.layers.rendered_image import (
+    CHOSEN,
+    CHOSEN_ON_LIGHT,
+    RESTING,
+    RESTING_ON_LIGHT,
+    Sprite,
+)
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.layers.vispy_adapter import CardsAdapter
+from napari_unpack.rendering.gl.depth_quads import Card
+
+
+class SpriteLayer(PictureLayer):
+    """Unpacked objects beside the bag. Turning and panning the bag leaves them where they are.
+
+    Parameters
+    ----------
+    name, spacing, box, **placement
+        As for `PictureLayer`; without a box it does not stretch the scene.
+    """
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        self._sprites: dict[int, Sprite] = {}
+        self._cards: dict[int, Card] = {}
+        self._chosen: frozenset[int] = frozenset()
+        self.dimming = 1.0
+        self._edges = RESTING, CHOSEN
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+
+    @property
+    def sprites(self) -> Mapping[int, Sprite]:
+        """What is shown, by object."""
+        return self._sprites
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the pictures, bytes: as they were cast, and as textures, depths included."""
+        return sum(sprite.nbytes for sprite in self._sprites.values())
+
+    def show(self, sprites: Mapping[int, Sprite]) -> None:
+        """Show these and nothing else; a sprite that stays the same keeps its card."""
+        same = [i for i, s in sprites.items() if i in self._cards and self._sprites.get(i) is s]
+        if len(same) == len(self._sprites) == len(sprites):
+            return
+        self._sprites, self._cards = dict(sprites), {i: self._cards[i] for i in same}
+        if sprites:
+            self.set_picture(next(reversed(self._sprites.values())).patch.rgba)
+        self.repaint()
+
+    def choose(self, ids: frozenset[int]) -> None:
+        """Mark some objects with a brighter outline."""
+        if ids != self._chosen:
+            for object_id in ids ^ self._chosen:
+                self._cards.pop(object_id, None)
+            self._chosen = ids
+            self.repaint()
+
+    def on_light(self, light: bool) -> None:
+        """Draw outlines that stand out from a light background, or from a dark one."""
+        self._edges = (RESTING_ON_LIGHT, CHOSEN_ON_LIGHT) if light else (RESTING, CHOSEN)
+        self._cards.clear()
+        self.repaint()
+
+    def dim(self, factor: float) -> None:
+        """Multiply the layer's opacity, for the time something else is looked at."""
+        self.dimming = factor
+        self._cards.clear()
+        self.repaint()
+
+    def at_pixel(self, row: float, col: float, size: tuple[int, int], camera: Camera) -> int:
+        """Return the object whose sprite is under a pixel of the view, 0 where none is.
+
+        Parameters
+        ----------
+        row, col : float
+            Pixel of the view.
+        size : (int, int)
+            Height and width of the view in the same pixels.
+        camera : Camera
+            The viewer's.
+
+        Returns
+        -------
+        int
+            Pixels that are transparent but inside the silhouette's reach count too, so that
+            thin objects can be hit.
+        """
+        middle = (np.asarray(size, dtype=np.float64) - 1) / 2
+        for object_id, sprite in reversed(self._sprites.items()):
+            towards = float(sprite.pose.center[0])
+            mm = camera.height / size[0] * (1.0 - towards / camera.distance)
+            point = np.array([towards, (row - middle[0]) * mm, (col - middle[1]) * mm])
+            if sprite.contains(point, margin=3 * mm):
+                return object_id
+        return 0
+
+    def cards_at(self, frame: Frame) -> Sequence[Card]:
+        """Return a card for each sprite."""
+        super().cards_at(frame)
+        for object_id, sprite in self._sprites.items():
+            if object_id not in self._cards:
+                edge = self._edges[object_id in self._chosen]
+                self._cards[object_id] = sprite.card(edge, self.dimming)
+        return [self._cards[object_id] for object_id in self._sprites]
+
+
+register(
+    SpriteLayer,
+    CardsAdapter,
+    "The unpacked objects, one small picture each. Double click one to inspect it, drag it to "
+    "turn it.",
+)

@@ -1,0 +1,54 @@
+"""The layer of what moves: objects in the air, and the one that is inspected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from napari_unpack.layers.compat import PictureLayer, register
+from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.layers.vispy_adapter import CardsAdapter
+from napari_unpack.rendering.gl.depth_quads import Card
+
+
+class TransitionLayer(PictureLayer):
+    """Objects between the bag and their places, each in a card of its own.
+
+    Parameters
+    ----------
+    name, spacing, box, **placement
+        As for `PictureLayer`; without a box it does not stretch the scene.
+    """
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        self._shots: dict[int, Shot | LiveShot] = {}
+        self.overlays: Callable[[Frame], Sequence[Card]] | None = None
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+
+    @property
+    def shots(self) -> dict[int, Shot | LiveShot]:
+        """What is shown, by object."""
+        return dict(self._shots)
+
+    def show(self, shots: Mapping[int, Shot | LiveShot]) -> None:
+        """Show these and nothing else."""
+        fresh = shots.keys() - self._shots.keys()
+        self._shots = dict(shots)
+        for object_id in list(fresh)[:1]:
+            self.set_picture(shots[object_id].thumbnail)
+        self.repaint()
+
+    def cards_at(self, frame: Frame) -> Sequence[Card]:
+        """Return a card for each object in the air, over what is drawn upon the bag."""
+        super().cards_at(frame)
+        under = () if self.overlays is None else self.overlays(frame)
+        cards = (shot.card(frame.camera) for shot in self._shots.values())
+        return [*under, *(card for card in cards if card is not None)]
+
+
+register(
+    TransitionLayer,
+    CardsAdapter,
+    "Objects on their way out of the bag or back, and the one being inspected. Empty while "
+    "nothing moves.",
+)

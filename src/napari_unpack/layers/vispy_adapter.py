@@ -1,0 +1,89 @@
+"""The one vispy adapter of the three layers: reads the canvas's matrices, hands cards over."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from vispy import gloo
+from vispy.scene.visuals import create_visual_node
+
+from napari_unpack.geometry.axes import Matrix, flip, flip_matrix
+from napari_unpack.geometry.rays import voxel_from_world
+from napari_unpack.layers.compat import PictureAdapter, PictureLayer
+from napari_unpack.layers.view_camera import Frame, camera_from_render, camera_in_session
+from napari_unpack.rendering.gl.depth_quads import CardsVisual, clip_from_pivot
+from napari_unpack.rendering.gl.matrices import matrix_of
+
+
+class CardsNode(create_visual_node(CardsVisual)):  # type: ignore[misc]
+    """Cards in a napari canvas, whose depth function is not GL's default."""
+
+    def draw(self) -> None:
+        """Draw, and leave the canvas as napari set it up."""
+        super().draw()
+        gloo.set_depth_func("lequal")
+
+
+class CardsAdapter(PictureAdapter):
+    """Draws a picture layer as cards and tells the layer what the canvas showed.
+
+    Parameters
+    ----------
+    layer : PictureLayer
+        Its `cards_at` says what to draw, at every draw.
+    **kwargs
+        From napari, handed on.
+    """
+
+    def __init__(self, layer: PictureLayer, **kwargs: Any) -> None:
+        super().__init__(layer, CardsNode(), **kwargs)
+        self.node.before_draw = self._before_draw
+        self.node.refused = layer.refused.emit
+        layer.frame_now = self._frame
+        self.when_closed(self._let_go)
+
+    def _before_draw(self, visual: Any) -> None:
+        frame = self._frame()
+        cards = () if frame is None else tuple(self.layer.cards_at(frame))
+        # Assigning asks for another draw; this one shows them already.
+        with visual.events.update.blocker():
+            visual.cards = cards
+            if frame is not None:
+                visual.clip_from_pivot = frame.clip_from_pivot
+
+    def _frame(self) -> Frame | None:
+        view = self._view() if self.in_3d else None
+        if view is None or min(view.size) < 1:
+            return None
+        scene_from_world = matrix_of(self.node.transform) @ flip_matrix(
+            voxel_from_world(self.layer.spacing)
+        )
+        local = _ndc_from_pixels(view.size) @ matrix_of(view.scene.transform)
+        try:
+            seen = camera_from_render(local, flip(view.camera.center))
+            camera = camera_in_session(seen, flip_matrix(scene_from_world))
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        whole = matrix_of(self.node.get_transform("scene", "render"))
+        scale = float(getattr(view.canvas, "pixel_scale", 1.0))
+        size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
+        return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera))
+
+    def _view(self) -> Any | None:
+        """Return the view box that shows the layer."""
+        node = self.node.parent
+        while node is not None and not hasattr(node, "camera"):
+            node = node.parent
+        return None if node is None or not hasattr(node.camera, "fov") else node
+
+    def _let_go(self) -> None:
+        self.node.before_draw = self.node.refused = None
+        del self.layer.frame_now
+
+
+def _ndc_from_pixels(size: tuple[float, float]) -> Matrix:
+    """Return the map from a view box's pixels (x, y down) to its own clip space."""
+    matrix = np.diag([2 / size[0], -2 / size[1], 1.0, 1.0])
+    matrix[0, 3], matrix[1, 3] = -1.0, 1.0
+    return matrix

@@ -1,0 +1,314 @@
+"""The whole picture that a person sees, for films, scripts and pages.
+
+Pictures of what is packed and of single objects, on either backend and without a window.
+
+The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
+napari's layers draw these patches as cards (layers/); `session.scene` composes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.rendering.image_patch import Image, Patch, compose, nothing
+from napari_unpack.rendering.object_casting import cast_crop
+from napari_unpack.rendering.scene import BOOK, LIGHT, Depicted, packed_look, solo_look
+from napari_unpack.rendering.upsampling import refined
+
+SAMPLES_AT_REST = 3
+"""Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
+
+
+def packed_patch(
+    session: Depicted,
+    camera: Camera,
+    size: tuple[int, int],
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Patch:
+    """Cast what is packed.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose bag.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    step_scale : float
+        Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+
+    Returns
+    -------
+    Patch
+        The window of the picture that the volume's box covers.
+    """
+    # The crop first: tints may be of more objects than the labels have, never of fewer.
+    crop = BOOK.of(session).whole()
+    return cast_crop(crop, None, camera, size, packed_look(session, shading, step_scale, backend))
+
+
+def object_patch(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    camera: Camera,
+    size: tuple[int, int],
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+    *,
+    smooth: bool = False,
+) -> Patch:
+    """Cast one object alone where a pose places it; only its projected box is cast.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose object.
+    object_id : int
+        Which.
+    pose : Pose
+        Where it is, in the pivot space of the camera.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the whole picture, pixels.
+    step_scale : float
+        Distance of samples in the object's own smallest voxel edge.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+    smooth : bool
+        Cast a small object from a finer grid (`fine_crops.refined`), without stairs.
+
+    Returns
+    -------
+    Patch
+        Without pixels where the object is out of the picture.
+
+    Raises
+    ------
+    KeyError
+        If there is no such object.
+
+    Notes
+    -----
+    Li et al. 2012, eq. 3: rays are mapped back by T^-1 into the packed volume. The samples are
+    those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
+    """
+    cache = BOOK.of(session)
+    crop = cache.crop(object_id)
+    if smooth:
+        mm = np.asarray(session.spacing, dtype=np.float64)
+        crop = cache.keep(
+            ("fine crop", object_id),
+            lambda: refined(cache.crop(object_id), object_id, mm, cache.air),
+        )
+    moved = pose.world_from_world(crop.center, camera)
+    look = solo_look(session, object_id, crop, shading, step_scale, backend)
+    return cast_crop(crop, moved, camera, size, look)
+
+
+def sprite_patch(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    pixels_per_mm: float,
+    step_scale: float = 1.0,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+) -> Patch:
+    """Cast the small picture of an unpacked object.
+
+    Parameters
+    ----------
+    session : Depicted
+        Whose object.
+    object_id : int
+        Which.
+    pose : Pose
+        Its turn and scale; where it is does not matter.
+    pixels_per_mm : float
+        Resolution in pivot space.
+    step_scale, backend, shading
+        As for `object_patch`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
+        and cast once.
+
+    Returns
+    -------
+    Patch
+        Orthographic, on a transparent ground, no row or column empty at its border. `row` and
+        `col` count from the pixel whose centre is the object's box centre, so the card's top
+        left corner is (row - 0.5, col - 0.5) / pixels_per_mm from `pose.center` along the
+        pivot's axes down and right. Depth and plane are relative to the box centre.
+
+    Raises
+    ------
+    ValueError
+        If the resolution is not positive.
+    KeyError
+        If there is no such object.
+    """
+    if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
+        raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
+    cache = BOOK.of(session)
+    crop = cache.crop(object_id)
+    still = replace(pose, center=np.zeros(3))
+    reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
+    half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
+    size = int(2 * half[0] + 1), int(2 * half[1] + 1)
+    camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
+    step = step_scale / SAMPLES_AT_REST
+    whole = object_patch(
+        session, object_id, still, camera, size, step, backend, shading, smooth=True
+    )
+    patch = whole.trimmed()
+    return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
+
+
+DIMMED = 0.16
+"""Opacity of everything else while one object is inspected."""
+
+SHARE_OF_VIEW = 0.72
+"""How much of the picture's shorter side an inspected object's bounding sphere fills."""
+
+
+def scene(
+    session: Depicted,
+    camera: Camera,
+    size: tuple[int, int],
+    time: float | None = None,
+    backend: str = "auto",
+    shading: Shading | None = LIGHT,
+    surroundings: Surroundings | None = None,
+) -> Image:
+    """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
+
+    Parameters
+    ----------
+    session : Depicted
+        What is packed, in the air and unpacked.
+    camera : Camera
+        Where one looks from.
+    size : (int, int)
+        Height and width of the picture, pixels.
+    time : float, optional
+        When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
+    backend : {"auto", "cpu", "gl"}
+        Who casts.
+    shading : Shading, optional
+        The light; None for none.
+    surroundings : Surroundings, optional
+        Background, box and scale bar; by default the session's.
+
+    Returns
+    -------
+    (H, W, 4) ndarray of float32
+        Premultiplied.
+
+    Notes
+    -----
+    The packed bag and the sprites are cast again only when something they depend on has
+    changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
+    """
+    cache = BOOK.of(session)
+    packed = packed_look(session, shading, 1.0, backend)
+    key = ("packed", packed.key, _camera_key(camera), size)
+    patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
+    around = session.surroundings if surroundings is None else surroundings
+    if around.box:
+        patches.append(_box_patch(session, camera, size, around))
+    inspected = [i for i, state in session.states.items() if state.value == "inspected"]
+    for object_id, pose in session.poses.items():
+        if object_id not in session.flights and object_id not in inspected:
+            patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
+    flights = session.flights if time is not None else {}
+    for object_id, flight in flights.items():
+        pose = flight.pose(time, camera)
+        patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
+    if not inspected:
+        return _surrounded(compose(size, patches), camera, around)
+    dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
+    posed = [_inspected_pose(session, i, camera, size) for i in inspected]
+    fine = 1.0 / SAMPLES_AT_REST
+    alone = [
+        object_patch(session, i, pose, camera, size, fine, backend, shading, smooth=True)
+        for i, pose in zip(inspected, posed, strict=True)
+    ]
+    return _surrounded(compose(size, [dimmed, *alone]), camera, around)
+
+
+def _box_patch(
+    session: Depicted, camera: Camera, size: tuple[int, int], around: Surroundings
+) -> Patch:
+    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
+    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
+    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
+    rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
+    return Patch(rgba, depth, 0, 0)
+
+
+def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
+    """Lay a picture over the background, and the scale bar over both."""
+    size = image.shape[0], image.shape[1]
+    far = np.full(size, np.inf, np.float32)
+    patches = [Patch(image, far, 0, 0)]
+    if around.scale:
+        patches.append(Patch(draw_scale(camera, size, around.ink), far, 0, 0))
+    return compose(size, patches, around.background)
+
+
+def _inspected_pose(
+    session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
+) -> Pose:
+    spacing = np.asarray(session.spacing, dtype=np.float64)
+    diameter = 2 * session.boxes.radius(object_id, spacing, camera.stretch)
+    height = camera.height * min(1.0, size[1] / size[0])
+    waiting = session.poses.get(object_id)
+    rotation = camera.rotation if waiting is None else waiting.rotation
+    return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter, camera.stretch)
+
+
+def _placed_sprite(
+    session: Depicted,
+    object_id: int,
+    pose: Pose,
+    camera: Camera,
+    size: tuple[int, int],
+    backend: str,
+    shading: Shading | None,
+) -> Patch:
+    nearness = 1.0 - pose.center[0] / camera.distance
+    if nearness <= 0.0:
+        return nothing()
+    resolution = size[0] / camera.height / nearness
+    crop = BOOK.of(session).crop(object_id)
+    look = solo_look(session, object_id, crop, shading, 1.0, backend)
+    held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
+    key = ("sprite", look.key, *held, round(resolution, 6))
+    patch: Patch = BOOK.of(session).keep(
+        key,
+        lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
+    )
+    row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
+    return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
+
+
+def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:
+    return camera.linear.tobytes(), camera.center.tobytes(), camera.height, camera.fov

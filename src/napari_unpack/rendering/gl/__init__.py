@@ -1,0 +1,1 @@
+"""The OpenGL backend: the same images as `rendering.cpu`, by GLSL."""

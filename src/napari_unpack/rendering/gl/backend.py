@@ -1,0 +1,303 @@
+"""The CPU ray casters' functions, computed by shaders in the offscreen context.
+
+Same arguments, same results (`napari_unpack.rendering.cpu`), arrays in and arrays out. Textures of
+the last few volumes are kept: they are told apart by array identity, so an array that was changed
+in place must be announced with `forget`.
+"""
+
+from __future__ import annotations
+
+import weakref
+from functools import cache
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.rays import Rays
+from napari_unpack.geometry.shading import Shading
+from napari_unpack.rendering.gl import occlusion_atomics, offscreen
+from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, Target, Targets
+from napari_unpack.rendering.gl.interference_pass import InterferencePass
+from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
+from napari_unpack.rendering.gl.occlusion_atomics import OcclusionAtomics, RayTooCrowdedError
+from napari_unpack.rendering.gl.occlusion_queries import MOST_QUERIED, FirstHits, OcclusionQueries
+from napari_unpack.rendering.gl.occlusion_runs import MOST_IN_TABLE, OcclusionPass, counts_of_runs
+from napari_unpack.rendering.gl.programs import ShaderError
+from napari_unpack.rendering.gl.textures import Density, VolumeTextures
+from napari_unpack.rendering.gl.tinted_pass import Look, TintedPass
+
+CountingMethod = Literal["auto", "atomics", "runs"]
+
+
+class BrickMap(Protocol):
+    """What is asked of `rendering.cpu.Bricks`, which this room does not import."""
+
+    def occupied(
+        self, table: NDArray[np.float32], domain: tuple[float, float], tints: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Tell which bricks may hold something to be seen."""
+
+    def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which bricks hold a visible object."""
+
+
+def id_layers(
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    visible: NDArray[np.bool_],
+    layers: int = 1,
+    bricks: BrickMap | None = None,
+    clipping: ArrayLike | None = None,
+) -> NDArray[np.int32]:
+    """List the distinct visible objects on every ray; see `rendering.cpu.id_layers`.
+
+    Returns
+    -------
+    (layers, H, W) ndarray of int32
+
+    Raises
+    ------
+    ValueError
+        Beyond 32 layers or 8 clipping planes.
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    with offscreen.context().use():
+        bench = _bench()
+        passes = -(-min(layers, MOST_LAYERS) // LAYERS_A_PASS)
+        targets = [bench.id_target(i, rays.size) for i in range(passes)]
+        bench.ids.draw(
+            targets,
+            bench.textures(labels, None),
+            rays,
+            visible,
+            layers,
+            None if bricks is None else bricks.inhabited(visible),
+            clipping,
+        )
+        stacked = np.concatenate([t.read() for t in targets], axis=2)[:, :, :layers]
+    return np.ascontiguousarray(np.moveaxis(stacked, 2, 0)).astype(np.int32)
+
+
+def occlusion_counts(
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    visible: NDArray[np.bool_],
+    bricks: BrickMap | None = None,
+    method: CountingMethod = "auto",
+) -> OcclusionCounts:
+    """Count how much of every object is hidden by others; see `rendering.cpu.occlusion_counts`.
+
+    Parameters
+    ----------
+    labels, rays, visible, bricks
+        As there.
+    method : {"auto", "atomics", "runs"}
+        One pass with atomic counters (OpenGL 4.3, 4096 objects, 96 on a ray), or run lengths
+        added up by numpy; "auto" takes the first where it can.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, or not the method asked for, with the reason.
+    """
+    with offscreen.context().use():
+        bench = _bench()
+        occupied = None if bricks is None else bricks.inhabited(visible)
+        textures = bench.textures(labels, None)
+        if method == "atomics" or (
+            method == "auto"
+            and np.count_nonzero(visible) <= MOST_IN_TABLE
+            and occlusion_atomics.supported()
+        ):
+            target = bench.counting_targets.get(rays.size)
+            try:
+                return bench.atomics.count(target, textures, rays, visible, occupied)
+            except (RayTooCrowdedError, ShaderError):
+                if method == "atomics":
+                    raise
+        ids, samples = bench.occlusion.runs(
+            (bench.run_targets[0].get(rays.size), bench.run_targets[1].get(rays.size)),
+            textures,
+            rays,
+            visible,
+            occupied,
+        )
+    return counts_of_runs(ids, samples, visible)
+
+
+def interfering_pairs(
+    stack: NDArray[np.integer], half_widths: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
+    """Find who interferes in object-ID layers; see `InterferencePass.pairs`.
+
+    Returns
+    -------
+    (ids, pairs, lengths) or None
+        None where the driver is older than OpenGL 4.3, there are more than 4096 objects, or a
+        pixel comes near more than 64: the CPU's `appearance.interference` has no such limits.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    with offscreen.context().use():
+        if not occlusion_atomics.supported(blocks=4):
+            return None
+        bench = _bench()
+        target = bench.counting_targets.get((int(stack.shape[1]), int(stack.shape[2])))
+        try:
+            return bench.interference.pairs(target, stack, half_widths)
+        except (RayTooCrowdedError, ShaderError, ValueError):
+            return None
+
+
+def first_hits(
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    visible: NDArray[np.bool_],
+    boxes: LabelBoxes,
+    bricks: BrickMap | None = None,
+) -> FirstHits:
+    """Count every object's rays, and its blocked ones, by occlusion queries.
+
+    Parameters
+    ----------
+    labels, rays, visible, bricks
+        As for `occlusion_counts`.
+    boxes : LabelBoxes
+        Of these labels.
+
+    Returns
+    -------
+    FirstHits
+
+    Raises
+    ------
+    ValueError
+        Above 256 objects, or in perspective.
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    asked = int(np.count_nonzero(visible[boxes.ids]))
+    if asked > MOST_QUERIED:
+        raise ValueError(
+            f"occlusion queries serve up to {MOST_QUERIED} objects, got {asked}; "
+            "use occlusion_counts"
+        )
+    if rays.near != -np.inf:
+        raise ValueError("occlusion queries need parallel rays, got a perspective")
+    with offscreen.context().use():
+        bench = _bench()
+        textures = bench.textures(labels, None)
+        first = bench.id_target(0, rays.size)
+        occupied = None if bricks is None else bricks.inhabited(visible)
+        bench.ids.draw([first], textures, rays, visible, 1, occupied)
+        target = bench.counting_targets.get(rays.size)
+        return bench.queries.count(target, first, textures, rays, boxes, visible)
+
+
+def tinted(
+    volume: Density,
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    spacing: ArrayLike,
+    table: NDArray[np.float32],
+    domain: tuple[float, float],
+    tints: NDArray[np.float32],
+    shading: Shading | None,
+    bricks: BrickMap | None = None,
+    jitter: bool = False,
+    clipping: ArrayLike | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cast a tinted picture; see `rendering.cpu.tinted`.
+
+    Returns
+    -------
+    image : (H, W, 4) ndarray of float32
+        Premultiplied RGBA.
+    depth : (H, W) ndarray of float32
+        t in mm where alpha first reaches 0.5, +inf where it never does.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
+    with offscreen.context().use():
+        bench = _bench()
+        target = bench.tinted_targets.get(rays.size)
+        bench.tinted.draw(
+            target,
+            bench.textures(labels, volume),
+            rays,
+            Look(spacing, table, domain, tints, shading),
+            None if bricks is None else bricks.occupied(table, domain, tints),
+            jitter,
+            clipping,
+        )
+        image, depth = target.read(0), target.read(1)[:, :, 0]
+    return image, np.where(depth < NO_DEPTH, depth, np.float32(np.inf))
+
+
+def forget(array: NDArray[Any] | None = None) -> None:
+    """Drop the textures made from an array, or all of them."""
+    with offscreen.context().use():
+        _bench().forget(array)
+
+
+class Bench:
+    """Passes, targets and textures of the offscreen context."""
+
+    keep = 2
+    """Volumes whose textures stay."""
+
+    def __init__(self) -> None:
+        self.ids = ObjectIdPass()
+        self.tinted = TintedPass()
+        self.occlusion = OcclusionPass()
+        self.atomics = OcclusionAtomics()
+        self.queries = OcclusionQueries()
+        self.interference = InterferencePass()
+        self.counting_targets = Targets((1,), keep=1)
+        self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
+        self.tinted_targets = Targets(TintedPass.channels)
+        self._id_targets: dict[int, Targets] = {}
+        self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}
+
+    def id_target(self, index: int, size: tuple[int, int]) -> Target:
+        """Return the target of the index-th pass at a size."""
+        return self._id_targets.setdefault(index, Targets((4,))).get(size)
+
+    def textures(self, labels: NDArray[np.uint16], volume: Density | None) -> VolumeTextures:
+        """Return the textures of these very arrays, uploading them if they are new."""
+        for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
+            if label_ref() is None or (volume_ref is not None and volume_ref() is None):
+                self._kept.pop(key)[2].delete()
+            elif label_ref() is labels and (
+                volume is None or (volume_ref is not None and volume_ref() is volume)
+            ):
+                self._kept[key] = self._kept.pop(key)
+                return textures
+        textures = VolumeTextures(labels, volume)
+        volume_ref = None if volume is None else weakref.ref(volume)
+        self._kept[id(labels), id(volume)] = (weakref.ref(labels), volume_ref, textures)
+        while len(self._kept) > self.keep:
+            self._kept.pop(next(iter(self._kept)))[2].delete()
+        return textures
+
+    def forget(self, array: NDArray[Any] | None) -> None:
+        """Drop the textures made from an array, or all."""
+        for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
+            if array is None or array is label_ref() or (volume_ref and array is volume_ref()):
+                del self._kept[key]
+                textures.delete()
+
+
+@cache
+def _bench() -> Bench:
+    return Bench()

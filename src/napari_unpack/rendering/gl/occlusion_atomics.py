@@ -1,0 +1,166 @@
+"""Occlusion counts in one pass with atomic counters, where OpenGL is 4.3 or newer.
+
+The paper's second method, extended: the same walk also tells who blocks whom.
+"""
+
+from __future__ import annotations
+
+from ctypes import c_void_p
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vispy import gloo
+
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.rays import Rays
+from napari_unpack.rendering.gl.framebuffer import Target, current_context
+from napari_unpack.rendering.gl.programs import compiled
+from napari_unpack.rendering.gl.textures import VolumeTextures
+from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
+
+NEEDED = (4, 3)
+"""OpenGL with shader storage buffers and their atomics."""
+
+VERSION = "430 compatibility"
+
+
+class RayTooCrowdedError(RuntimeError):
+    """A ray met more objects than the shader remembers."""
+
+
+class OcclusionAtomics:
+    """The one-pass counters of one GL context.
+
+    Attributes
+    ----------
+    passes : int
+        How often it has walked rays.
+    """
+
+    def __init__(self) -> None:
+        self.passes = 0
+        self.leaps = Leaps()
+        self._program: gloo.Program | None = None
+
+    def count(
+        self,
+        target: Target,
+        textures: VolumeTextures,
+        rays: Rays,
+        visible: NDArray[np.bool_],
+        occupied: NDArray[np.bool_] | None = None,
+    ) -> OcclusionCounts:
+        """Count how much of every object is hidden by others.
+
+        Parameters
+        ----------
+        target : Target
+            One channel, of the rays' size; what is drawn there means nothing.
+        textures, rays, visible, occupied
+            As in `ObjectIdPass.draw`; at most 4096 visible objects, whose
+            pairs are numbered by 32-bit integers.
+
+        Returns
+        -------
+        OcclusionCounts
+
+        Raises
+        ------
+        RayTooCrowdedError
+            If a ray met more than 96 objects: use another way.
+
+        Notes
+        -----
+        Li et al. 2012, section 5.1, `countOccludedSamples`. The paper skips a ray's first object
+        and counts eq. 2's numerator alone; here every counter of `OcclusionCounts` is kept, and
+        a bit a pair says who lies in front of whom.
+        """
+        from OpenGL import GL
+
+        if self._program is None:
+            self._program = compiled("count_occluded.frag", version=VERSION)
+        candidates = np.flatnonzero(visible)
+        n = len(candidates)
+        slots = np.full(len(visible), -1, np.int32)
+        slots[candidates] = np.arange(n)
+        assign(
+            self._program,
+            ray_uniforms(rays, textures)
+            | plane_uniforms(None)
+            | self.leaps.uniforms(occupied)
+            | {"u_objects": float(n)},
+        )
+        context = current_context()
+        buffers = [
+            new_buffer(0, slots),
+            new_buffer(1, np.zeros(5 * n + 1, np.uint32)),
+            new_buffer(2, np.zeros(n * n // 32 + 1, np.uint32)),
+        ]
+        try:
+            with target.drawing():
+                self._program.draw("triangle_strip")
+                context.flush_commands()
+                GL.glMemoryBarrier(GL.GL_BUFFER_UPDATE_BARRIER_BIT)
+            self.passes += 1
+            counters = read_buffer(buffers[1], 5 * n + 1)
+            words = read_buffer(buffers[2], n * n // 32 + 1)
+        finally:
+            GL.glDeleteBuffers(len(buffers), buffers)
+        if counters[-1]:
+            raise RayTooCrowdedError("a ray meets more objects than the shader remembers")
+        return _counts(counters[:-1].reshape(5, n), words, candidates, len(visible))
+
+
+def supported(blocks: int = 3) -> bool:
+    """Whether the current context has what this needs: so many shader storage blocks."""
+    from OpenGL import GL
+
+    current_context().flush_commands()
+    text = GL.glGetString(GL.GL_VERSION)
+    words = (text.decode() if isinstance(text, bytes) else str(text)).split(" ")[0].split(".")
+    version = tuple(int(word) for word in words[:2] if word.isdigit())
+    if len(version) < 2 or version < NEEDED:
+        return False
+    most = int(np.asarray(GL.glGetIntegerv(GL.GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS)).max())
+    return most >= blocks
+
+
+def _counts(
+    counters: NDArray[np.uint32],
+    words: NDArray[np.uint32],
+    candidates: NDArray[np.int64],
+    size: int,
+) -> OcclusionCounts:
+    rows = np.zeros((5, size), np.int64)
+    rows[:, candidates] = counters
+    n = len(candidates)
+    bits = np.unpackbits(words.view(np.uint8), bitorder="little")[: n * n]
+    met = counters[0] > 0
+    blocks = bits.reshape(n, n).astype(np.bool_)[np.ix_(met, met)]
+    return OcclusionCounts(candidates[met], rows[0], rows[1], rows[2], rows[3], rows[4], blocks)
+
+
+def new_buffer(binding: int, values: NDArray[Any]) -> int:
+    """Make a shader storage buffer of an array and bind it; return its name."""
+    from OpenGL import GL
+
+    name = int(GL.glGenBuffers(1))
+    GL.glBindBuffer(GL.GL_SHADER_STORAGE_BUFFER, name)
+    GL.glBufferData(GL.GL_SHADER_STORAGE_BUFFER, values.nbytes, values, GL.GL_DYNAMIC_READ)
+    GL.glBindBufferBase(GL.GL_SHADER_STORAGE_BUFFER, binding, name)
+    return name
+
+
+def read_buffer(name: int, length: int) -> NDArray[np.uint32]:
+    """Return so many words of a shader storage buffer."""
+    from OpenGL import GL
+
+    # PyOpenGL's own wrapper writes past a numpy array given to it.
+    from OpenGL.raw.GL.VERSION.GL_1_5 import glGetBufferSubData
+
+    out = np.empty(length, np.uint32)
+    GL.glBindBuffer(GL.GL_SHADER_STORAGE_BUFFER, name)
+    glGetBufferSubData(GL.GL_SHADER_STORAGE_BUFFER, 0, out.nbytes, out.ctypes.data_as(c_void_p))
+    GL.glBindBuffer(GL.GL_SHADER_STORAGE_BUFFER, 0)
+    return out

@@ -1,0 +1,163 @@
+"""Compiles our shaders at once, and says where they are wrong in our own files and lines.
+
+Reads GLSL files, joins their includes, and finds the way back from a driver's line numbers.
+
+Only text is handled here. `#include "lib/x.glsl"` puts a file in once, where it is first asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from vispy import gloo
+
+from napari_unpack.rendering.gl.framebuffer import current_context, namespace
+from napari_unpack.rendering.gl.memory import TABLES, ledger
+
+INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+STRIDE = 100_000
+"""Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names."""
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """A whole shader: GLSL without includes, and the files it came from, by number."""
+
+    code: str
+    files: tuple[str, ...]
+
+    def explain(self, log: str) -> str:
+        """Return a driver's log with our file names and lines in place of its numbers."""
+
+        def named(match: re.Match[str]) -> str:
+            file, line = divmod(int(match.group()), STRIDE)
+            return f"{self.files[file - 1]}:{line}" if file <= len(self.files) else match.group()
+
+        return re.sub(rf"\b[1-9]\d{{{len(str(STRIDE)) - 1},}}\b", named, log)
+
+
+def read(path: str) -> str:
+    """Return the text of one file under shaders/; raise `FileNotFoundError` if it is missing."""
+    return resources.files("napari_unpack.shaders").joinpath(path).read_text(encoding="utf-8")
+
+
+def load(
+    path: str,
+    defines: Mapping[str, object] | None = None,
+    version: str | None = None,
+    read: Callable[[str], str] = read,
+) -> ShaderSource:
+    """Join a shader under shaders/ with what it includes, version and macros first.
+
+    Raises
+    ------
+    ValueError
+        If files include each other in a circle.
+    """
+    files: list[str] = [path]
+
+    def expand(name: str, above: tuple[str, ...]) -> list[str]:
+        base = (files.index(name) + 1) * STRIDE
+        # GLSL 1.20, section 3.3: the line after `#line n` is n + 1.
+        lines = [f"#line {base}"]
+        for number, line in enumerate(read(name).splitlines(), start=1):
+            match = INCLUDE.match(line)
+            if match is None:
+                lines.append(line)
+                continue
+            wanted = match.group(1)
+            if wanted in (*above, name):
+                circle = " -> ".join([*above, name, wanted])
+                raise ValueError(f"shader files include each other in a circle: {circle}")
+            if wanted not in files:
+                files.append(wanted)
+                lines += expand(wanted, (*above, name))
+            lines.append(f"#line {base + number}")
+        return lines
+
+    head = [f"#version {version}"] if version else []
+    head += [f"#define {key} {value}" for key, value in (defines or {}).items()]
+    return ShaderSource("\n".join([*head, *expand(path, ())]) + "\n", tuple(files))
+
+
+class ShaderError(RuntimeError):
+    """A shader that this machine's driver does not accept."""
+
+
+class Programs:
+    """Passes compiled once a GL context, for all that draw there."""
+
+    def __init__(self) -> None:
+        self._made: WeakKeyDictionary[Any, dict[object, gloo.Program]] = WeakKeyDictionary()
+
+    def here(
+        self,
+        fragment: str,
+        defines: Mapping[str, object] | None = None,
+        vertex: str = "fullscreen.vert",
+    ) -> gloo.Program:
+        """Return the program of the current context; see `compiled`."""
+        made = self._made.setdefault(namespace(), {})
+        key = fragment, vertex, *sorted((defines or {}).items())
+        if key not in made:
+            made[key] = compiled(fragment, defines, vertex)
+        return made[key]
+
+
+def compiled(
+    fragment: str,
+    defines: Mapping[str, object] | None = None,
+    vertex: str = "fullscreen.vert",
+    version: str | None = None,
+) -> gloo.Program:
+    """Compile and link one pass in the current context.
+
+    Parameters
+    ----------
+    fragment, vertex : str
+        Files under shaders/passes/.
+    defines : mapping, optional
+        Macros for both.
+    version : str, optional
+        GLSL's, for both; by default 1.20.
+
+    Returns
+    -------
+    vispy.gloo.Program
+        With a full-screen triangle strip bound where it takes `a_position`.
+
+    Raises
+    ------
+    ShaderError
+        With the driver's log, its line numbers turned into our files and lines.
+    RuntimeError
+        If no canvas is current.
+    """
+    vert, frag = (load(f"passes/{name}", defines, version) for name in (vertex, fragment))
+    program = linked(vert, frag)
+    if "a_position" in program:
+        corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
+        buffer = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
+        program["a_position"] = ledger().enter(TABLES, buffer)
+    return program
+
+
+def linked(vertex: ShaderSource, fragment: ShaderSource) -> gloo.Program:
+    """Compile and link two sources in the current context; see `compiled`."""
+    context = current_context()
+    context.flush_commands()
+    program = gloo.Program(vertex.code, fragment.code)
+    context.glir.associate(program.glir)
+    try:
+        context.flush_commands()
+    except RuntimeError as error:
+        log = str(error)
+        source = vertex if "VERTEX" in log.split(":", 1)[0] else fragment
+        raise ShaderError(f"{source.files[0]}: {source.explain(log)}") from error
+    return program

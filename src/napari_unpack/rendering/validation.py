@@ -1,0 +1,208 @@
+"""Check the arguments of the public functions, and convert them to what kernels take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.relabeling import compact_labels
+from napari_unpack.geometry.view import View
+
+MOST_IDS = 65_536
+"""As many IDs as uint16 labels tell apart, the background among them."""
+
+MOST_DENSITY = 1e37
+"""Differences of such densities, and differences of those, are still float32 numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """A label volume fit for the kernels, and the way back to the IDs it was given with.
+
+    Parameters
+    ----------
+    array : (Z, Y, X) ndarray of uint16
+        C-contiguous.
+    size : int
+        One more than the largest label in `array`: the length of tables by ID.
+    names : (size,) ndarray of int64, optional
+        The given ID of every label; None where they are the same.
+    """
+
+    array: NDArray[np.uint16]
+    size: int
+    names: NDArray[np.int64] | None = None
+
+    def row(self, object_id: int) -> int | None:
+        """Return the label a given ID has in `array`, None where the volume lacks it."""
+        if self.names is None:
+            return object_id if 0 <= object_id < self.size else None
+        at = int(np.searchsorted(self.names, object_id))
+        return at if at < self.size and self.names[at] == object_id else None
+
+    def name(self, label: int) -> int:
+        """Return the given ID of a label in `array`."""
+        return label if self.names is None else int(self.names[label])
+
+    def visible(self, hidden: Iterable[int]) -> NDArray[np.bool_]:
+        """Return the (size,) table of what is visible to the ID passes."""
+        table = np.ones(self.size, np.bool_)
+        table[0] = False
+        for label in map(self.row, checked_ids(hidden)):
+            if label is not None:
+                table[label] = False
+        return table
+
+    def tints(
+        self, tints: Mapping[int, Sequence[float]] | None, hidden: Iterable[int]
+    ) -> NDArray[np.float32]:
+        """Return the (size, 4) float32 table of tints; white where none is given.
+
+        Raises
+        ------
+        ValueError
+            If a tint is not three or four numbers from 0 to 1.
+        """
+        table = np.ones((self.size, 4), np.float32)
+        for object_id, tint in (tints or {}).items():
+            colour = np.asarray(tint, dtype=np.float32)
+            if colour.shape not in ((3,), (4,)) or not ((colour >= 0) & (colour <= 1)).all():
+                raise ValueError(
+                    f"tints must be three or four numbers from 0 to 1, got {tint!r} "
+                    f"for object {object_id}"
+                )
+            label = self.row(int(object_id))
+            if label is not None:
+                table[label, : len(colour)] = colour
+        for label in map(self.row, checked_ids(hidden)):
+            if label is not None:
+                table[label] = 0
+        return table
+
+
+def checked_labels(labels: ArrayLike) -> Labels:
+    """Check a label volume and make it fit for the kernels.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) array_like of int
+        Object IDs, 0 background.
+
+    Returns
+    -------
+    Labels
+        Shares memory with the argument where that is uint16 and C-contiguous.
+
+    Raises
+    ------
+    TypeError
+        If the labels are not integers.
+    ValueError
+        If they are not 3D, empty, negative, above int64, or hold more than 65,535 objects.
+    """
+    array = np.asarray(labels)
+    if array.dtype != np.bool_ and not np.issubdtype(array.dtype, np.integer):
+        raise TypeError(f"labels must be integers (object IDs), got {array.dtype}; convert them")
+    _check_shape(array, "labels")
+    if np.issubdtype(array.dtype, np.signedinteger) and array.min() < 0:
+        raise ValueError(f"labels must not be negative, got {array.min()}")
+    top = int(array.max())
+    if top < MOST_IDS:
+        return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)
+    if top > np.iinfo(np.int64).max:
+        raise ValueError(f"labels must be below 2**63, got {top}; renumber them")
+    fitting, names = compact_labels(array)
+    return Labels(fitting, len(names), names)
+
+
+def checked_volume(
+    volume: ArrayLike, shape: tuple[int, ...] | None = None
+) -> NDArray[np.uint16] | NDArray[np.float32]:
+    """Check a density volume and make it fit for the kernels.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like of real numbers
+        Density. NaN counts as the lowest density, as infinities do as the extremes, and what is
+        beyond MOST_DENSITY as that.
+    shape : tuple of int, optional
+        The shape it must have.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of uint16 or float32
+        uint16 if it was uint8 or uint16, else float32. C-contiguous; shares memory if it can.
+
+    Raises
+    ------
+    TypeError
+        If the volume does not hold real numbers.
+    ValueError
+        If it is not 3D, empty, of another shape, or holds no finite number.
+    """
+    array = np.asarray(volume)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"volume must hold real numbers, got {array.dtype}")
+    _check_shape(array, "volume")
+    if shape is not None and array.shape != shape:
+        raise ValueError(f"volume and labels must have one shape, got {array.shape} and {shape}")
+    if array.dtype in (np.bool_, np.uint8, np.uint16):
+        return np.ascontiguousarray(array, dtype=np.uint16)
+    density = np.ascontiguousarray(array, dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        if density.min() >= -MOST_DENSITY and density.max() <= MOST_DENSITY:
+            return density
+    finite = np.isfinite(density)
+    if not finite.any():
+        raise ValueError("volume must hold finite numbers, got none")
+    low, high = float(density[finite].min()), float(density[finite].max())
+    known = np.nan_to_num(density, nan=low, posinf=high, neginf=low)
+    return np.clip(known, -MOST_DENSITY, MOST_DENSITY, out=known)
+
+
+def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:
+    """Check a voxel size: (3,) positive finite mm, z y x; raise ValueError otherwise."""
+    mm = np.asarray(spacing, dtype=np.float64)
+    if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
+        raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
+    return mm
+
+
+def checked_view(view: View | None) -> View:
+    """Check a view, the default one for None; raise TypeError otherwise."""
+    if view is None:
+        return View()
+    if not isinstance(view, View):
+        raise TypeError(f"view must be a View, such as View(direction=(0, 0, 1)), got {view!r}")
+    return view
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    """Check a picture size: (height, width) of at least one pixel; raise ValueError otherwise."""
+    if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
+        raise ValueError(f"size must be two positive integers (height, width), got {size!r}")
+    return int(size[0]), int(size[1])
+
+
+def checked_ids(ids: Iterable[int]) -> list[int]:
+    """Check object IDs such as `hidden`; raise TypeError unless they are integers."""
+    if isinstance(ids, (str, bytes)) or not isinstance(ids, Iterable):
+        raise TypeError(f"hidden must be a collection of object IDs, got {ids!r}")
+    out = list(ids)
+    for object_id in out:
+        if not isinstance(object_id, (int, np.integer)):
+            raise TypeError(f"hidden must hold object IDs (integers), got {object_id!r}")
+    return [int(i) for i in out]
+
+
+def _check_shape(array: NDArray[np.generic], name: str) -> None:
+    if array.ndim != 3:
+        raise ValueError(
+            f"{name} must be 3D (Z, Y, X), got {array.ndim}D of shape {array.shape}; "
+            "take one time point or channel of it"
+        )
+    if array.size == 0:
+        raise ValueError(f"{name} must not be empty, got shape {array.shape}")

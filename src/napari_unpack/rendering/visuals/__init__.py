@@ -1,1 +1,0 @@
-"""vispy visuals that draw what the passes made."""

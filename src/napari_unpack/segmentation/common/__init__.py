@@ -1,0 +1,1 @@
+"""What several steps of segmentation share: regions, boxes, adjacency, hulls, measures."""

@@ -1,0 +1,146 @@
+"""Solidity: how much of its convex hull a shape fills."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from napari_unpack.segmentation.common.validation import Spacing
+
+
+def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
+    """Return volume over convex hull volume, in (0, 1].
+
+    Parameters
+    ----------
+    mask : (Z, Y, X) ndarray of bool
+        At least one voxel.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+
+    Returns
+    -------
+    float
+        1 for a convex shape, 0.5 and less for rings, shells and crumpled cloth.
+
+    Notes
+    -----
+    Only voxels that end their rows along all axes can be corners of the hull, so the hull is taken
+    of those, and then of its corners moved half a voxel along each axis: the centres alone would
+    make a thin plate flat.
+    """
+    corners = hull_points(None, mask, np.zeros(3), spacing)
+    filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
+    return min(filled, 1.0)
+
+
+def hull_points(
+    points: NDArray[np.float64] | None,
+    mask: NDArray[np.bool_] | None = None,
+    first: NDArray[np.integer] | NDArray[np.float64] | None = None,
+    spacing: Spacing = (1.0, 1.0, 1.0),
+) -> NDArray[np.float64]:
+    """Return the corners of the convex hull of points, or of a mask's voxels.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray of float64, optional
+        mm; where None, the mask's.
+    mask : (Z, Y, X) ndarray of bool, optional
+        At least one voxel.
+    first : (3,) ndarray, optional
+        Index of the mask's first voxel.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+
+    Returns
+    -------
+    (K, 3) ndarray of float64
+        mm. A subset of the points; of a mask, face centres of voxels.
+    """
+    if points is None:
+        assert mask is not None
+        ends = _corners(_row_ends(mask))
+        moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
+        origin = np.zeros(3) if first is None else first
+        points = (ends[:, None, :] + moves + origin).reshape(-1, 3) * np.array(spacing)
+    return _corners(points)
+
+
+def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.float64]:
+    """Return the few points of many that reach furthest along directions all over the sphere.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray of float64
+        mm.
+    count : int
+        Directions, on a Fibonacci lattice.
+
+    Returns
+    -------
+    (K, 3) ndarray of float64
+        At most `count` of the points. Their hull has all of a box, and 95 % of a ball.
+    """
+    if len(points) <= count:
+        return points
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    ring = np.sqrt(1 - z * z)
+    directions = np.stack([z, ring * np.cos(turn), ring * np.sin(turn)])
+    return np.asarray(points[np.unique(np.argmax(points @ directions, axis=0))])
+
+
+def hull_volume(corners: NDArray[np.float64]) -> float:
+    """Return the volume of the convex hull of at least four points not in a plane."""
+    return float(ConvexHull(corners).volume)
+
+
+def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    if len(points) <= 12:
+        return points
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:
+        return points
+
+
+def _row_ends(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the voxels that are first or last of their rows along all three axes."""
+    return np.asarray(_extremes(np.ascontiguousarray(mask)))
+
+
+@njit(cache=True, nogil=True)
+def _extremes(mask):  # type: ignore[no-untyped-def]
+    nz, ny, nx = mask.shape
+    first_z = np.full((ny, nx), nz, np.int32)
+    last_z = np.full((ny, nx), -1, np.int32)
+    first_y = np.full((nz, nx), ny, np.int32)
+    last_y = np.full((nz, nx), -1, np.int32)
+    ends = np.full((nz, ny, 2), -1, np.int32)
+    for z in range(nz):
+        for y in range(ny):
+            for x in range(nx):
+                if mask[z, y, x]:
+                    first_z[y, x] = min(first_z[y, x], z)
+                    last_z[y, x] = z
+                    first_y[z, x] = min(first_y[z, x], y)
+                    last_y[z, x] = y
+                    if ends[z, y, 0] < 0:
+                        ends[z, y, 0] = x
+                    ends[z, y, 1] = x
+    found = np.empty((2 * nz * ny, 3), np.float64)
+    count = 0
+    for z in range(nz):
+        for y in range(ny):
+            for side in range(2):
+                x = ends[z, y, side]
+                if x < 0 or (side == 1 and x == ends[z, y, 0]):
+                    continue
+                along_y = y == first_y[z, x] or y == last_y[z, x]
+                if along_y and (z == first_z[y, x] or z == last_z[y, x]):
+                    found[count, 0], found[count, 1], found[count, 2] = z, y, x
+                    count += 1
+    return found[:count].copy()

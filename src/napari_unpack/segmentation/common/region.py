@@ -1,0 +1,133 @@
+"""A region: the voxels of one object, or of what may still be several, in their own box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.validation import Spacing
+
+Box = tuple[slice, slice, slice]
+
+FEWEST = 100
+"""Voxels that show a shape."""
+
+# mm^3 or voxels; and the share of a volume of which that many mm^3 are too much.
+SMALLEST, SHARE = 500.0, 1 / 2000
+
+
+def default_smallest(shape: tuple[int, int, int], spacing: Spacing) -> float:
+    """Return the size below which nothing is an object unless told otherwise, mm^3.
+
+    Notes
+    -----
+    That of a lighter or a key. Where it is a large part of the whole, the volume is no bag or its
+    unit is not mm, and as many voxels are taken if they are less.
+    """
+    voxel = float(np.prod(spacing))
+    is_bag = SHARE * voxel * float(np.prod(shape)) >= SMALLEST
+    return SMALLEST if is_bag else SMALLEST * min(voxel, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """What an oracle is asked to judge.
+
+    Parameters
+    ----------
+    mask : (Z, Y, X) ndarray of bool
+        The region's voxels in its bounding box.
+    density : (Z, Y, X) ndarray
+        Density in the same box, a view of the volume.
+    origin : (int, int, int)
+        First voxel of the box in the volume.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    whole : ndarray, optional
+        Density of the whole volume, so that what lies beyond the box can be seen.
+    """
+
+    mask: NDArray[np.bool_]
+    density: NDArray[np.generic]
+    origin: tuple[int, int, int]
+    spacing: Spacing
+    whole: NDArray[np.generic] | None = None
+
+    @staticmethod
+    def of(
+        mask: NDArray[np.bool_], density: NDArray[np.generic], box: Box, spacing: Spacing
+    ) -> Region:
+        """Return the region of a mask in a box of a volume, beyond which it can see."""
+        first = (box[0].start, box[1].start, box[2].start)
+        return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
+
+    @cached_property
+    def voxels(self) -> int:
+        """Number of voxels."""
+        return int(np.count_nonzero(self.mask))
+
+    @property
+    def voxel_volume(self) -> float:
+        """Volume of one voxel, mm^3."""
+        return float(np.prod(self.spacing))
+
+    @property
+    def volume(self) -> float:
+        """Volume, mm^3."""
+        return self.voxels * self.voxel_volume
+
+    @cached_property
+    def values(self) -> NDArray[np.float32]:
+        """Densities of the region's voxels, NaN as 0, (N,) float32."""
+        return np.nan_to_num(self.density[self.mask].astype(np.float32))
+
+    @property
+    def field(self) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+        """The largest density known, and where this region's box begins in it."""
+        if self.whole is None:
+            return self.density, np.zeros(3, np.int64)
+        return self.whole, np.array(self.origin, np.int64)
+
+    def part(self, mask: NDArray[np.bool_]) -> Region:
+        """Return the region of some of this one's voxels, cropped to their box."""
+        box = bounding_box(mask)
+        first = tuple(o + b.start for o, b in zip(self.origin, box, strict=True))
+        return Region(
+            np.ascontiguousarray(mask[box]),
+            self.density[box],
+            (first[0], first[1], first[2]),
+            self.spacing,
+            self.whole,
+        )
+
+    @property
+    def box(self) -> Box:
+        """The region's place in the volume."""
+        a, b, c = (slice(o, o + n) for o, n in zip(self.origin, self.mask.shape, strict=True))
+        return a, b, c
+
+
+def bounding_box(mask: NDArray[np.bool_]) -> Box:
+    """Return the slices of the smallest box around a mask with at least one voxel."""
+    slices = []
+    for axis in range(3):
+        others = tuple(a for a in range(3) if a != axis)
+        hit = np.flatnonzero(mask.any(axis=others))
+        slices.append(slice(int(hit[0]), int(hit[-1]) + 1))
+    return slices[0], slices[1], slices[2]
+
+
+def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
+    """Return the region of both's voxels in a density volume."""
+    low = np.minimum(one.origin, two.origin).tolist()
+    ends = [np.add(region.origin, region.mask.shape) for region in (one, two)]
+    high = np.maximum(*ends).tolist()
+    mask = np.zeros(np.subtract(high, low), np.bool_)
+    for region in (one, two):
+        a, b, c = (slice(s.start - o, s.stop - o) for s, o in zip(region.box, low, strict=True))
+        mask[a, b, c] |= region.mask
+    box = slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
+    return Region.of(mask, density, box, one.spacing)

@@ -1,0 +1,99 @@
+"""The bag itself: the thin skin around everything, which is no object in it."""
+
+from __future__ import annotations
+
+import edt
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.common.validation import Spacing
+
+
+def find_shell(
+    labels: NDArray[np.int32],
+    spacing: Spacing,
+    thickness: float = 8.0,
+    extent: float = 0.94,
+    outermost: float = 0.6,
+    fewest: int = 3,
+) -> NDArray[np.bool_]:
+    """Find the parts that are the bag and not its content.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Parts 1, 2, ..., 0 background.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    thickness : float
+        Fabric, piping and zips are at most this thick on average, mm.
+    extent : float
+        The skin reaches over this share of the extent of all matter, along two axes at least.
+    outermost : float
+        Share of its voxels that are the first matter seen along an axis from outside.
+    fewest : int
+        There is no bag around fewer other parts.
+
+    Returns
+    -------
+    (M,) ndarray of bool
+        By label.
+
+    Notes
+    -----
+    Where there is a skin, other thin parts nearly all of which are outermost belong to it.
+    Four passes over the volume.
+    """
+    boxes = label_boxes(labels)
+    top = int(labels.max())
+    shell = np.zeros(top + 1, np.bool_)
+    if len(boxes.ids) <= fewest:
+        return shell
+    low, high = boxes.lower, boxes.upper
+    spans = (high - low) / np.maximum(high.max(axis=0) - low.min(axis=0), 1)
+    wide = (spans >= extent).sum(axis=1) >= 2
+    if not wide.any():
+        return shell
+    reach = np.maximum(np.round(thickness / 2 / np.array(spacing)).astype(np.int64), 1)
+    outer = _outermost(labels, top, reach)
+    depth = edt.edt(labels, anisotropy=spacing, black_border=True)
+    depths = np.bincount(labels.reshape(-1), depth.reshape(-1), top + 1)[boxes.ids]
+    # A plate of thickness t has mean depth t / 4.
+    thin = 4 * depths / boxes.counts <= thickness
+    share = outer[boxes.ids] / boxes.counts
+    skin = wide & thin & (share >= outermost)
+    if skin.any() and len(boxes.ids) - int(skin.sum()) >= fewest:
+        shell[boxes.ids[skin | (thin & (share >= 0.8))]] = True
+    return shell
+
+
+@njit(cache=True, nogil=True)
+def _outermost(labels, top, reach):  # type: ignore[no-untyped-def]
+    """Count by label the voxels no deeper than `reach` behind the first matter along an axis."""
+    seen = np.zeros(labels.shape, np.bool_)
+    counts = np.zeros(top + 1, np.int64)
+    for axis in range(3):
+        length = labels.shape[axis]
+        one, two = labels.shape[(axis + 1) % 3], labels.shape[(axis + 2) % 3]
+        voxel = np.zeros(3, np.int64)
+        for a in range(one):
+            for b in range(two):
+                voxel[(axis + 1) % 3], voxel[(axis + 2) % 3] = a, b
+                for way in range(2):
+                    left = -1
+                    for k in range(length):
+                        voxel[axis] = k if way == 0 else length - 1 - k
+                        z, y, x = voxel[0], voxel[1], voxel[2]
+                        label = labels[z, y, x]
+                        if left < 0 and label:
+                            left = reach[axis]
+                        if left == 0:
+                            break
+                        if left > 0:
+                            left -= 1
+                            if label and not seen[z, y, x]:
+                                seen[z, y, x] = True
+                                counts[label] += 1
+    return counts

@@ -1,0 +1,281 @@
+"""Long thin supports under a bag: scanner tables, belts and trays, which touch everything.
+
+The round field of view of a scanner: beyond it nothing was measured, at its rim nonsense.
+
+The pad on a scanner's table: a soft thin outline between the table and the bag.
+"""
+
+from __future__ import annotations
+
+import edt
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from napari_unpack.segmentation.common.validation import Spacing
+
+
+def measured_section(
+    density: NDArray[np.generic], rim: float = 3.5, padded: float = 0.98
+) -> NDArray[np.bool_] | None:
+    """Return the pixels of a slice that the scanner measured, where its field of view is round.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+        Density.
+    rim : float
+        Pixels within this of the circle's edge are not trusted.
+    padded : float
+        The field is round where at least this share of the corners holds one same value.
+
+    Returns
+    -------
+    (Y, X) ndarray of bool or None
+        None where the field of view is not round.
+
+    Notes
+    -----
+    Reconstructions fill the corners outside the circle inscribed in the slice with a constant,
+    and the last pixels of the circle hold the jump to it: a ring through all slices. At most 32
+    slices are looked at.
+    """
+    _, height, width = density.shape
+    if height != width or height < 32:
+        return None
+    y, x = np.ogrid[:height, :width]
+    middle = (width - 1) / 2
+    radius = np.hypot(y - middle, x - middle)
+    slices = density[:: max(1, len(density) // 32)]
+    corners = slices[:, radius > middle + 2.5]
+    same = corners == corners.reshape(-1)[0]
+    if same.mean() < padded or not _noisy_all_round(slices, radius, corners.reshape(-1)[0]):
+        return None
+    return np.asarray(radius <= middle - rim)
+
+
+def _noisy_all_round(
+    slices: NDArray[np.generic], radius: NDArray[np.float64], padding: np.generic
+) -> bool:
+    """Return whether every sixteenth of the circle's outermost pixels differs from the padding."""
+    middle = (radius.shape[1] - 1) / 2
+    rows, columns = np.nonzero((radius < middle) & (radius > middle - 12))
+    differs = (slices[:, rows, columns] != padding).mean(axis=0)
+    sector = ((np.arctan2(rows - middle, columns - middle) / np.pi + 1) * 8).astype(int) % 16
+    share = np.bincount(sector, differs, 16) / np.maximum(np.bincount(sector, minlength=16), 1)
+    return float(share.min()) > 0.05
+
+
+HEIGHT = 40.0
+
+
+def pad_and_beyond(
+    share: NDArray[np.float32],
+    table: NDArray[np.bool_],
+    spacing: tuple[float, float],
+    clear: float = 0.55,
+    emptiness: float = 0.25,
+) -> NDArray[np.bool_]:
+    """Find the cross-section of a pad on a table, and of what lies beyond the table.
+
+    Parameters
+    ----------
+    share : (H, W) ndarray of float32
+        Fraction of slices in which a pixel is matter.
+    table : (H, W) ndarray of bool
+        Cross-section of the table, wider than it is high, with the bag above or below it.
+    spacing : (float, float)
+        Pixel size, mm.
+    clear : float
+        In a quarter of the table's columns the outline is at least this persistent.
+    emptiness : float
+        Between outline and table, where it is clear, fewer voxels than this share are matter.
+
+    Returns
+    -------
+    (H, W) ndarray of bool
+        The outline of the pad, where there is one, and all that is seen from the bag behind it
+        or behind the table.
+
+    Notes
+    -----
+    The outline is the most persistent line that moves at most one pixel a column, no further
+    than 40 mm from the table: found by dynamic programming. Under the bag's weight it wanders
+    from slice to slice, so that a threshold would lose it there.
+    """
+    if not table.any():
+        return np.zeros_like(table)
+    columns = np.flatnonzero(table.any(axis=0))
+    heights = np.arange(len(table))[:, None]
+    middle = heights.mean() if not share.any() else np.average(heights[:, 0], weights=share.sum(1))
+    if middle > np.average(heights[:, 0], weights=table.sum(axis=1)):
+        return pad_and_beyond(share[::-1], table[::-1], spacing, clear, emptiness)[::-1]
+    surface = table[:, columns].argmax(axis=0)
+    reach = min(int(HEIGHT / spacing[0]), int(surface.min()))
+    behind = np.zeros_like(table)
+    behind[:, columns] = heights >= surface
+    if reach < 4 or len(columns) < 16:
+        return behind
+    rows = surface[None, :] - 2 - np.arange(reach - 2)[:, None]
+    band = maximum_filter1d(share, 3, axis=0)[rows, columns]
+    lift = _ridge(np.ascontiguousarray(band), surface)
+    found = band[lift, np.arange(len(columns))]
+    distinct = found >= clear
+    under = (np.arange(reach - 2)[:, None] < lift[None, :] - 1) & distinct
+    inside = share[rows, columns][under]
+    if distinct.mean() < 0.25 or not len(inside) or inside.mean() > emptiness:
+        return behind
+    top = surface - 2 - lift - 1
+    behind[:, columns] = heights >= top - 1
+    return behind
+
+
+@njit(cache=True, nogil=True)
+def _ridge(band, surface):  # type: ignore[no-untyped-def]
+    height, width = band.shape
+    total = np.full((height, width), -1e9)
+    came = np.zeros((height, width), np.int64)
+    total[:, 0] = band[:, 0]
+    for x in range(1, width):
+        slope = surface[x] - surface[x - 1]
+        for k in range(height):
+            for move in (0, -1, 1):
+                j = k - slope + move
+                if 0 <= j < height and total[j, x - 1] > total[k, x] - band[k, x]:
+                    total[k, x] = total[j, x - 1] + band[k, x]
+                    came[k, x] = j
+    path = np.zeros(width, np.int64)
+    path[-1] = np.argmax(total[:, -1])
+    for x in range(width - 1, 0, -1):
+        path[x - 1] = came[path[x], x]
+    return path
+
+
+MOST = 0.4
+"""Share of all matter that supports are at most; more of it is no support but the bag."""
+
+
+def find_supports(
+    matter: NDArray[np.bool_],
+    spacing: Spacing,
+    thickness: float = 12.0,
+    width: float = 120.0,
+    persistence: float = 0.8,
+) -> NDArray[np.bool_]:
+    """Find thin things of constant cross-section that run the whole length of the volume.
+
+    Parameters
+    ----------
+    matter : (Z, Y, X) ndarray of bool
+        Foreground.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    thickness : float
+        A support's walls are at most this thick, mm.
+    width : float
+        Its cross-section is at least this wide, mm, and so is its length.
+    persistence : float
+        Fraction of the slices along its axis in which a point of its cross-section is matter.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of bool
+        Voxels of supports.
+
+    Notes
+    -----
+    A table or belt is a prism along the direction of travel: seen along that axis it is a set of
+    pixels that are matter in nearly every slice, and packed things are not. Along each axis the
+    persistent pixels are grouped, kept where nine in ten are thin and the group is wide, joined
+    by what else is prismatic inside them (a foam core), by a pad and all beyond (see `pads`), and
+    grown a little into their partial-volume rim. Three passes over the volume. A tilted or short
+    support is not found by this; it is left to splitting.
+    """
+    found = np.zeros(matter.shape, np.bool_)
+    for axis in range(3):
+        length = matter.shape[axis] * spacing[axis]
+        others = [a for a in range(3) if a != axis]
+        extent = max(matter.shape[a] * spacing[a] for a in others)
+        if length < width or extent < 1.5 * width:
+            continue
+        plane = (spacing[others[0]], spacing[others[1]])
+        share = matter.mean(axis=axis, dtype=np.float32)
+        section = _thin_and_wide(share, persistence, plane, thickness, width)
+        if not _leaves_the_scan(section, matter, axis):
+            continue
+        section = _with_cores(section, share)
+        section |= _beyond(section, share, plane)
+        if float(share[section].sum()) <= MOST * float(share.sum()):
+            found |= np.expand_dims(section, axis)
+    return found & matter if found.any() else found
+
+
+def _leaves_the_scan(
+    section: NDArray[np.bool_], matter: NDArray[np.bool_], axis: int, slices: int = 2
+) -> bool:
+    """Tell whether most of a cross-section is matter at both ends of the scan.
+
+    A table or belt is longer than what is scanned of it; the wall of a carton in a bag is not.
+    """
+    if not section.any():
+        return False
+    ends = np.moveaxis(matter, axis, 0)
+    return all(
+        float(np.any(end, axis=0)[section].mean()) >= 0.5 for end in (ends[:slices], ends[-slices:])
+    )
+
+
+def _beyond(
+    section: NDArray[np.bool_], share: NDArray[np.float32], spacing: tuple[float, float]
+) -> NDArray[np.bool_]:
+    rows, columns = (np.flatnonzero(section.any(axis=a)) for a in (1, 0))
+    if np.ptp(columns) * spacing[1] >= np.ptp(rows) * spacing[0]:
+        return pad_and_beyond(share, section, spacing)
+    return pad_and_beyond(share.T, section.T, spacing[::-1]).T
+
+
+def _thin_and_wide(
+    share: NDArray[np.float32],
+    persistence: float,
+    spacing: tuple[float, float],
+    thickness: float,
+    width: float,
+) -> NDArray[np.bool_]:
+    """Return the pixels of persistent thin pieces, with what is half as persistent beside them."""
+    import cc3d
+    from scipy.ndimage import binary_dilation
+
+    section = share >= persistence
+    pieces, count = cc3d.connected_components(section, connectivity=8, return_N=True)
+    keep = np.zeros(count + 1, np.bool_)
+    depth = edt.edt(section, anisotropy=spacing, black_border=False)
+    for piece in range(1, count + 1):
+        rows, columns = np.nonzero(pieces == piece)
+        spans = (np.ptp(rows) * spacing[0], np.ptp(columns) * spacing[1])
+        if max(spans) >= width:
+            keep[piece] = 2 * np.quantile(depth[rows, columns], 0.9) <= thickness
+    return np.asarray(
+        binary_dilation(keep[pieces], np.ones((3, 3)), iterations=4, mask=share >= persistence / 2)
+    )
+
+
+def _with_cores(
+    section: NDArray[np.bool_], share: NDArray[np.float32], doubt: float = 0.2
+) -> NDArray[np.bool_]:
+    """Add the holes of a support's cross-section that are the same in nearly every slice."""
+    import cc3d
+    from scipy.ndimage import binary_closing, binary_dilation
+
+    walls = binary_closing(np.pad(section, 4), np.ones((3, 3)), iterations=3)[4:-4, 4:-4]
+    holes, count = cc3d.connected_components(~walls, connectivity=4, return_N=True)
+    changes = np.minimum(share, 1 - share)
+    rim = np.zeros(count + 1, np.bool_)
+    for edge in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
+        rim[edge] = True
+    pixels = np.maximum(np.bincount(holes.reshape(-1), minlength=count + 1), 1)
+    mean = np.bincount(holes.reshape(-1), changes.reshape(-1), count + 1) / pixels
+    core = ~rim & (mean <= doubt)
+    core[0] = False
+    cores = binary_dilation(core[holes], np.ones((3, 3)), iterations=2)
+    return np.asarray(section | (cores & walls) | core[holes])

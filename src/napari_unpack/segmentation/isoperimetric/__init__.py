@@ -1,0 +1,1 @@
+"""The paper's method: recursive binary splitting by isoperimetric cuts."""

@@ -1,0 +1,346 @@
+"""Candidates that take sheets and other thin parts off what they touch.
+
+A region made ready for cutting: its depth, and a small copy of it.
+
+Candidates at density steps: materials inside a region, and basins of its gradient.
+
+Candidates from the isoperimetric potential of the full lattice: cuts of least area.
+
+Candidates from isoperimetric distance trees: where a shape, or its density, is narrowest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import edt
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.common.measures import chamfer
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.isoperimetric.distance_tree import significant_minima, tree_sweep
+from napari_unpack.segmentation.isoperimetric.lattice import Lattice, isoperimetric_ratio
+from napari_unpack.segmentation.isoperimetric.multiresolution import Coarse, coarsened
+
+MOST_BLOCKS = 30_000
+
+
+@dataclass(frozen=True, eq=False)
+class Workpiece:
+    """What every source of candidates works on.
+
+    Parameters
+    ----------
+    region : Region
+        6-connected.
+    smallest : float
+        No part is smaller than this, mm^3.
+    depth : (Z, Y, X) ndarray of float32
+        Distance to the outside, mm.
+    coarse : Coarse
+        The same in at most 30,000 blocks.
+    """
+
+    region: Region
+    smallest: float
+    depth: NDArray[np.float32]
+    coarse: Coarse
+
+    @staticmethod
+    def of(region: Region, smallest: float) -> Workpiece:
+        """Prepare a region."""
+        depth = chamfer(region.mask, region.spacing)
+        small = coarsened(region.mask, depth, region.density, region.spacing, MOST_BLOCKS)
+        return Workpiece(region, smallest, depth, small)
+
+    @property
+    def fewest(self) -> int:
+        """The smallest part in blocks."""
+        return max(1, int(np.ceil(self.smallest / float(np.prod(self.coarse.spacing)))))
+
+
+Proposal = tuple[str, NDArray[np.int32], NDArray[np.float32] | None]
+"""Provenance, parts of the blocks, and where borders settle (see `coarse.carried_back`)."""
+
+Proposals = Iterator[Proposal]
+
+
+def largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the largest step of every voxel to a face neighbour, both inside a mask.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) ndarray of float32
+        Of blocks.
+    mask : (Z, Y, X) ndarray of bool
+        Which of them count.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of float32
+    """
+    steps = np.zeros(mask.shape, np.float32)
+    for axis in range(3):
+        along, inside = np.moveaxis(values, axis, 0), np.moveaxis(mask, axis, 0)
+        here = np.moveaxis(steps, axis, 0)
+        step = np.where(inside[1:] & inside[:-1], np.abs(along[1:] - along[:-1]), 0)
+        here[1:] = np.maximum(here[1:], step)
+        here[:-1] = np.maximum(here[:-1], step)
+    return steps
+
+
+def density_candidates(piece: Workpiece) -> Proposals:
+    """Propose to part what differs in density.
+
+    Parameters
+    ----------
+    piece : Workpiece
+        What to cut.
+
+    Yields
+    ------
+    Proposal
+        "materials" (Otsu's two classes, then three, of the voxels off the rim) and "basins" (a
+        watershed of the gradient from its calm places).
+    """
+    from scipy.ndimage import gaussian_filter
+    from skimage.filters import threshold_multiotsu
+
+    small = piece.coarse
+    weight = gaussian_filter(small.mask.astype(np.float32), 0.7)
+    smooth = gaussian_filter(np.where(small.mask, small.density, 0), 0.7)
+    smooth = np.where(small.mask, smooth / np.maximum(weight, 1e-3), 0).astype(np.float32)
+    inner = small.mask & (small.depth > 1.5 * max(small.spacing))
+    if np.count_nonzero(inner) < 2 * piece.fewest:
+        return
+    slope = largest_steps(smooth, small.mask)
+    low, high = np.quantile(smooth[inner], [0.01, 0.99])
+    settle = np.clip(slope / max(float(np.quantile(slope[inner], 0.99)), 1e-6), 0, 1)
+    if high > low + 0.02 * abs(float(high)):
+        values = np.clip(smooth[inner], low, high)
+        for classes in (2, 3):
+            try:
+                levels = threshold_multiotsu(values, classes, nbins=64)
+            except ValueError:
+                continue
+            kinds = np.where(inner, np.digitize(smooth, levels) + 1, 0).astype(np.int32)
+            sides = _grown(kinds, small.mask, piece.fewest // 2, settle)
+            if sides.max() > 1:
+                yield "materials", sides, None
+    calm = inner & (slope < np.quantile(slope[inner], 0.4))
+    sides = _grown(calm.astype(np.int32), small.mask, max(piece.fewest // 4, 8), settle)
+    if 1 < sides.max() <= 12:
+        yield "basins", sides, None
+
+
+def _grown(
+    kinds: NDArray[np.int32],
+    mask: NDArray[np.bool_],
+    fewest: int,
+    settle: NDArray[np.floating],
+) -> NDArray[np.int32]:
+    """Take the large components of every kind, and flood the rest of the mask from them."""
+    import cc3d
+
+    pieces, count = cc3d.connected_components(kinds, connectivity=6, return_N=True)
+    sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
+    large = sizes >= max(fewest, 1)
+    large[0] = False
+    seeds = np.where(large, np.cumsum(large), 0).astype(np.int32)[pieces]
+    return flood(seeds, mask, (255 * settle).astype(np.uint8))
+
+
+def lattice_candidates(piece: Workpiece, keep: int = 2) -> Proposals:
+    """Propose minima of the isoperimetric ratio, by shape alone and with density steps.
+
+    Parameters
+    ----------
+    piece : Workpiece
+        What to cut.
+    keep : int
+        Cuts at most of each.
+
+    Yields
+    ------
+    Proposal
+        "lattice", "lattice, density".
+
+    Notes
+    -----
+    notes 3.1 of the design (Grady & Schwartz 2006): L0 x0 = 1 with the ground taken out, swept.
+    Deviation: the ground is the block furthest from the middle of the shape rather than the one of
+    largest degree, which on a binary lattice is any inner one; a ground in the middle makes level
+    sets that are shells around it, one at an end makes them cross the shape.
+    """
+    small = piece.coarse
+    for source, density in (("lattice", None), ("lattice, density", small.density)):
+        lattice = Lattice.of(small.mask, small.spacing, density)
+        places = np.stack(np.unravel_index(lattice.where, small.mask.shape), axis=1)
+        apart = (places - places.mean(axis=0)) * np.array(small.spacing)
+        ground = np.array([int(np.argmax(np.square(apart).sum(axis=1)))])
+        potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-3, 500)
+        order, cut = lattice.sweep(potential, weighted=density is not None)
+        ratio = isoperimetric_ratio(cut, lattice.voxel)
+        last = len(order) - piece.fewest
+        for k in significant_minima(ratio, piece.fewest, last, 1.1, keep):
+            sides = np.zeros(small.mask.size, np.int32)
+            sides[lattice.where[order[: k + 1]]] = 1
+            sides[lattice.where[order[k + 1 :]]] = 2
+            yield source, sides.reshape(small.mask.shape), None
+
+
+def sheet_candidates(
+    piece: Workpiece, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
+) -> Proposals:
+    """Propose to take thin parts off thick ones.
+
+    Parameters
+    ----------
+    piece : Workpiece
+        What to cut.
+    shares : tuple of float
+        Half thickness that counts as thin, against the largest depth.
+    wide : float
+        A thin part's extent is at least this many times its half thickness.
+
+    Yields
+    ------
+    Proposal
+        "sheet".
+
+    Notes
+    -----
+    Thin is what an opening takes away: no ball of the half thickness fits there. Under a thick
+    thing that rests on it a flat sheet goes on: what lies between its two faces is its own.
+    """
+    small = piece.coarse
+    deepest = float(small.depth.max())
+    for share in shares:
+        half = share * deepest
+        core = small.mask & (small.depth > half)
+        if not core.any():
+            continue
+        away = edt.edt(~core, anisotropy=small.spacing, black_border=False)
+        thin = small.mask & (away > half + max(small.spacing))
+        sides = _with_sheets(core, thin, small.mask, small.spacing, half, piece.fewest, wide)
+        if sides is not None:
+            yield "sheet", sides, None
+
+
+def _with_sheets(
+    core: NDArray[np.bool_],
+    thin: NDArray[np.bool_],
+    mask: NDArray[np.bool_],
+    spacing: tuple[float, float, float],
+    half: float,
+    fewest: int,
+    wide: float,
+) -> NDArray[np.int32] | None:
+    import cc3d
+
+    from napari_unpack.segmentation.common.flooding import flood
+
+    pieces, count = cc3d.connected_components(thin, connectivity=26, return_N=True)
+    sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
+    seeds = core.astype(np.int32)
+    name = 1
+    for k in np.flatnonzero(sizes[1:] >= fewest) + 1:
+        points = np.argwhere(pieces == k) * np.array(spacing)
+        if np.linalg.norm(np.ptp(points, axis=0)) < wide * half:
+            continue
+        name += 1
+        seeds[pieces == k] = name
+        seeds[_slab(points, mask, spacing, half)] = name
+    return flood(seeds, mask) if name > 1 else None
+
+
+def _slab(
+    points: NDArray[np.float64],
+    mask: NDArray[np.bool_],
+    spacing: tuple[float, float, float],
+    half: float,
+) -> NDArray[np.bool_]:
+    """Return the voxels of a mask between both faces of a flat sheet; none where it is bent."""
+    center = points.mean(axis=0)
+    axes = np.linalg.svd(np.cov((points - center).T))[0]
+    local = (points - center) @ axes
+    low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
+    inside = np.zeros(mask.shape, np.bool_)
+    if high[2] - low[2] > 3 * half:
+        return inside
+    edge = min(spacing) / 2
+    places = np.argwhere(mask)
+    heights = (places * np.array(spacing) - center) @ axes
+    held = ((heights >= low - edge) & (heights <= high + edge)).all(axis=1)
+    inside[tuple(places[held].T)] = True
+    return inside
+
+
+DROP = 1.1
+KEEP = 3
+
+
+def tree_candidates(piece: Workpiece) -> Proposals:
+    """Propose the significant minima of the ratio along several distance trees.
+
+    Parameters
+    ----------
+    piece : Workpiece
+        What to cut.
+
+    Yields
+    ------
+    Proposal
+        "tree", "tree, wide" (distance conductance), "tree, city-block", "tree, edges" (distance
+        to the outside or to a density edge), "tree, valleys" (distance times density).
+
+    Notes
+    -----
+    notes 3.2 of the design. Density edges are where the step between blocks exceeds four times
+    its median and a twentieth of the median density.
+    """
+    small = piece.coarse
+    for source, depth, conductance in _fields(piece):
+        sweep = tree_sweep(small.mask, depth, small.spacing, conductance)
+        last = len(sweep.order) - piece.fewest
+        for k in significant_minima(sweep.ratio, piece.fewest, last, DROP, KEEP):
+            sides = np.zeros(small.mask.size, np.int32)
+            sides[sweep.order[: k + 1]] = 1
+            sides[sweep.order[k + 1 :]] = 2
+            yield source, sides.reshape(small.mask.shape), None
+
+
+def _fields(piece: Workpiece) -> Iterator[tuple[str, NDArray[np.float32], str]]:
+    small = piece.coarse
+    yield "tree", small.depth, "unit"
+    yield "tree, wide", small.depth, "distance"
+    yield "tree, city-block", _city_block(small.mask, small.spacing), "unit"
+    values = small.density[small.mask]
+    low, middle = np.quantile(values, [0.05, 0.5])
+    edges = _edges(small.density, small.mask, float(middle))
+    if edges.any():
+        aware = chamfer(small.mask & ~edges, small.spacing)
+        yield "tree, edges", np.minimum(aware, small.depth), "unit"
+    lift = np.clip((small.density - low) / max(float(middle - low), 1e-6), 0.0, 2.0)
+    yield "tree, valleys", (small.depth * lift).astype(np.float32), "unit"
+
+
+def _edges(
+    density: NDArray[np.float32], mask: NDArray[np.bool_], middle: float
+) -> NDArray[np.bool_]:
+    step = largest_steps(density, mask)
+    typical = float(np.median(step[mask]))
+    return np.asarray(mask & (step > max(4 * typical, 0.05 * abs(middle))))
+
+
+def _city_block(
+    mask: NDArray[np.bool_], spacing: tuple[float, float, float]
+) -> NDArray[np.float32]:
+    from scipy.ndimage import distance_transform_cdt
+
+    padded = np.pad(mask, 1)
+    steps = distance_transform_cdt(padded, metric="taxicab")[1:-1, 1:-1, 1:-1]
+    return steps.astype(np.float32) * np.float32(min(spacing))

@@ -1,0 +1,155 @@
+"""The pool of candidate cuts of a region, from every source, for an oracle to choose from.
+
+No single splitter wins (notes 3.9 of the design): trees find necks and miss face contacts, the
+lattice finds least areas and bends around sheets, steps of density need a difference. So all
+propose, and the confidence of the parts decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.measures import chamfer
+from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.isoperimetric.candidate_sources import (
+    Proposals,
+    Workpiece,
+    density_candidates,
+    lattice_candidates,
+    sheet_candidates,
+    tree_candidates,
+)
+from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
+from napari_unpack.segmentation.isoperimetric.shape_cuts import connected_parts
+
+SOURCES: tuple[Callable[[Workpiece], Proposals], ...] = (
+    tree_candidates,
+    sheet_candidates,
+    density_candidates,
+    lattice_candidates,
+)
+SAME = 0.97
+MOST_VOXELS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One way to take a region apart.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        1, 2, ... in the region's box, 0 outside; each part is 6-connected.
+    ratio : float
+        Isoperimetric ratio: area between parts over the volume of all but the largest, 1/mm.
+    source : str
+        Which splitter proposed it: "tree", "lattice", "sheet", "materials" ...
+    """
+
+    parts: NDArray[np.int32]
+    ratio: float
+    source: str
+
+
+def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate]:
+    """Propose cuts of a region from every source.
+
+    Parameters
+    ----------
+    region : Region
+        6-connected.
+    smallest : float
+        No part is smaller than this, mm^3.
+    most_parts : int
+        Cuts into more are not proposed.
+
+    Returns
+    -------
+    list of Candidate
+        By ascending ratio; of two that are the same but for 3 % of the voxels, the one of lesser
+        ratio. Empty where the region cannot hold two parts.
+
+    Notes
+    -----
+    Every source works on at most 30,000 blocks; borders are settled at full resolution. Linear in
+    the voxels of the box, and bounded beyond that.
+    """
+    if region.volume < 2 * smallest or region.voxels < 16:
+        return []
+    if region.voxels > MOST_VOXELS:
+        return _reduced_pool(region, smallest, most_parts)
+    piece = Workpiece.of(region, smallest)
+    fewest = max(int(smallest / region.voxel_volume), 1)
+    areas = region.voxel_volume / np.array(region.spacing)
+    found: list[Candidate] = []
+    blocks: list[NDArray[np.int32]] = []
+    for source in SOURCES:
+        for name, sides, edges in source(piece):
+            if any(_alike(sides, other) for other in blocks):
+                continue
+            blocks.append(sides)
+            parts = carried_back(sides, piece.coarse.factor, region.mask, piece.depth, edges)
+            parts = connected_parts(parts, fewest)
+            if 2 <= parts.max() <= most_parts:
+                found.append(Candidate(parts, _ratio(parts, areas, region.voxel_volume), name))
+    kept: list[Candidate] = []
+    for candidate in sorted(found, key=lambda c: c.ratio):
+        if not any(_alike(candidate.parts, other.parts) for other in kept):
+            kept.append(candidate)
+    return kept
+
+
+def _reduced_pool(region: Region, smallest: float, most_parts: int) -> list[Candidate]:
+    """Search on a copy of at most a million voxels, and carry its candidates back."""
+    depth = chamfer(region.mask, region.spacing)
+    small = coarsened(region.mask, depth, region.density, region.spacing, MOST_VOXELS)
+    copy = Region(small.mask, small.density, (0, 0, 0), small.spacing)
+    fewest = max(int(smallest / region.voxel_volume), 1)
+    found = []
+    for candidate in pool(copy, smallest, most_parts):
+        parts = carried_back(candidate.parts, small.factor, region.mask, depth)
+        parts = connected_parts(parts, fewest)
+        if parts.max() >= 2:
+            found.append(Candidate(parts, candidate.ratio, candidate.source))
+    return found
+
+
+def _ratio(parts: NDArray[np.int32], areas: NDArray[np.float64], voxel: float) -> float:
+    counts = np.bincount(parts.reshape(-1))[1:]
+    return float(_between(parts, areas) / ((counts.sum() - counts.max()) * voxel))
+
+
+def _alike(one: NDArray[np.int32], two: NDArray[np.int32]) -> bool:
+    """Tell whether two partitions of one region agree but for few voxels, whatever the names."""
+    inside = (one > 0) & (two > 0)
+    width = int(two.max()) + 1
+    table = np.bincount(one[inside] * width + two[inside], minlength=(int(one.max()) + 1) * width)
+    grid = table.reshape(-1, width)[1:, 1:]
+    if np.count_nonzero(grid.sum(axis=1)) != np.count_nonzero(grid.sum(axis=0)):
+        return False
+    smaller = max(int(grid.sum() - grid.sum(axis=0).max()), 1)
+    return bool(grid.sum() - grid.max(axis=1).sum() <= (1 - SAME) * smaller)
+
+
+@njit(cache=True, nogil=True)
+def _between(parts, areas):  # type: ignore[no-untyped-def]
+    nz, ny, nx = parts.shape
+    total = 0.0
+    for z in range(nz):
+        for y in range(ny):
+            for x in range(nx):
+                here = parts[z, y, x]
+                if here == 0:
+                    continue
+                if z + 1 < nz and parts[z + 1, y, x] != here and parts[z + 1, y, x] > 0:
+                    total += areas[0]
+                if y + 1 < ny and parts[z, y + 1, x] != here and parts[z, y + 1, x] > 0:
+                    total += areas[1]
+                if x + 1 < nx and parts[z, y, x + 1] != here and parts[z, y, x + 1] > 0:
+                    total += areas[2]
+    return total

@@ -1,0 +1,209 @@
+"""Volumes too large to be worked on whole: found on a reduced grid, refined block by block."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
+from typing import Any, TypeVar
+
+import cc3d
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
+from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.foreground.denoising import looks_grainy
+from napari_unpack.segmentation.foreground.methods import find_matter, levels_of
+from napari_unpack.segmentation.foreground.scanner_table import measured_section
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress
+from napari_unpack.segmentation.label_upsampling import (
+    Coarse,
+    coarse,
+    named_things,
+    refined,
+    write_things,
+)
+from napari_unpack.segmentation.object_table import Sums, confidences, ranks
+from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
+
+Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
+T = TypeVar("T")
+
+
+def segment_large(
+    source: Source,
+    spacing: Spacing,
+    find: Find,
+    tell: Progress,
+    *,
+    working: int,
+    foreground: str | float,
+    fewest: int,
+    grainy: bool | None = None,
+    oracle: Oracle | None = None,
+    out: Any = None,
+    block: int = BLOCK,
+) -> tuple[Any, pd.DataFrame]:
+    """Find the objects of a volume that is never in memory as a whole.
+
+    Parameters
+    ----------
+    source : Source
+        The volume.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    find : callable
+        `find(density, spacing, tell) -> labels` finds the objects of the working grid.
+    tell : callable
+        Progress; called from this thread only.
+    working : int
+        Cells of the working grid at most.
+    foreground : str or float
+        See `matter.checked_way`.
+    fewest : int
+        Voxels of an object.
+    grainy : bool, optional
+        Whatever the grid does not show is noise or haze.
+    oracle : callable, optional
+        Judges the objects, as they are on the grid.
+    out : array, optional
+        Where labels are written; by default a new ndarray.
+    block : int
+        Voxels worked on at once by each thread. The result does not depend on it.
+
+    Returns
+    -------
+    labels : (Z, Y, X) array of int
+        `out`, or an ndarray of int32.
+    objects : pandas.DataFrame
+        See `pipeline.Segmentation`.
+
+    Notes
+    -----
+    The volume is read three times and the labels are written once, thin things and the last
+    numbering apart. Memory: the labels, unless `out` is a store, the working grid and what its
+    objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
+    bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
+    may come out as an object.
+    """
+    tell(0.0, "Reducing the volume")
+    grid = reduced(source, spacing, reduction(source.shape, spacing, working), block)
+    levels = levels_of(grid.sample, foreground)
+    labels = find(grid.density, grid.spacing, lambda f, text: tell(0.03 + 0.57 * f, text))
+    tell(0.6, "Refining the borders")
+    hidden = looks_grainy(grid.density, foreground) if grainy is None else grainy
+    left_out = labels == 0 if hidden else _left_out(grid, labels, foreground)
+    rough = coarse(labels, grid.density, left_out, grid.factors, levels)
+    if out is None:
+        out = np.zeros(source.shape, np.int32)
+    _check_room(out, int(labels.max()))
+    places = list(blocks(source.shape, grid.factors, block))
+    unexplained = np.zeros(labels.shape, np.int32)
+    jobs = (lambda place=place: refined(source, rough, *place) for place in places)
+    for n, (box, cells), (found, rest) in _paired(places, jobs):
+        with source.lock:
+            out[box] = found
+        unexplained[cells] = rest
+        tell(0.6 + 0.3 * n / len(places), "Refining the borders")
+    things = named_things(unexplained, labels, fewest)
+    _check_room(out, int(things.max(initial=0)))
+    _recover(source, rough, things, places, out)
+    tell(0.9, "Measuring objects")
+    labels = np.where(things > 0, things, labels)
+    sums = _measured(source, out, places, int(labels.max()), spacing)
+    judged = confidences(labels, grid.density, grid.spacing, oracle)
+    names = ranks(sums.totals[:, 0])
+    if (names != np.arange(len(names))).any():
+        _rename(source, out, places, names)
+    table = sums.table(spacing, judged)
+    table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
+    return out, table.sort_index()
+
+
+def _check_room(out: Any, top: int) -> None:
+    most = np.iinfo(out.dtype).max
+    if top > most:
+        raise ValueError(f"out of {out.dtype} cannot hold {top} objects; pass one of int32")
+
+
+def _left_out(
+    grid: WorkingGrid, labels: NDArray[np.int32], foreground: str | float
+) -> NDArray[np.bool_]:
+    """Return the cells of matter that are deliberately no object: tables, shells, the rim.
+
+    What is in too few cells to show a shape may be an object at full resolution.
+    """
+    matter, _ = find_matter(grid.density, grid.spacing, foreground)
+    matter &= labels == 0
+    left_out = np.asarray(cc3d.dust(matter, threshold=FEWEST, connectivity=26), np.bool_)
+    section = measured_section(grid.density)
+    if section is not None:
+        left_out |= (labels == 0) & ~section
+    return left_out
+
+
+def _recover(
+    source: Source,
+    rough: Coarse,
+    things: NDArray[np.int32],
+    places: list[tuple[Box, Box]],
+    out: Any,
+) -> None:
+    for box, cells in places:
+        if things[cells].any():
+            with source.lock:
+                found = np.array(out[box], np.int32)
+            write_things(source, rough, things, found, box, cells)
+            with source.lock:
+                out[box] = found
+
+
+def _measured(
+    source: Source, out: Any, places: list[tuple[Box, Box]], top: int, spacing: Spacing
+) -> Sums:
+    """Add up all objects; every thread has sums of its own, added in order."""
+
+    def one(box: Box) -> Sums:
+        outer = grown(box, 1, source.shape)
+        with source.lock:
+            found = np.asarray(out[outer]).astype(np.int32, copy=False)
+        sums = Sums.empty(top)
+        start = (outer[0].start, outer[1].start, outer[2].start)
+        sums.add(found, source.read(outer), spacing, start, within(box, outer))
+        return sums
+
+    total = Sums.empty(top)
+    jobs = (lambda box=box: one(box) for box, _ in places)
+    for _, _, sums in _paired(places, jobs):
+        total.totals[:] += sums.totals
+        total.area[:] += sums.area
+    return total
+
+
+def _rename(
+    source: Source, out: Any, places: list[tuple[Box, Box]], names: NDArray[np.int32]
+) -> None:
+    for box, _ in places:
+        with source.lock:
+            out[box] = names[np.asarray(out[box])]
+
+
+def _paired(
+    places: list[tuple[Box, Box]], jobs: Iterator[Callable[[], T]]
+) -> Iterator[tuple[int, tuple[Box, Box], T]]:
+    """Yield results in order, with their number from 1, a few jobs ahead on threads."""
+    workers = min(os.cpu_count() or 1, 8)
+    with ThreadPoolExecutor(workers) as pool:
+        waiting: list[Future[T]] = [pool.submit(job) for job in islice(jobs, workers + 1)]
+        try:
+            for n, place in enumerate(places, 1):
+                result = waiting.pop(0).result()
+                waiting += [pool.submit(job) for job in islice(jobs, 1)]
+                yield n, place, result
+        finally:
+            for future in waiting:
+                future.cancel()

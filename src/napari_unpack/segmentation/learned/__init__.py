@@ -1,0 +1,1 @@
+"""The default method: a boundary network, its fragments, and the classifiers that merge them."""

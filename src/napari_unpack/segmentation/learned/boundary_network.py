@@ -1,0 +1,215 @@
+"""Where objects end: a small network looks at the density and says which voxels belong together."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+
+REACHES = (1, 3, 6, 12)
+"""Cells between the two of a pair; a cell is 2 x 2 x 2 voxels."""
+
+CHANNELS = 8 + 3 * 8 + 3 * len(REACHES)
+"""What the network says of a cell: whether each of its 8 voxels is an object's, whether each
+belongs with the next along z, along y and along x, and whether the cell belongs with the one so
+many cells further along z, y and x."""
+
+# No log density lies above.
+FAR = 9.0
+# Cells: the network halves its grid three times.
+STRIDE = 8
+# Cells of a tile along an axis at most, and what it sees beyond its edge.
+TILE, MARGIN = 72, 8
+
+Tell = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What the network says of a volume; shares of 255.
+
+    Parameters
+    ----------
+    matter : (Z, Y, X) ndarray of uint8
+        The probability that a voxel is an object's.
+    next : (3, Z, Y, X) ndarray of uint8
+        That it belongs with the next voxel along z, y and x.
+    far : (3 * len(REACHES), z, y, x) ndarray of uint8
+        That a cell belongs with the cell so many further, reach by reach, z, y and x.
+    """
+
+    matter: NDArray[np.uint8]
+    next: NDArray[np.uint8]
+    far: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Boundaries:
+    """The network.
+
+    Parameters
+    ----------
+    session : onnxruntime.InferenceSession
+        From (1, 8, z, y, x) float32 cells of log density to (1, CHANNELS, z, y, x) uint8.
+    """
+
+    session: Any
+
+    @staticmethod
+    def load(path: str | Path, threads: int = 2) -> Boundaries:
+        """Read a network.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ONNX file that `benchmarks/boundaries/export.py` wrote.
+        threads : int
+            Used at most.
+
+        Returns
+        -------
+        Boundaries
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be read or holds another network.
+        """
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.enable_cpu_mem_arena = False
+        # Waiting threads shall not take the time of others.
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.log_severity_level = 4
+        try:
+            session = onnxruntime.InferenceSession(
+                Path(path).read_bytes(), options, providers=["CPUExecutionProvider"]
+            )
+            coming, going = session.get_inputs()[0].shape, session.get_outputs()[0].shape
+        except OSError:
+            raise
+        except Exception as error:
+            raise ValueError(f"{path} is not a network of boundaries: {error}") from error
+        if coming[1] != 8 or going[1] != CHANNELS:
+            raise ValueError(
+                f"{path} is not a network of boundaries of this version; it takes {coming[1]} "
+                f"channels and gives {going[1]}, wanted 8 and {CHANNELS}"
+            )
+        return Boundaries(session)
+
+    def predict(
+        self, density: NDArray[np.generic], scale: MaterialScale, tell: Tell, tile: int = TILE
+    ) -> Prediction:
+        """Look at a volume, tile by tile.
+
+        Parameters
+        ----------
+        density : (Z, Y, X) ndarray
+            Density; NaN counts as air.
+        scale : MaterialScale
+            How it is compressed.
+        tell : callable
+            Called with (fraction, text) before every tile; raising cancels.
+        tile : int
+            Cells along an axis at most.
+
+        Returns
+        -------
+        Prediction
+
+        Notes
+        -----
+        About 15 kMAC and 7 bytes of result a voxel; a tile takes about 1 kB a cell. Tiles see 16
+        voxels beyond their edges.
+        """
+        cells = tuple((n + 1) // 2 for n in density.shape)
+        matter = np.zeros(density.shape, np.uint8)
+        following = np.zeros((3, *density.shape), np.uint8)
+        far = np.zeros((3 * len(REACHES), *cells), np.uint8)
+        tiles = list(_tiles(cells, tile))
+        for done, (seen, kept) in enumerate(tiles):
+            tell(done / len(tiles), "Looking for boundaries")
+            packed = _packed(density, seen, scale)
+            said = self.session.run(None, {"cells": packed})[0][0]
+            inner = tuple(
+                slice(k.start - s.start, k.stop - s.start) for s, k in zip(seen, kept, strict=True)
+            )
+            said = said[(slice(None), *inner)]
+            far[(slice(None), *kept)] = said[32:]
+            first = tuple(k.start for k in kept)
+            _unpack(said[:8], first, matter)
+            for axis in range(3):
+                _unpack(said[8 + 8 * axis : 16 + 8 * axis], first, following[axis])
+        tell(1.0, "Looking for boundaries")
+        return Prediction(matter, following, far)
+
+
+@cache
+def default_boundaries() -> Boundaries:
+    """Return the network that ships with the package."""
+    return Boundaries.load(Path(__file__).parents[1] / "weights" / "boundaries.onnx")
+
+
+def _tiles(
+    cells: tuple[int, ...], most: int
+) -> Iterator[tuple[tuple[slice, ...], tuple[slice, ...]]]:
+    """Yield what a tile sees, a multiple of the stride long, and what of it is kept."""
+    axes = []
+    for count in cells:
+        number = -(-count // most)
+        core = -(-count // number)
+        core = -(-core // STRIDE) * STRIDE
+        axis = []
+        for first in range(0, count, core):
+            last = min(first + core, count)
+            low = max(first - MARGIN, 0)
+            high = min(last + MARGIN, count)
+            high = low + -(-(high - low) // STRIDE) * STRIDE
+            axis.append((slice(low, high), slice(first, last)))
+        axes.append(axis)
+    for choice in itertools.product(*axes):
+        seen, kept = zip(*choice, strict=True)
+        yield seen, kept
+
+
+def _packed(
+    density: NDArray[np.generic], seen: tuple[slice, ...], scale: MaterialScale
+) -> NDArray[np.float32]:
+    """Return (1, 8, z, y, x): log density of the voxels of cells, air beyond the volume."""
+    block = density[tuple(slice(2 * s.start, 2 * s.stop) for s in seen)]
+    values = np.nan_to_num(block.astype(np.float32), nan=scale.air, posinf=1e30, neginf=scale.air)
+    lifted = np.log1p(np.maximum(values - scale.air, 0) / scale.knee)
+    whole = np.zeros([2 * (s.stop - s.start) for s in seen], np.float32)
+    whole[tuple(slice(n) for n in block.shape)] = np.minimum(lifted, FAR)
+    z, y, x = (n // 2 for n in whole.shape)
+    cells = whole.reshape(z, 2, y, 2, x, 2).transpose(1, 3, 5, 0, 2, 4)
+    return np.ascontiguousarray(cells.reshape(1, 8, z, y, x))
+
+
+@njit(cache=True, nogil=True)
+def _unpack(channels, first, whole):  # type: ignore[no-untyped-def]
+    _, depth, height, width = channels.shape
+    for k in range(8):
+        for z in range(depth):
+            a = 2 * (first[0] + z) + k // 4
+            if a >= whole.shape[0]:
+                continue
+            for y in range(height):
+                b = 2 * (first[1] + y) + k // 2 % 2
+                if b >= whole.shape[1]:
+                    continue
+                for x in range(width):
+                    c = 2 * (first[2] + x) + k % 2
+                    if c < whole.shape[2]:
+                        whole[a, b, c] = channels[k, z, y, x]

@@ -1,0 +1,203 @@
+"""Fragments of objects, and how strongly any two belong together, from what the network says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.density_regions import minima
+from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.learned.boundary_network import REACHES
+
+
+@dataclass(frozen=True, eq=False)
+class Ties:
+    """Pairs of fragments.
+
+    Parameters
+    ----------
+    pairs : (N, 2) ndarray of int64
+        Fragments, the smaller first.
+    sums, counts : (N, K) ndarray of float64
+        Of the probabilities that cells of the one belong with cells of the other, and how many
+        pairs of cells that is, by reach.
+    """
+
+    pairs: NDArray[np.int64]
+    sums: NDArray[np.float64]
+    counts: NDArray[np.float64]
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """Faces of cells that each pair shares, (N,); 0 where only long reaches tie it."""
+        return self.counts[:, 0]
+
+
+def cells_with(matter: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells of which any voxel is matter."""
+    padded = np.pad(matter, [(0, n % 2) for n in matter.shape])
+    z, y, x = (n // 2 for n in padded.shape)
+    return np.asarray(padded.reshape(z, 2, y, 2, x, 2).any(axis=(1, 3, 5)))
+
+
+def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Part a mask of cells where they stop to belong together.
+
+    Parameters
+    ----------
+    far : (K, z, y, x) ndarray of uint8
+        See `boundaries.Prediction`.
+    mask : (z, y, x) ndarray of bool
+        Cells of matter.
+
+    Returns
+    -------
+    (z, y, x) ndarray of int32
+        1, 2, ..., many more than there are objects; 0 outside the mask.
+
+    Notes
+    -----
+    A watershed of how little a cell belongs with those around it, one, three and six cells away
+    along the axes: lowest in the middle of an object, highest at its end.
+    """
+    height = _looseness(far, mask, np.array(REACHES))
+    return flood(minima(height, mask), mask, height)
+
+
+@njit(cache=True, nogil=True)
+def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
+    height = np.full(mask.shape, 255, np.uint8)
+    size = mask.shape
+    for z in range(size[0]):
+        for y in range(size[1]):
+            for x in range(size[2]):
+                if not mask[z, y, x]:
+                    continue
+                total, weight = 0.0, 0.0
+                for r in range(3):
+                    reach = reaches[r]
+                    w = 1.0 if r else 2.0
+                    for axis in range(3):
+                        k, j, i = z, y, x
+                        if axis == 0:
+                            k += reach
+                        elif axis == 1:
+                            j += reach
+                        else:
+                            i += reach
+                        if k < size[0] and j < size[1] and i < size[2] and mask[k, j, i]:
+                            total += w * far[3 * r + axis, z, y, x]
+                        weight += w
+                        k, j, i = z, y, x
+                        if axis == 0:
+                            k -= reach
+                        elif axis == 1:
+                            j -= reach
+                        else:
+                            i -= reach
+                        if k >= 0 and j >= 0 and i >= 0 and mask[k, j, i]:
+                            total += w * far[3 * r + axis, k, j, i]
+                        weight += w
+                height[z, y, x] = np.uint8(min(254.0 - total / weight * (250 / 255), 254.0) / 4) * 4
+    return height
+
+
+def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> Ties:
+    """Sum up, for every pair of fragments, how their cells belong together.
+
+    Parameters
+    ----------
+    fragments : (z, y, x) ndarray of int32
+        1, 2, ..., 0 background.
+    far : (3 * K, z, y, x) ndarray of uint8
+        See `boundaries.Prediction`.
+
+    Returns
+    -------
+    Ties
+    """
+    top = int(fragments.max()) + 1
+    keys, reaches, values = [], [], []
+    for k, reach in enumerate(REACHES):
+        for axis in range(3):
+            here = np.moveaxis(fragments, axis, 0)
+            one, two = here[:-reach], here[reach:]
+            meet = (one != two) & (one > 0) & (two > 0)
+            a, b = one[meet].astype(np.int64), two[meet].astype(np.int64)
+            keys.append(np.minimum(a, b) * top + np.maximum(a, b))
+            values.append(np.moveaxis(far[3 * k + axis], axis, 0)[: len(one)][meet])
+            reaches.append(np.full(len(a), k, np.int64))
+    names, pair = np.unique(np.concatenate(keys), return_inverse=True)
+    place = pair.reshape(-1) * len(REACHES) + np.concatenate(reaches)
+    size = len(names) * len(REACHES)
+    counts = np.bincount(place, minlength=size).reshape(-1, len(REACHES)).astype(np.float64)
+    said = np.concatenate(values) / 255.0
+    sums = np.bincount(place, said, size).reshape(counts.shape).astype(np.float64)
+    return Ties(np.stack(np.divmod(names, top), axis=1), sums, counts)
+
+
+def tie_within(
+    fragments: NDArray[np.int32], far: NDArray[np.uint8]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sum up, for every fragment, how its own cells belong together.
+
+    Parameters
+    ----------
+    fragments, far
+        As for `tie`.
+
+    Returns
+    -------
+    sums, counts : (1 + count, K) ndarray of float64
+        As in `Ties`; row 0 is background and empty.
+    """
+    top = int(fragments.max(initial=0)) + 1
+    sums, counts = (np.zeros((top, len(REACHES))) for _ in range(2))
+    for k, reach in enumerate(REACHES):
+        for axis in range(3):
+            here = np.moveaxis(fragments, axis, 0)
+            one, two = here[:-reach], here[reach:]
+            same = (one == two) & (one > 0)
+            said = np.moveaxis(far[3 * k + axis], axis, 0)[: len(one)][same] / 255.0
+            sums[:, k] += np.bincount(one[same], said, top)
+            counts[:, k] += np.bincount(one[same], minlength=top)
+    return sums, counts
+
+
+@njit(cache=True, nogil=True)
+def cells_of(labels):  # type: ignore[no-untyped-def]
+    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+        A last odd slice is left out.
+
+    Returns
+    -------
+    (Z // 2, Y // 2, X // 2) ndarray of int32
+    """
+    half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
+    cells = np.zeros(half, np.int32)
+    seen = np.zeros(8, np.int32)
+    for z in range(half[0]):
+        for y in range(half[1]):
+            for x in range(half[2]):
+                n = 0
+                for k in range(8):
+                    name = labels[2 * z + k // 4, 2 * y + k // 2 % 2, 2 * x + k % 2]
+                    if name:
+                        seen[n] = name
+                        n += 1
+                most = 0
+                for a in range(n):
+                    count = 0
+                    for b in range(n):
+                        count += seen[a] == seen[b]
+                    if count > most:
+                        most = count
+                        cells[z, y, x] = seen[a]
+    return cells

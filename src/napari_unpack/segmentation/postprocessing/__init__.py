@@ -1,0 +1,1 @@
+"""What is mended once objects are known: cables, inclusions, cavities, crumpled cloth."""

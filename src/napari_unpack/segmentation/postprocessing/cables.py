@@ -1,0 +1,244 @@
+"""Cables, cords and chains: threads that wind through lighter things and come apart there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cc3d
+import edt
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.common.array_source import grown
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.foreground.methods import typical_knee
+
+GOES_ON = 20
+"""Voxels of a middle line: more than the end of a strand that lies across another has."""
+
+
+@dataclass(frozen=True)
+class WireRule:
+    """What a wire is, and when it is taken out of what it winds through.
+
+    Parameters
+    ----------
+    dense, solid : float
+        Log densities between which a thread lies; matter's median lies at 1.6. Solid metal lies
+        above: tools and keys, several of which touch and none of which winds.
+    sharp : float
+        The log density bends by so much a voxel^2 across a thread, along two directions; along
+        the third by less than half of it.
+    radius : float
+        Voxels from the middle line of a thread to its surface at most.
+    mostly, hardly : float
+        Share of an object that is thread where it is a wire, and below which a wire merely winds
+        through it.
+    alone : float
+        The share that is thread of all in an object that is as dense, around it, unless it is
+        the rim or the edge of something.
+    fewest : int
+        Voxels of middle line.
+    """
+
+    dense: float = 2.2
+    solid: float = 4.0
+    sharp: float = 0.3
+    radius: float = 2.5
+    mostly: float = 0.35
+    hardly: float = 0.3
+    alone: float = 0.6
+    fewest: int = 60
+
+
+def gather_wires(
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    scale: MaterialScale | None = None,
+    rule: WireRule | None = None,
+) -> NDArray[np.int32]:
+    """Give wires what belongs to them of the things they wind through.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects 1, 2, ...; 0 background. Not changed.
+    density : (Z, Y, X) ndarray
+        Density.
+    scale : MaterialScale, optional
+        How densities are compared; by default as the median of what is labelled says.
+    rule : WireRule, optional
+        When.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+
+    Notes
+    -----
+    Threads are where the Hessian of the log density, at a scale of one voxel, has two large
+    negative eigenvalues and a small one (Sato et al., Medical Image Analysis 2(2) 1998). Those
+    whose middle lines are two voxels apart are one bundle. A bundle changes nothing unless an
+    object is mostly thread of it: the rim of a can and the edge of a box are threads too.
+    """
+    limits, compared = rule or WireRule(), scale or scale_of(labels, density)
+    if compared is None:
+        return labels
+    lifted = _lifted(density, compared.air, compared.knee)
+    lines = _threads(lifted, _kernels(), np.float32(limits.dense), np.float32(limits.sharp))
+    if np.count_nonzero(lines) < limits.fewest:
+        return labels
+    bundles = cc3d.connected_components(_widened(lines), connectivity=26).astype(np.int32)
+    boxes = label_boxes(bundles)
+    found = np.flatnonzero(lines)
+    one, other = bundles.reshape(-1)[found], labels.reshape(-1)[found]
+    middles = np.bincount(one, minlength=int(bundles.max()) + 1)
+    sizes = np.bincount(labels.reshape(-1))
+    result = labels.copy()
+    for name in boxes.ids[middles[boxes.ids] >= limits.fewest].tolist():
+        of = other[one == name]
+        # A thread has no more than some 20 voxels to one of its middle line.
+        lined = np.bincount(of, minlength=len(sizes)) > limits.mostly / 20 * sizes
+        if not lined[1:].any():
+            continue
+        box = grown(boxes.slices(name), 3, lines.shape)
+        mine = lines[box] & (bundles[box] == name)
+        given = _given(labels[box], lifted[box], mine, sizes, limits)
+        result[box] = np.where(given > 0, given, result[box])
+    return result
+
+
+def scale_of(labels: NDArray[np.int32], density: NDArray[np.generic]) -> MaterialScale | None:
+    """Return how densities compare, by what is labelled; None where nothing is, or all."""
+    thin = tuple(slice(None, None, max(1, n // 128)) for n in labels.shape)
+    around = density[thin][labels[thin] == 0].astype(np.float64)
+    around = around[np.isfinite(around)]
+    if not len(around) or not labels.any():
+        return None
+    air = float(np.median(around))
+    return MaterialScale(air, typical_knee(density, labels > 0, air))
+
+
+def _given(
+    labels: NDArray[np.int32],
+    lifted: NDArray[np.float32],
+    lines: NDArray[np.bool_],
+    sizes: NDArray[np.int64],
+    limits: WireRule,
+) -> NDArray[np.int32]:
+    """Return the wire that each voxel around one bundle goes to, 0 where nothing changes."""
+    nothing = np.zeros_like(labels)
+    # Half as dense as the middle of the thread.
+    level = float(np.median(lifted[lines])) - float(np.log(2))
+    if level > limits.solid:
+        return nothing
+    bright = lifted >= level
+    near = edt.edt(~lines, black_border=False)
+    thread = (near <= limits.radius) & bright
+    count = len(sizes)
+    # With its insulation, whose blurred rim is not as bright.
+    whole = thread | (near <= 1)
+    shares = np.bincount(labels[whole], minlength=count) / np.maximum(sizes, 1)
+    glowing = np.bincount(labels[bright], minlength=count)
+    own = np.bincount(labels[thread], minlength=count) >= limits.alone * glowing
+    own[0] = False
+    wires = np.flatnonzero(own & (shares >= limits.mostly))
+    if not len(wires):
+        return nothing
+    hosts = own & (shares < limits.hardly)
+    # Of what belongs to nobody only whole threads, not the blurred rim of the wire.
+    lost = (labels == 0) & (edt.edt(~(lines & (labels == 0)), black_border=False) <= limits.radius)
+    keeper = int(wires[np.argmax(sizes[wires])])
+    strands = (near <= limits.radius) & np.isin(labels, _going_on(labels, lines, wires, keeper))
+    taken = (whole & hosts[labels]) | (thread & lost) | strands
+    return np.where(taken, np.int32(keeper), nothing)
+
+
+def _going_on(
+    labels: NDArray[np.int32], lines: NDArray[np.bool_], wires: NDArray[np.int64], keeper: int
+) -> NDArray[np.int64]:
+    """Return the wires most of whose middle lines go on in another: strands of one cable.
+
+    Lines of cables that merely touch lie two radii apart.
+    """
+    threads = cc3d.connected_components(lines, connectivity=26)
+    kept = np.bincount(threads[lines & (labels == keeper)], minlength=int(threads.max()) + 1)
+    others = [int(w) for w in wires if w != keeper]
+    shared = {w: kept[threads[lines & (labels == w)]] >= GOES_ON for w in others}
+    return np.array([w for w in others if shared[w].mean() > 0.5], np.int64)
+
+
+def _kernels(width: float = 1.0, reach: int = 3) -> NDArray[np.float32]:
+    """Return the second derivatives of a Gaussian along zz, yy, xx, zy, zx, yx, (6, n, n, n)."""
+    t = np.arange(-reach, reach + 1.0)
+    g = np.exp(-(t**2) / (2 * width**2))
+    g /= g.sum()
+    first = t / width**2 * g
+    second = (t**2 / width**2 - 1) / width**2 * g
+    second -= g * second.sum()
+    lines = (g, first, second)
+    orders = ((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1))
+    made = [np.einsum("i,j,k->ijk", *(lines[o] for o in order)) for order in orders]
+    return np.stack(made).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _lifted(density, air, knee):  # type: ignore[no-untyped-def]
+    lifted = np.zeros(density.shape, np.float32)
+    depth, height, width = density.shape
+    for z in range(depth):
+        for y in range(height):
+            for x in range(width):
+                rise = np.float64(density[z, y, x]) - air
+                if rise > 0:
+                    lifted[z, y, x] = np.log1p(min(rise / knee, 1e30))
+    return lifted
+
+
+@njit(cache=True, nogil=True)
+def _widened(lines):  # type: ignore[no-untyped-def]
+    """Return lines and all their 26 neighbours; no line lies on the volume's border."""
+    wide = lines.copy()
+    for z, y, x in np.argwhere(lines):
+        wide[z - 1 : z + 2, y - 1 : y + 2, x - 1 : x + 2] = True
+    return wide
+
+
+@njit(cache=True, nogil=True)
+def _threads(values, kernels, dense, sharp):  # type: ignore[no-untyped-def]
+    found = np.zeros(values.shape, np.bool_)
+    depth, height, width = values.shape
+    reach = kernels.shape[1] // 2
+    bend = np.zeros((3, 3))
+    sums = np.zeros(6, np.float32)
+    for z in range(reach, depth - reach):
+        for y in range(reach, height - reach):
+            for x in range(reach, width - reach):
+                if values[z, y, x] < dense:
+                    continue
+                # Across a thread it falls on both sides along one axis at least; cheap to ask.
+                here = 2 * values[z, y, x]
+                if not (
+                    here - values[z - 2, y, x] - values[z + 2, y, x] > sharp
+                    or here - values[z, y - 2, x] - values[z, y + 2, x] > sharp
+                    or here - values[z, y, x - 2] - values[z, y, x + 2] > sharp
+                ):
+                    continue
+                sums[:] = 0
+                for a in range(-reach, reach + 1):
+                    for b in range(-reach, reach + 1):
+                        for c in range(-reach, reach + 1):
+                            value = values[z + a, y + b, x + c]
+                            for k in range(6):
+                                sums[k] += value * kernels[k, a + reach, b + reach, c + reach]
+                if sums[0] + sums[1] + sums[2] > -1.5 * sharp:
+                    continue
+                bend[0, 0], bend[1, 1], bend[2, 2] = sums[0], sums[1], sums[2]
+                bend[0, 1] = bend[1, 0] = sums[3]
+                bend[0, 2] = bend[2, 0] = sums[4]
+                bend[1, 2] = bend[2, 1] = sums[5]
+                _, middle, most = np.linalg.eigvalsh(bend)
+                found[z, y, x] = middle < -sharp and abs(most) < -0.5 * middle
+    return found

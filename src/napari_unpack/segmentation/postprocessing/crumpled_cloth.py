@@ -1,0 +1,82 @@
+"""Crumpled cloth: hundreds of thin light folds to a scanner, one bundle to a hand."""
+
+from __future__ import annotations
+
+import cc3d
+import edt
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.common.validation import Spacing
+
+
+def bundle_folds(
+    parts: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    light: float,
+    layers: float = 6.0,
+    prevalence: float = 0.25,
+) -> NDArray[np.int32]:
+    """Give folds that lie against each other one label.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        Parts 1, 2, ..., 0 background. Not changed.
+    density : (Z, Y, X) ndarray
+        Density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    light : float
+        The mean density of a fold is at most this.
+    layers : float
+        And four times its mean depth, the thickness of a plate, at most so many voxels.
+    prevalence : float
+        Nothing is done where folds are less than this share of all matter: elsewhere thin light
+        parts are walls and sheets.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        A bundle has the label of its largest fold; it may be in several pieces, one voxel apart.
+
+    Notes
+    -----
+    Folds of one or two voxels have neither an inside nor a border of their own: their mean
+    density and their contacts say nothing about what belongs together, nearness does.
+    """
+    top = int(parts.max())
+    flat = parts.reshape(-1)
+    counts = np.maximum(np.bincount(flat, minlength=top + 1), 1)
+    depth = edt.edt(parts, anisotropy=spacing, black_border=True)
+    thickness = 4 * np.bincount(flat, depth.reshape(-1), top + 1) / counts
+    values = np.nan_to_num(density.reshape(-1).astype(np.float32))
+    mean = np.bincount(flat, values, top + 1) / counts
+    fold = (thickness <= layers * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
+    fold[0] = False
+    if not fold.any() or counts[fold].sum() < prevalence * np.count_nonzero(flat):
+        return parts
+    folds = fold[parts]
+    bundles = cc3d.connected_components(_grown(folds), connectivity=6)
+    bundles[~folds] = 0
+    owner = np.arange(top + 1, dtype=np.int32)
+    first, second = bundles[folds].astype(np.int64), parts[folds].astype(np.int64)
+    pairs, voxels = np.unique(first * (top + 1) + second, return_counts=True)
+    bundle, name = pairs // (top + 1), pairs % (top + 1)
+    # Largest share last, so that it is the one that stays in the tables of owners.
+    rank = np.argsort(voxels, kind="stable")
+    leader = np.zeros(int(bundle.max()) + 1, np.int32)
+    leader[bundle[rank]] = name[rank]
+    owner[name[rank]] = leader[bundle[rank]]
+    return owner[parts]
+
+
+def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return a mask with the face neighbours of its voxels."""
+    grown = mask.copy()
+    for axis in range(3):
+        one, other = np.moveaxis(grown, axis, 0), np.moveaxis(mask, axis, 0)
+        one[1:] |= other[:-1]
+        one[:-1] |= other[1:]
+    return grown

@@ -1,0 +1,309 @@
+"""Small dense things in soft ones: buttons, zip pulls, keys and coins in cloth, a metal box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cc3d
+import edt
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.spatial import ConvexHull
+
+from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.common.array_source import grown
+from napari_unpack.segmentation.common.convex_hull import hull_points, solidity
+from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.validation import Spacing, proportions
+from napari_unpack.segmentation.postprocessing.cables import scale_of
+
+
+@dataclass(frozen=True)
+class InclusionRule:
+    """What lies in a thing without being a part of it.
+
+    Parameters
+    ----------
+    core : float
+        Times the upper quartile of its host, above air, from which a voxel may be of a piece.
+    lost : float
+        Times that, where nothing has been found to be an object.
+    soft : float
+        CT number + 1000, above air, up to which a host is soft: cloth, paper and foam, but not
+        leather, wood and plastic, in which metal is a motor, a battery or a hinge.
+    contrast : float
+        Times the upper quartile of its host nearby that the median of a piece is.
+    around : float
+        Share of what lies around a piece that may be half as dense as it.
+    near, far : float
+        Voxels from a piece between which its host is looked at; closer it is blurred.
+    thick : float
+        Voxels from the middle of a piece to its surface at least: streaks and crusts are flat.
+    rest : float
+        Share of its host that lies elsewhere.
+    compact : float
+        Share of its convex hull that a piece fills where nothing has been found to be an object.
+    fewest : int
+        Voxels.
+    walled : float
+        Share of its convex hull's surface that a piece covers, and of its volume that it does not
+        fill, if all inside belongs to it.
+    rounds : int
+        What a large piece is taken from is looked at anew.
+    """
+
+    core: float = 5.0
+    lost: float = 1.5
+    soft: float = 550.0
+    contrast: float = 7.0
+    around: float = 0.1
+    near: float = 2.5
+    far: float = 8.0
+    thick: float = 1.4
+    rest: float = 0.2
+    compact: float = 0.4
+    fewest: int = 27
+    walled: float = 0.6
+    rounds: int = 3
+
+
+def take_out_inclusions(
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    smallest: float,
+    rule: InclusionRule | None = None,
+) -> NDArray[np.int32]:
+    """Make objects of what is dense in something soft.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects 1, 2, ...; 0 background. Not changed.
+    density : (Z, Y, X) ndarray
+        Density.
+    spacing : (float, float, float)
+        Voxel size z y x, mm.
+    smallest : float
+        mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
+        quarter of it.
+    rule : InclusionRule, optional
+        When.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        Objects keep their labels, new ones come after them.
+
+    Notes
+    -----
+    The core of a piece is what stands out against its own host. A piece ends at half the density
+    of its core, and is one if that is a step all round and its host is soft nearby: a battery in
+    the plastic of a radio has plastic around it, the rim of a can has the can, a plug has its
+    cable. A piece that is a wall, such as a metal box, takes in what its convex hull holds.
+    """
+    limits, scale = rule or InclusionRule(), scale_of(labels, density)
+    if scale is None:
+        return labels
+    voxel = float(np.prod(spacing))
+    least = max(limits.fewest, smallest / 4 / voxel)
+    result = labels
+    open_to = np.ones(int(labels.max()) + 1, np.bool_)
+    for _ in range(limits.rounds):
+        before = int(result.max())
+        taken, hollowed = _taken(
+            result, density, proportions(spacing), scale, open_to, least, limits
+        )
+        result = np.where(taken > 0, taken, result)
+        if not len(hollowed):
+            break
+        pieces = int(result.max())
+        result = _in_pieces(result, hollowed)
+        kept = np.arange(int(result.max()) + 1) <= pieces
+        result = absorb_small(result, spacing, max(smallest, FEWEST * voxel), kept)
+        open_to = ~kept
+        open_to[hollowed] = True
+        open_to[before + 1 : pieces + 1] = False
+    return result
+
+
+def _taken(
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    edges: Spacing,
+    scale: MaterialScale,
+    open_to: NDArray[np.bool_],
+    least: float,
+    limits: InclusionRule,
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the new labels of what is taken out, and the hosts that lost much of themselves."""
+    sizes = np.bincount(labels.reshape(-1), minlength=len(open_to))
+    quartiles = _quartiles(labels, density, scale.air, scale.knee, len(sizes))
+    levels, kinds = _levels(quartiles, sizes, open_to, limits)
+    cores = cc3d.connected_components(
+        _cores(labels, density, levels + scale.air, kinds), connectivity=26
+    )
+    found = label_boxes(cores)
+    taken, count = np.zeros_like(labels), int(labels.max())
+    lost = np.zeros(len(sizes))
+    for name in found.ids[found.counts >= least / 3].tolist():
+        place = found.slices(name)
+        mine = labels[place][cores[place] == name]
+        host = int(np.bincount(mine).argmax())
+        for reach in (4, int(limits.far) + 4):
+            box = grown(place, reach, labels.shape)
+            own = kinds[labels[box]] == kinds[host]
+            # Whose is nobody's, its border may be anybody's.
+            free = own | (labels[box] == 0)
+            values = density[box].astype(np.float32) - np.float32(scale.air)
+            solid = _solid(cores[box] == name, values, free, edges, limits)
+            if solid is None:
+                break
+        if solid is None:
+            continue
+        # Nobody's is also the frame of the bag; a compact thing is not.
+        if not host and solidity(solid, edges) < limits.compact:
+            continue
+        contrast = limits.contrast if host else limits.core
+        beside = own & (values > 2 * scale.knee)
+        bright = values[cores[box] == name]
+        if not _stands_out(solid, bright, values, beside, contrast, edges, limits):
+            continue
+        piece = free & _walled(solid, limits.walled) & (taken[box] == 0)
+        gone = np.bincount(labels[box][piece], minlength=len(sizes))
+        whole = gone[1:] > (1 - limits.rest) * sizes[1:]
+        if gone.sum() < least or (whole & (sizes[1:] > 0)).any():
+            continue
+        count += 1
+        lost += gone
+        taken[box][piece] = count
+    hollowed = np.flatnonzero(lost > 0.1 * np.maximum(sizes, 1))
+    return taken, hollowed[hollowed > 0]
+
+
+def _solid(
+    core: NDArray[np.bool_],
+    values: NDArray[np.float32],
+    free: NDArray[np.bool_],
+    edges: Spacing,
+    limits: InclusionRule,
+) -> NDArray[np.bool_] | None:
+    """Return a core grown to half its density; None if that is no step, or if it is flat."""
+    bright = values >= float(np.median(values[core])) / 2
+    solid = binary_dilation(core, iterations=2, mask=bright & free) | core
+    if edt.edt(solid, anisotropy=edges, black_border=False).max() < limits.thick:
+        return None
+    away = edt.edt(~solid, anisotropy=edges, black_border=False)
+    around = (away > limits.near) & (away <= limits.near + 1.5)
+    if not around.any() or bright[around].mean() > limits.around:
+        return None
+    return np.asarray(solid)
+
+
+def _stands_out(
+    solid: NDArray[np.bool_],
+    core: NDArray[np.float32],
+    values: NDArray[np.float32],
+    host: NDArray[np.bool_],
+    contrast: float,
+    edges: Spacing,
+    limits: InclusionRule,
+) -> bool:
+    """Tell whether the host of a piece is soft beside it, and the piece much denser."""
+    away = edt.edt(~solid, anisotropy=edges, black_border=False)
+    beside = values[host & (away > limits.near) & (away <= limits.far)]
+    if len(beside) < limits.fewest:
+        return False
+    typical = float(np.quantile(beside, 0.75))
+    return typical <= limits.soft and float(np.median(core)) >= contrast * typical
+
+
+def _walled(solid: NDArray[np.bool_], share: float) -> NDArray[np.bool_]:
+    """Return what a piece's convex hull holds if the piece is most of the hull's surface."""
+    hull = ConvexHull(hull_points(None, solid))
+    grid = np.moveaxis(np.indices(solid.shape, np.float32), 0, -1)
+    inside = np.ones(solid.shape, np.bool_)
+    for plane in hull.equations.astype(np.float32):
+        # The hull is one of voxels with their corners.
+        inside &= grid @ plane[:3] <= -plane[3] - np.float32(0.4)
+    skin = inside & ~binary_erosion(inside)
+    covered = binary_dilation(solid, iterations=2)[skin].mean()
+    hollow = np.count_nonzero(solid) < share * np.count_nonzero(inside)
+    return inside | solid if hollow and covered >= share else solid
+
+
+def _levels(
+    quartiles: NDArray[np.float64],
+    sizes: NDArray[np.int64],
+    open_to: NDArray[np.bool_],
+    limits: InclusionRule,
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return by label how far above air a core begins, and what hosts count as one."""
+    levels = limits.core * np.minimum(quartiles, limits.soft)
+    soft = (quartiles < limits.soft) & (sizes > 0)
+    soft[0] = False
+    around = np.average(levels[soft], weights=sizes[soft]) if soft.any() else np.inf
+    levels[0] = limits.lost * around
+    levels[~open_to] = np.inf
+    soft[0] = True
+    return levels, np.where(soft, 0, np.arange(len(soft))).astype(np.int32)
+
+
+def _in_pieces(labels: NDArray[np.int32], hosts: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Give each connected part of some objects a label of its own, the largest keeping its."""
+    result, top = labels.copy(), int(labels.max())
+    boxes = label_boxes(labels)
+    for host in hosts.tolist():
+        if host not in boxes.ids:
+            continue
+        box = boxes.slices(host)
+        parts = cc3d.connected_components(labels[box] == host, connectivity=6).astype(np.int32)
+        counts = np.bincount(parts.reshape(-1))
+        counts[0] = 0
+        names = np.arange(len(counts), dtype=np.int32) + top
+        names[counts.argmax()] = host
+        result[box] = np.where(parts > 0, names[parts], result[box])
+        top = int(names.max())
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _quartiles(labels, density, air, knee, count):  # type: ignore[no-untyped-def]
+    # By logarithm: 64 bins to a factor of e.
+    bins = np.zeros((count, 1024), np.int32)
+    for z in range(labels.shape[0]):
+        for y in range(labels.shape[1]):
+            for x in range(labels.shape[2]):
+                name = labels[z, y, x]
+                if name == 0:
+                    continue
+                rise = np.float64(density[z, y, x]) - air
+                place = 0
+                if rise > 0:
+                    place = min(int(64 * np.log1p(rise / knee)), 1023)
+                bins[name, place] += 1
+    found = np.zeros(count)
+    for name in range(1, count):
+        wanted, seen = 0.75 * bins[name].sum(), 0
+        for place in range(1024):
+            seen += bins[name, place]
+            if seen >= wanted:
+                found[name] = knee * np.expm1((place + 0.5) / 64)
+                break
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _cores(labels, density, levels, kinds):  # type: ignore[no-untyped-def]
+    found = np.zeros(labels.shape, np.int32)
+    for z in range(labels.shape[0]):
+        for y in range(labels.shape[1]):
+            for x in range(labels.shape[2]):
+                name = labels[z, y, x]
+                if density[z, y, x] >= levels[name]:
+                    found[z, y, x] = kinds[name] + 1
+    return found

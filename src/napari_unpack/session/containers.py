@@ -1,0 +1,229 @@
+"""An object opened: its contents, or the parts of different density in it, as a bag of its own.
+
+The bags that objects were opened as, kept for who opens one again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+from weakref import ReferenceType, WeakKeyDictionary, ref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix
+
+LEAST_SHARE = 0.004
+"""Parts smaller than this share of the object are added to what is around them."""
+
+MOST_PARTS = 40
+
+INSIDE = 2
+"""Along so many of the three axes an object stands on both sides of what lies in it."""
+
+
+def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
+    """Return a session of what is inside an object, the object itself taken off its contents.
+
+    Parameters
+    ----------
+    session : Session
+        Whose object; it is not changed.
+    object_id : int
+        A container with contents of its own (column `parent` of `session.objects`, or objects
+        that it surrounds), or any object made of parts that differ in density.
+    rotation : (3, 3) ndarray of float64, optional
+        How it is seen, from (stretched) world axes to pivot axes; by default as in the bag.
+
+    Returns
+    -------
+    Session
+        On the object's box, everything else in it air, with the parts as its objects. What
+        surrounds the other parts is outside already; they leave one by one.
+
+    Raises
+    ------
+    ValueError
+        If it is of one piece.
+
+    Notes
+    -----
+    notes: readings 14. A closed container and what fills it are one object, so its contents
+    are found here by density: three classes by the thresholds of Otsu's method for several
+    classes, connected, the smallest given to their neighbours.
+    """
+    window = session.boxes.slices(object_id, margin=2)
+    labels = np.asarray(session.labels[window])
+    family = _family(session.objects, object_id) | surrounded(labels, object_id)
+    inside = np.isin(labels, list(family))
+    volume = np.asarray(session.volume[window])
+    parts = np.where(inside, labels, 0)
+    if len(np.unique(parts[inside])) < 2:
+        parts = parts_by_density(volume, inside)
+    names = session.objects["name"]
+    ids = [int(i) for i in np.unique(parts) if i]
+    if len(ids) < 2:
+        raise ValueError(
+            f"{names[object_id]} cannot be opened: all of it has nearly the same density, and no "
+            "object is known to lie in it"
+        )
+    import pandas as pd
+
+    from napari_unpack.session.session import Session
+
+    outer = str(names[object_id])
+    known = {i: str(names[i]) for i in family}
+    if set(ids) <= family:
+        told = [known[i] for i in ids]
+    else:
+        told = [f"{outer}, part {k}" for k in range(1, len(ids) + 1)]
+    shown = np.where(inside, volume, np.zeros((), volume.dtype))
+    table = pd.DataFrame({"name": told}, index=pd.Index(ids, name="id"))
+    inner = Session(shown, parts, session.spacing, table)
+    inner.transfer_function = (
+        session.study(object_id).transfer_function or session.transfer_function
+    )
+    camera = session.camera
+    inner.look(replace(camera, rotation=camera.rotation if rotation is None else rotation))
+    inner.look(inner.overview())
+    # One by one: by the rule a nest would leave as the group it came as.
+    inner.most_in_group, inner.take_least_occluded = 1, True
+    inner.rule, inner.tolerance = session.rule, session.tolerance
+    shell = object_id if object_id in ids else _shell(parts, ids)
+    if shell:
+        inner.take_off(shell)
+    inner.history.clear()
+    return inner
+
+
+def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
+    """Return the objects that another one surrounds.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+        Object IDs.
+    object_id : int
+        Who may surround others.
+
+    Returns
+    -------
+    set of int
+        Objects of which more than half lies between parts of that one along two axes or three:
+        what is in a cup that is open at the top does.
+    """
+    mine = labels == object_id
+    sides = np.zeros(labels.shape, np.uint8)
+    for axis in range(3):
+        before = np.maximum.accumulate(mine, axis=axis)
+        behind = np.flip(np.maximum.accumulate(np.flip(mine, axis), axis=axis), axis)
+        sides += before & behind
+    inside = np.bincount(labels[(sides >= INSIDE) & ~mine & (labels > 0)])
+    whole = np.bincount(labels.ravel(), minlength=len(inside))[: len(inside)]
+    return {int(i) for i in np.flatnonzero(2 * inside > whole)}
+
+
+def _shell(parts: NDArray[Any], ids: list[int]) -> int:
+    """Return the part that surrounds all others, 0 where there is none."""
+    for part in ids:
+        if len(surrounded(parts, part)) == len(ids) - 1:
+            return part
+    return 0
+
+
+def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[np.uint16]:
+    """Split an object where its density jumps.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density.
+    inside : (Z, Y, X) ndarray of bool
+        The object.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of uint16
+        Parts, the largest 1; 0 outside. All 1 where nothing differs.
+    """
+    from scipy import ndimage
+    from skimage.filters import threshold_multiotsu
+
+    whole = inside.astype(np.uint16)
+    known = np.asarray(volume, np.float32)[inside & np.isfinite(volume)]
+    if not known.size:
+        return whole
+    # What is not the object's counts as its commonest density: its own edge is no jump.
+    smooth = ndimage.median_filter(np.where(inside, volume, np.median(known)).astype(np.float32), 3)
+    values = smooth[inside]
+    values = values[np.isfinite(values)]
+    spread = np.clip(values, *np.percentile(values, [0.5, 99.5]))
+    kinds = min(3, len(np.unique(spread)))
+    if kinds < 2:
+        return whole
+    cuts = threshold_multiotsu(spread, classes=kinds)
+    classes = np.digitize(smooth, cuts)
+    least = max(16, round(LEAST_SHARE * inside.sum()))
+    seeds = np.zeros(inside.shape, np.int32)
+    found: list[tuple[int, NDArray[np.bool_]]] = []
+    for level in range(len(cuts) + 1):
+        pieces, _ = ndimage.label(inside & (classes == level))
+        sizes = np.bincount(pieces.ravel())
+        found += [(int(sizes[k]), pieces == k) for k in range(1, len(sizes)) if sizes[k] >= least]
+    for k, (_, piece) in enumerate(sorted(found, key=lambda one: -one[0])[:MOST_PARTS], start=1):
+        seeds[piece] = k
+    if not seeds.any():
+        return whole
+    nearest = ndimage.distance_transform_edt(
+        seeds == 0, return_distances=False, return_indices=True
+    )
+    parts: NDArray[np.uint16] = np.where(inside, seeds[tuple(nearest)], 0).astype(np.uint16)
+    return parts
+
+
+def _family(objects: Any, object_id: int) -> set[int]:
+    """Return an object and all that lies in it, by the column `parent`."""
+    family = {object_id}
+    if "parent" in objects:
+        while True:
+            grown = family | {int(i) for i in objects.index[objects["parent"].isin(family)]}
+            if grown == family:
+                break
+            family = grown
+    return family
+
+
+class OpenedBefore:
+    """Opens objects; what was unpacked in one is still out when it is opened once more.
+
+    A bag is kept as long as its outer session is, and forgotten once labels were repaired.
+    """
+
+    def __init__(self) -> None:
+        self._bags: WeakKeyDictionary[Any, dict[int, tuple[ReferenceType[Any], Any]]]
+        self._bags = WeakKeyDictionary()
+
+    def open(self, session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
+        """Return the bag inside an object, as it was left or else from `opened`.
+
+        Parameters
+        ----------
+        session, object_id, rotation
+            As for `opened`; a bag that is known lies as it was left.
+
+        Returns
+        -------
+        Session
+
+        Raises
+        ------
+        ValueError
+            If the object is of one piece.
+        """
+        bags = self._bags.setdefault(session, {})
+        labels, bag = bags.get(object_id, (None, None))
+        if labels is None or labels() is not session.labels:
+            bag = opened(session, object_id, rotation)
+            bags[object_id] = ref(session.labels), bag
+        return bag

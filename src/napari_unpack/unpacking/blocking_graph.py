@@ -1,0 +1,223 @@
+"""Who blocks whom along one direction: groups that leave together, and what to remove first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.unpacking.occlusion import Rule, free_ids
+
+Ids = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Blocking:
+    """The directional blocking graph of the objects that were in the bag when it was asked.
+
+    An edge from i to j says that i stands in front of j along D. Taking objects away takes their
+    edges away and changes no other, so one answer serves until the direction changes or an
+    object comes back that was away when it was asked.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        Nodes are object IDs.
+    """
+
+    graph: nx.DiGraph
+    _whole: Blocking | None = field(default=None, repr=False)
+
+    @cached_property
+    def _edges(self) -> tuple[Ids, Ids, Ids]:
+        """IDs ascending, and of every edge the places in them of who blocks and who is blocked."""
+        ids = np.array(sorted(self.graph), dtype=np.int64)
+        pairs = np.array(list(self.graph.edges), dtype=np.int64).reshape(-1, 2)
+        front, behind = np.searchsorted(ids, pairs).T
+        return ids, front, behind
+
+    @classmethod
+    def of(
+        cls, counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
+    ) -> Blocking | None:
+        """Make the graph from counts, or return None where there is no table of blockers.
+
+        Objects that are free within the tolerance lose their incoming edges. The table is the
+        `exact` rule's; other rules have none.
+        """
+        if counts.blocks is None or rule != "exact":
+            return None
+        free = free_ids(counts, rule, tolerance)
+        return cls(blocking_graph(counts.blocks, counts.ids, free))
+
+    def among(self, packed: Iterable[int]) -> Blocking:
+        """Return the graph of those still packed."""
+        return Blocking(self.graph.subgraph(packed), self._whole or self)
+
+    def free_groups(self) -> list[tuple[int, ...]]:
+        """Return the groups that nobody outside them blocks, smallest first, then by ID.
+
+        Quick enough to be asked at every change of a thousand objects: the graph is looked over
+        once for all that are left of it.
+        """
+        ids, front, behind = (self._whole or self)._edges
+        here = np.isin(ids, list(self.graph))
+        both = here[front] & here[behind]
+        front, behind = front[both], behind[both]
+        size = len(ids), len(ids)
+        _, part = connected_components(
+            csr_array((np.ones(len(front), np.bool_), (front, behind)), size), connection="strong"
+        )
+        free = np.zeros(len(ids), np.bool_)
+        free[part[here]] = True
+        free[part[behind[part[front] != part[behind]]]] = False
+        members: dict[int, list[int]] = {}
+        for place in np.flatnonzero(here & free[part]):
+            members.setdefault(int(part[place]), []).append(int(ids[place]))
+        return sorted((tuple(group) for group in members.values()), key=lambda g: (len(g), g))
+
+    def blockers(self, ids: Iterable[int]) -> set[int]:
+        """Return the objects outside `ids` that block one of them directly."""
+        wanted = set(ids)
+        return {before for i in wanted for before in self.graph.predecessors(i)} - wanted
+
+    def needed(self, target: int) -> set[int]:
+        """Return the smallest set, the target included, that must leave to get at the target."""
+        return reveal(self.graph, target)
+
+    def departures(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
+        """Order objects into groups so that none leaves before what blocks it."""
+        part = self.graph.subgraph(ids)
+        condensed = nx.condensation(part)
+        order = nx.lexicographical_topological_sort(
+            condensed, key=lambda node: min(condensed.nodes[node]["members"])
+        )
+        return [tuple(sorted(condensed.nodes[node]["members"])) for node in order]
+
+
+def blocking_graph(
+    blocks: NDArray[np.bool_], ids: Iterable[int], free: Iterable[int] = ()
+) -> nx.DiGraph:
+    """Make the graph of a table of blockers.
+
+    Parameters
+    ----------
+    blocks : (n, n) ndarray of bool
+        Row blocks column.
+    ids : (n,) iterable of int
+        The IDs of rows and columns.
+    free : iterable of int
+        IDs to be taken as blocked by nobody.
+
+    Returns
+    -------
+    networkx.DiGraph
+        Edge i -> j where i blocks j.
+
+    Raises
+    ------
+    ValueError
+        If the table is not square with one row an ID.
+    """
+    names = [int(i) for i in ids]
+    table = np.asarray(blocks, dtype=bool)
+    if table.shape != (len(names), len(names)):
+        raise ValueError(f"blocks must be ({len(names)}, {len(names)}), got shape {table.shape}")
+    exempt = set(free)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(names)
+    for row, column in zip(*np.nonzero(table), strict=True):
+        if row != column and names[column] not in exempt:
+            graph.add_edge(names[row], names[column])
+    return graph
+
+
+def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...]]:
+    """Return the sets of objects that hold one another, ordered so that blockers come first.
+
+    Parameters
+    ----------
+    blocks : (n, n) ndarray of bool
+        Row blocks column.
+    ids : (n,) iterable of int
+        The IDs of rows and columns.
+
+    Returns
+    -------
+    list of tuple of int
+        Strongly connected components of the blocking graph in an order in which they can leave;
+        most have one member.
+
+    Notes
+    -----
+    Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
+    "group-by-group" (section 5) leaves open which groups.
+    """
+    names = list(ids)
+    return Blocking(blocking_graph(blocks, names)).departures(names)
+
+
+def leading_groups(
+    order: Iterable[int], blockers: Callable[[int, int], frozenset[int]], most: int
+) -> Iterator[tuple[int, ...]]:
+    """Find who can leave, foremost first, asking about no more objects than that takes.
+
+    Parameters
+    ----------
+    order : iterable of int
+        Everybody in the bag, those wanted first at the head.
+    blockers : callable
+        Given an object and a number, returns who blocks it directly, or more than that number
+        of them.
+    most : int
+        Objects in a group.
+
+    Yields
+    ------
+    tuple of int
+        Of those that `Blocking.free_groups` finds in the whole graph the ones with at most so many
+        members, each as soon as its first member in the order is come to.
+
+    Notes
+    -----
+    A group that nobody outside blocks holds everybody that must leave before any one of it, and
+    so is found from each of its members by going from blockers to their blockers. What leads to
+    more than `most` objects is in no such group.
+    """
+    known: dict[int, frozenset[int]] = {}
+    told: set[int] = set()
+    for first in order:
+        if first in told:
+            continue
+        graph: nx.DiGraph = nx.DiGraph()
+        graph.add_node(first)
+        asked: set[int] = set()
+        while len(graph) <= most and (left := graph.nodes - asked):
+            one = min(left)
+            asked.add(one)
+            if one not in known:
+                known[one] = blockers(one, most - 1)
+            graph.add_edges_from((other, one) for other in known[one])
+        if len(graph) <= most and nx.is_strongly_connected(graph):
+            told.update(graph)
+            yield tuple(sorted(graph))
+
+
+def reveal(graph: nx.DiGraph, target: int) -> set[int]:
+    """Return the target and everything that must leave before it, directly or not.
+
+    Raises
+    ------
+    ValueError
+        If the target is not in the graph.
+    """
+    if target not in graph:
+        raise ValueError(f"target must be a packed object, got {target!r}")
+    return set(nx.ancestors(graph, target)) | {target}

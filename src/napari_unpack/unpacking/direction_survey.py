@@ -1,0 +1,197 @@
+"""Who could leave along each of many directions, and the least that must leave before an object."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.unpacking.occlusion import free_ids
+
+Group = tuple[int, ...]
+Mask = NDArray[np.bool_]
+
+COMPASS: NDArray[np.float64] = np.array(
+    [
+        np.array(steps) / np.linalg.norm(steps)
+        for steps in product((-1.0, 0.0, 1.0), repeat=3)
+        if any(steps)
+    ]
+)
+"""(26, 3) unit vectors to the faces, edges and corners of a cube; k and 25 - k are opposite."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """Who stands in front of whom along one direction.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    ids : (n,) ndarray of int64
+        Objects that were in the bag, ascending.
+    blocks : (n, n) ndarray of bool
+        Row blocks column; the diagonal is False.
+    """
+
+    direction: Vector
+    ids: NDArray[np.int64]
+    blocks: Mask
+
+    @classmethod
+    def of(
+        cls, direction: Vector, counts: OcclusionCounts, packed: Collection[int], tolerance: float
+    ) -> Outlook | None:
+        """Make it from counts along -D; None where they hold no table.
+
+        Objects that no ray meets block nobody; objects free within the tolerance are blocked by
+        nobody.
+        """
+        if counts.blocks is None:
+            return None
+        ids = np.array(sorted(packed), dtype=np.int64)
+        blocks = np.zeros((len(ids), len(ids)), dtype=np.bool_)
+        rows = np.searchsorted(ids, counts.ids)
+        blocks[np.ix_(rows, rows)] = counts.blocks
+        if tolerance > 0:
+            blocks[:, np.searchsorted(ids, free_ids(counts, "exact", tolerance))] = False
+        np.fill_diagonal(blocks, False)
+        return cls(direction, ids, blocks)
+
+    def opposite(self) -> Outlook:
+        """Return the outlook along -D: what was in front is behind. Holds at tolerance 0."""
+        return Outlook(-self.direction, self.ids, self.blocks.T)
+
+    def among(self, packed: Collection[int]) -> Outlook:
+        """Return the outlook of those still packed."""
+        keep = np.isin(self.ids, list(packed))
+        return Outlook(self.direction, self.ids[keep], self.blocks[np.ix_(keep, keep)])
+
+    def free_groups(self) -> list[Group]:
+        """Return the objects, and groups that hold together, that nobody else blocks."""
+        count, part = connected_components(csr_array(self.blocks), connection="strong")
+        front, behind = np.nonzero(self.blocks)
+        free = np.ones(count, dtype=np.bool_)
+        free[part[behind[part[front] != part[behind]]]] = False
+        order = np.argsort(part, kind="stable")
+        members = np.split(self.ids[order], np.cumsum(np.bincount(part, minlength=count))[:-1])
+        return [tuple(int(i) for i in members[k]) for k in np.flatnonzero(free)]
+
+    def needed(self, target: int) -> frozenset[int]:
+        """Return the target and everything that must leave before it, directly or not.
+
+        Notes
+        -----
+        The ancestors of the target in the directional blocking graph: the least set, and the
+        only minimal one.
+        """
+        reached: Mask = self.ids == target
+        while True:
+            grown: Mask = reached | self.blocks[:, reached].any(axis=1)
+            if (grown == reached).all():
+                return frozenset(int(i) for i in self.ids[reached])
+            reached = grown
+
+
+@dataclass(frozen=True, eq=False)
+class WayOut:
+    """A direction and what could leave along it.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    groups : tuple of tuple of int
+        Objects that nobody blocks; those that hold together are one group.
+    """
+
+    direction: Vector
+    groups: tuple[Group, ...]
+
+    @property
+    def ids(self) -> frozenset[int]:
+        """Every object that could leave."""
+        return frozenset(i for group in self.groups for i in group)
+
+
+def best_way_out(
+    outlooks: Sequence[Outlook], packed: Collection[int], most: int, near: Vector
+) -> WayOut | None:
+    """Return the direction along which the most objects could leave.
+
+    Parameters
+    ----------
+    outlooks : sequence of Outlook
+        Of objects among which the packed ones are.
+    packed : collection of int
+        Who is in the bag now.
+    most : int
+        Groups larger than this do not count.
+    near : (3,) ndarray of float64
+        Ties go to the direction nearest this one.
+
+    Returns
+    -------
+    WayOut or None
+        None where nobody is free along any of them.
+    """
+    ways = []
+    for outlook in outlooks:
+        groups = [g for g in outlook.among(packed).free_groups() if len(g) <= most]
+        ways.append(WayOut(outlook.direction, tuple(sorted(groups))))
+    ways = [way for way in ways if way.groups]
+    if not ways:
+        return None
+    return max(ways, key=lambda way: (len(way.ids), round(float(way.direction @ near), 6)))
+
+
+@dataclass(frozen=True, eq=False)
+class Unearthing:
+    """The least that must leave for an object to leave.
+
+    Parameters
+    ----------
+    target : int
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    ids : frozenset of int
+        Who leaves, the target included.
+    """
+
+    target: int
+    direction: Vector
+    ids: frozenset[int]
+
+    @property
+    def first(self) -> frozenset[int]:
+        """Who must leave before the target, or with it."""
+        return self.ids - {self.target}
+
+
+def least_unearthing(
+    outlooks: Sequence[Outlook], packed: Collection[int], target: int, near: Vector
+) -> Unearthing:
+    """Return the direction along which the fewest must leave for a buried object to leave.
+
+    Ties go to the direction nearest `near`.
+
+    Raises
+    ------
+    ValueError
+        If there is no outlook, or the target is not packed.
+    """
+    if not outlooks or target not in packed:
+        raise ValueError(f"target must be a packed object and an outlook known, got {target!r}")
+    found = [
+        Unearthing(target, outlook.direction, outlook.among(packed).needed(target))
+        for outlook in outlooks
+    ]
+    return min(found, key=lambda one: (len(one.ids), -round(float(one.direction @ near), 6)))

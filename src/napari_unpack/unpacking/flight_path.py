@@ -1,0 +1,262 @@
+"""The flight of an object out of the bag and back: a pure function of time and camera.
+
+Key frames: packed, clear of the bag's box along D, at its slot; between the last two it goes
+round the bag. The first two stand in the bag
+and turn with it; the last stands in pivot space. Since each is evaluated with the camera of the
+moment, a flight is right while the bag turns, and the way back is the way out run backwards.
+
+The way from beside the bag to a slot that does not lead through the bag.
+
+A slot may lie on the other side of the bag than the one an object leaves by. So it goes on along
+D until it is clear of a ball around the bag, and then round the ball.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.geometry.axes import Vector, unit
+from napari_unpack.geometry.transforms import Pose, packed_pose
+from napari_unpack.geometry.view import Camera
+
+STRAIGHT_UNTIL = 0.5
+TURNING_FROM = 0.2
+"""Parts of the way: on along D until the first, round the bag from the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """What nobody may fly through.
+
+    Parameters
+    ----------
+    center : (3,) ndarray of float64
+        Of the bag, world mm.
+    radius : float
+        Of the bag and of whoever flies together, mm of pivot space.
+    """
+
+    center: Vector
+    radius: float
+
+
+def skirt(
+    start: Vector, along: Vector, target: Vector, center: Vector, radius: float, gone: float
+) -> Vector:
+    """Return a place on the way round a ball, all in pivot space, mm.
+
+    Parameters
+    ----------
+    start : (3,) ndarray of float64
+        Where the way begins.
+    along : (3,) ndarray of float64
+        D, a unit vector.
+    target : (3,) ndarray of float64
+        Where it ends.
+    center, radius
+        The ball.
+    gone : float
+        How much of the way is behind, 0 to 1.
+
+    Returns
+    -------
+    (3,) ndarray of float64
+
+    Notes
+    -----
+    Directions from the centre are interpolated along the arc between them, distances from it
+    linearly. Towards the opposite side the arc passes on the viewer's side.
+    """
+    out = 1.0 - max(0.0, 1.0 - gone / STRAIGHT_UNTIL) ** 2
+    first = start + out * _way_out(start - center, along, radius) * along - center
+    last = target - center
+    turned = float(np.clip((gone - TURNING_FROM) / (1.0 - TURNING_FROM), 0.0, 1.0))
+    turned = turned * turned * (3.0 - 2.0 * turned)
+    near, far = float(np.linalg.norm(first)), float(np.linalg.norm(last))
+    if min(near, far) < 1e-9 * radius:
+        return center + (1.0 - turned) * first + turned * last
+    a, b = first / near, last / far
+    side = b - (a @ b) * a
+    if np.linalg.norm(side) < 1e-3:
+        # Towards the viewer, or down where that is the way already.
+        towards = np.eye(3)[0] if abs(a[0]) < 0.9 else np.eye(3)[1]
+        side = towards - (a @ towards) * a
+    side = side / np.linalg.norm(side)
+    angle = turned * float(np.arctan2(np.linalg.norm(b - (a @ b) * a), a @ b))
+    arc = np.cos(angle) * a + np.sin(angle) * side
+    distance = (1.0 - turned) * near + turned * far
+    place: Vector = center + distance * arc
+    return place if turned < 1.0 else target.copy()
+
+
+def _way_out(start: Vector, along: Vector, radius: float) -> float:
+    """Return how far it is along a unit vector until out of a ball about the origin, mm."""
+    towards = float(start @ along)
+    inside = radius**2 - float(start @ start)
+    return 0.0 if inside <= 0.0 else float(np.sqrt(towards**2 + inside)) - towards
+
+
+SHARE_OF_FIRST_LEG = (0.22, 0.42)
+"""Least and most of a flight's time spent on the way along D."""
+
+NEAREST_TO_EYE = 0.6
+"""Nobody flies further towards the viewer than this fraction of the eye's distance."""
+
+
+def clearance(
+    lower: ArrayLike, upper: ArrayLike, bag_lower: ArrayLike, bag_upper: ArrayLike, d: ArrayLike
+) -> float:
+    """Return how far along d an object must go until its box is clear of the bag's.
+
+    Parameters
+    ----------
+    lower, upper : (3,) array_like
+        The object's axis-aligned box, world mm.
+    bag_lower, bag_upper : (3,) array_like
+        The bag's.
+    d : (3,) array_like
+        Unit vector in world.
+
+    Returns
+    -------
+    float
+        mm, 0 where the boxes are apart already.
+    """
+    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    bag_low, bag_high = np.asarray(bag_lower, dtype=float), np.asarray(bag_upper, dtype=float)
+    if (low >= bag_high).any() or (high <= bag_low).any():
+        return 0.0
+    direction = np.asarray(d, dtype=float)
+    distances = np.where(direction > 0, bag_high - low, high - bag_low)
+    with np.errstate(divide="ignore"):
+        return float(np.min(np.where(direction != 0, distances / np.abs(direction), np.inf)))
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """One object on its way.
+
+    Parameters
+    ----------
+    object_id : int
+        Whose flight.
+    box_center : (3,) ndarray of float64
+        Centre of the object's box at its packed place, world mm (the paper's o).
+    direction : (3,) ndarray of float64
+        The D it was tested for, unit vector in world.
+    clear : float
+        Length of the first leg, mm.
+    target : Pose
+        Its place outside the bag (the paper's u), pivot space.
+    start : float
+        When it leaves, s, on whatever clock `pose` is asked with.
+    seconds : float
+        How long it takes.
+    back : bool
+        True on the way into the bag.
+    around : Ball, optional
+        What the second leg leads round: the bag.
+
+    Raises
+    ------
+    ValueError
+        If `seconds` is not positive.
+    """
+
+    object_id: int
+    box_center: Vector
+    direction: Vector
+    clear: float
+    target: Pose
+    start: float = 0.0
+    seconds: float = 1.5
+    back: bool = False
+    around: Ball | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.seconds) and self.seconds > 0):
+            raise ValueError(f"seconds must be positive, got {self.seconds!r}")
+
+    def progress(self, time: float) -> float:
+        """Return the fraction of the flight's time that has passed, 0 to 1."""
+        return float(np.clip((time - self.start) / self.seconds, 0.0, 1.0))
+
+    def done(self, time: float) -> bool:
+        """Tell whether it has arrived."""
+        return time >= self.start + self.seconds
+
+    def pose(self, time: float, camera: Camera) -> Pose:
+        """Return where the object is, pivot space.
+
+        Parameters
+        ----------
+        time : float
+            Seconds on the clock of `start`; clamped to the flight.
+        camera : Camera
+            The camera of now.
+
+        Returns
+        -------
+        Pose
+
+        Notes
+        -----
+        Li et al. 2012, sections 5.2 and 5.3, with linear interpolation between key frames
+        replaced by one that starts and ends at rest and rounds the corner outside the bag's
+        box. Deviation: the first leg goes along D whatever D is (notes/readings.md 12).
+        """
+        passed = self.progress(time)
+        return self.pose_at(1.0 - passed if self.back else passed, camera)
+
+    def pose_at(self, fraction: float, camera: Camera) -> Pose:
+        """Return the pose at a fraction of the way out, 0 packed, 1 at the target."""
+        leaving = packed_pose(self.box_center, camera)
+        outside = packed_pose(self.box_center, camera, self.direction * self.clear)
+        outside = replace(outside, center=_before_the_eye(outside.center, camera))
+        way = float(np.linalg.norm(self.target.center - outside.center))
+        first = 0.0
+        if self.clear > 0:
+            first = float(np.clip(self.clear / (self.clear + way), *SHARE_OF_FIRST_LEG))
+        if fraction < first:
+            gone = (fraction / first) ** 2
+            center = (1 - gone) * leaving.center + gone * outside.center
+            return replace(leaving, center=center)
+        rest = (fraction - first) / (1.0 - first)
+        pose = outside.toward(self.target, _smooth(rest))
+        along = unit(camera.linear @ self.direction)
+        if self.around is not None:
+            middle = packed_pose(self.around.center, camera).center
+            ends = outside.center, along, self.target.center
+            place = skirt(*ends, middle, self.around.radius, 1.0 - (1.0 - rest) ** 2)
+            return replace(pose, center=_before_the_eye(place, camera))
+        gone = 1.0 - (1.0 - rest) ** 3
+        ahead = outside.center + along * min(0.35 * self.clear, way / 3)
+        ahead = _before_the_eye(ahead, camera)
+        return replace(pose, center=_bezier(outside.center, ahead, self.target.center, gone))
+
+    def reversed(self, time: float) -> Flight:
+        """Return the flight that turns round at this time, from where the object is then."""
+        left = 1.0 - self.progress(time)
+        return replace(self, back=not self.back, start=time - left * self.seconds)
+
+    def toward(self, target: Pose) -> Flight:
+        """Return the same flight with another place outside the bag."""
+        return replace(self, target=target)
+
+
+def _bezier(a: Vector, b: Vector, c: Vector, s: float) -> NDArray[np.float64]:
+    return (1 - s) ** 2 * a + 2 * s * (1 - s) * b + s**2 * c
+
+
+def _smooth(s: float) -> float:
+    return s * s * (3.0 - 2.0 * s)
+
+
+def _before_the_eye(center: Vector, camera: Camera) -> Vector:
+    limit = NEAREST_TO_EYE * camera.distance
+    if center[0] <= limit:
+        return center
+    return np.array([limit, *center[1:]])

@@ -1,0 +1,1 @@
+"""Shows one session in one napari viewer."""

@@ -1,0 +1,379 @@
+"""Who moves now, and how: flights, an object under the hand, an object inspected.
+
+The short transition from one set of colours to the next.
+
+One object studied alone: framed large, turned by hand, back to its place at the end.
+
+What a picture of a moving object is asked with.
+
+Sprites on their way to new slots, after the window was given another shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from qtpy.QtWidgets import QApplication, QStyle
+
+from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.transforms import Pose, packed_pose
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.viewer.scheduler import Clock
+
+FADE_SECONDS = 0.3
+
+
+class HueFade:
+    """Tells, some sixty times a second, how far a change of colours has come.
+
+    Parameters
+    ----------
+    step : callable
+        Given the part of the way, in [0, 1] and smooth at both ends; 1 is the last.
+
+    Attributes
+    ----------
+    allowed : bool
+        False jumps to the end: for who asks for reduced motion.
+    """
+
+    def __init__(self, step: Callable[[float], None]) -> None:
+        self.allowed = not motion_reduced()
+        self._step = step
+        self._began = 0.0
+        self._clock = Clock(self._tick, perf_counter)
+
+    @property
+    def running(self) -> bool:
+        """Whether colours are on their way."""
+        return self._clock.running
+
+    @property
+    def part(self) -> float:
+        """How far they have come; 1 where none are on their way."""
+        if not self.running:
+            return 1.0
+        part = min(max((self._clock.now() - self._began) / FADE_SECONDS, 0.0), 1.0)
+        return part * part * (3.0 - 2.0 * part)
+
+    def begin(self) -> None:
+        """Set out from the beginning."""
+        self._began = self._clock.now()
+        self._clock.start()
+
+    def stop(self) -> None:
+        """Leave colours where they are."""
+        self._clock.stop()
+
+    def _tick(self, _now: float) -> None:
+        part = self.part
+        if part >= 1.0:
+            self._clock.stop()
+        self._step(part)
+
+
+def motion_reduced() -> bool:
+    """Return whether the desktop asks for no animations."""
+    style = QApplication.style() if QApplication.instance() is not None else None
+    hint = QStyle.StyleHint.SH_Widget_Animation_Duration
+    return style is not None and style.styleHint(hint) == 0
+
+
+FRAMING_SECONDS = 0.35
+SHARE_OF_VIEW = 0.72
+"""How much of the view's shorter side the object's bounding sphere fills."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """An object on its way to the middle of the view, there, or on its way back.
+
+    Parameters
+    ----------
+    object_id : int
+    home : Pose
+        Where it waits otherwise, pivot space.
+    diameter : float
+        Diagonal of its box, mm, at scale 1.
+    rotation : (3, 3) ndarray of float64
+        How it is turned now.
+    since : float
+        When it began to come, or to go, s.
+    leaving : bool
+        Whether it is on its way back.
+
+    Notes
+    -----
+    notes/readings.md 15: the object turns, not the camera. The framed pose follows the camera,
+    so zooming zooms it.
+    """
+
+    object_id: int
+    home: Pose
+    diameter: float
+    rotation: Matrix
+    since: float
+    height: float
+    leaving: bool = False
+
+    def pose(self, now: float, aspect: float) -> Pose:
+        """Return where it is now.
+
+        Parameters
+        ----------
+        now : float
+            s, on the clock of `since`.
+        aspect : float
+            Width of the view over its height.
+        """
+        gone = float(np.clip((now - self.since) / FRAMING_SECONDS, 0.0, 1.0))
+        eased = gone * gone * (3.0 - 2.0 * gone)
+        fraction = 1.0 - eased if self.leaving else eased
+        framed = Pose(np.zeros(3), self.rotation, self.framed_scale(aspect))
+        return replace(self.home, rotation=self.rotation).toward(framed, fraction)
+
+    def framed_scale(self, aspect: float) -> float:
+        """Return the enlargement at which it fills its share of the view."""
+        return SHARE_OF_VIEW * self.height * min(1.0, aspect) / self.diameter
+
+    def still(self, now: float) -> bool:
+        """Tell whether it has arrived."""
+        return now >= self.since + FRAMING_SECONDS
+
+    def turned(self, rotation: Matrix) -> Inspection:
+        """Return it turned by a rotation of pivot space."""
+        return replace(self, rotation=rotation @ self.rotation)
+
+    def left(self, now: float) -> Inspection:
+        """Return it on its way back from now on."""
+        return replace(self, since=now, leaving=True)
+
+
+def inspection_of(
+    object_id: int, home: Pose, diameter: float, camera: Camera, now: float
+) -> Inspection:
+    """Begin an inspection: the object keeps its turn, the view of now is to be filled."""
+    return Inspection(object_id, home, diameter, home.rotation, now, camera.height)
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """One object to be cast where it is now.
+
+    Parameters
+    ----------
+    pose : Pose
+        Where, in the pivot space of the camera.
+    in_front : bool
+        Draw it before everything else instead of where it is.
+    sharp : bool
+        It does not move: cast all its pixels.
+    """
+
+    pose: Pose
+    in_front: bool = False
+    sharp: bool = False
+
+
+class Director:
+    """Keeps track of everything that is neither packed nor a sprite.
+
+    Parameters
+    ----------
+    session : Session
+        With its flights.
+    has_sprite, is_repacked : callable
+        Given an ID: whether its sprite is there, whether the packed picture shows it again.
+
+    Notes
+    -----
+    An object that has landed stays in the transition layer until its next picture is there, so
+    that it is never missing for a moment.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        has_sprite: Callable[[int], bool],
+        is_repacked: Callable[[int], bool],
+    ) -> None:
+        self._session = session
+        self._has_sprite, self._is_repacked = has_sprite, is_repacked
+        self._landed: dict[int, Pose | None] = {}
+        self.turning: dict[int, Pose] = {}
+        self.carried: dict[int, Pose] = {}
+        self.inspection: Inspection | None = None
+
+    @property
+    def flying(self) -> bool:
+        """Whether a flight is in the air."""
+        return bool(self._session.flights)
+
+    def active(self, now: float) -> bool:
+        """Whether anything moves by itself or waits for its next picture."""
+        going = self.inspection is not None and not self.inspection.still(now)
+        return self.flying or going or bool(self._landed)
+
+    def arrivals(self, now: float) -> list[int]:
+        """List the flights that have arrived."""
+        return [i for i, flight in self._session.flights.items() if flight.done(now)]
+
+    def landed(self, object_id: int, target: Pose | None) -> None:
+        """Keep showing a landed object, at its slot or (None) at its packed place."""
+        self._landed[object_id] = target
+
+    def moving(self, now: float, frame: Frame) -> dict[int, Moving]:
+        """Return where everything is now."""
+        session, camera = self._session, frame.camera
+        self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i, p)}
+        objects: dict[int, Moving] = {}
+        for object_id, flight in dict(session.flights).items():
+            objects[object_id] = Moving(flight.pose(now, camera))
+        for object_id, pose in self._landed.items():
+            if pose is None:
+                center = session.boxes.center(object_id, np.asarray(session.spacing))
+                pose = packed_pose(center, camera)
+            objects.setdefault(object_id, Moving(pose))
+        for object_id, pose in self.turning.items():
+            # One that a command sends away is out of the hand, if not yet let go.
+            if object_id in session.poses:
+                objects[object_id] = Moving(pose)
+        if self.inspection is not None:
+            one = self.inspection
+            pose = one.pose(now, frame.size[1] / frame.size[0])
+            still = one.still(now) and one.object_id not in self.turning
+            objects[one.object_id] = Moving(pose, in_front=True, sharp=still)
+        return objects
+
+    def turn(self, object_id: int, rotation: Matrix) -> None:
+        """Turn an object under the hand."""
+        if self.inspection is not None and self.inspection.object_id == object_id:
+            self.inspection = self.inspection.turned(rotation)
+        elif object_id in self._session.poses:
+            pose = self.turning.get(object_id) or self._session.poses[object_id]
+            self.turning[object_id] = self._session.pose_turned(object_id, rotation @ pose.rotation)
+
+    def begin_inspection(self, object_id: int, frame: Frame, now: float) -> None:
+        """Bring an object to the middle of the view."""
+        session = self._session
+        spacing = np.asarray(session.spacing, dtype=np.float64)
+        home = session.poses.get(object_id)
+        if home is None:
+            home = packed_pose(session.boxes.center(object_id, spacing), frame.camera)
+        diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
+        self.inspection = inspection_of(object_id, home, diameter, frame.camera, now)
+
+    def _shown_elsewhere(self, object_id: int, target: Pose | None) -> bool:
+        if object_id in self._session.flights:
+            return True
+        return self._is_repacked(object_id) if target is None else self._has_sprite(object_id)
+
+
+GLIDE_SECONDS = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Glide:
+    """One sprite's way: a pure function of time.
+
+    Parameters
+    ----------
+    origin, target : (3,) ndarray of float64
+        Centres, pivot space, mm.
+    start : float
+        When it sets off, s.
+    """
+
+    origin: Vector
+    target: Vector
+    start: float
+
+    def done(self, time: float) -> bool:
+        """Tell whether it has arrived."""
+        return time >= self.start + GLIDE_SECONDS
+
+    def center(self, time: float) -> Vector:
+        """Return where it is, at rest at both ends."""
+        s = min(max((time - self.start) / GLIDE_SECONDS, 0.0), 1.0)
+        gone = s * s * (3.0 - 2.0 * s)
+        center: Vector = (1.0 - gone) * self.origin + gone * self.target
+        return center
+
+
+class Glides:
+    """Lets sprites glide wherever their slots were planned anew.
+
+    Parameters
+    ----------
+    moved : callable
+        Called at every moment of a glide.
+    allowed : callable
+        Returns False for who asks for reduced motion: all jump.
+    now : callable, optional
+        Returns the time, s.
+
+    Notes
+    -----
+    The cards of sprites lie in pivot space, so that nothing is cast and nothing uploaded.
+    """
+
+    def __init__(
+        self,
+        moved: Callable[[], None],
+        allowed: Callable[[], bool],
+        now: Callable[[], float] = perf_counter,
+    ) -> None:
+        self._moved, self._allowed = moved, allowed
+        self._clock = Clock(self._tick, now)
+        self._plan: object = None
+        self._poses: dict[int, Pose] = {}
+        self._glides: dict[int, Glide] = {}
+
+    @property
+    def settled(self) -> bool:
+        """Whether all sprites are where they belong."""
+        return not self._glides
+
+    def follow(self, poses: Mapping[int, Pose], plan: object) -> dict[int, Pose]:
+        """Return where sprites are now.
+
+        Parameters
+        ----------
+        poses : {id: Pose}
+            Where they belong.
+        plan : object
+            Of the slots; another one lets those glide whose slots have moved. Who moves under
+            the same plan was moved by hand.
+        """
+        now = self._clock.now()
+        planned_anew = self._plan is not None and plan is not self._plan and self._allowed()
+        glides = {}
+        for object_id, pose in poses.items():
+            before = self._poses.get(object_id)
+            glide = self._glides.get(object_id)
+            if before is not None and (before.center != pose.center).any():
+                origin = before.center if glide is None else glide.center(now)
+                glide = Glide(origin, pose.center, now) if planned_anew else None
+            if glide is not None and not glide.done(now):
+                glides[object_id] = glide
+        self._plan, self._poses, self._glides = plan, dict(poses), glides
+        if glides:
+            self._clock.start()
+        return dict(poses) | {
+            i: replace(poses[i], center=glide.center(now)) for i, glide in glides.items()
+        }
+
+    def close(self) -> None:
+        """Move nothing more."""
+        self._clock.stop()
+        self._glides = {}
+
+    def _tick(self, now: float) -> None:
+        self._moved()
+        if not self._glides:
+            self._clock.stop()

@@ -1,0 +1,383 @@
+"""Ray casting in the canvas's own GL context: who decides on it, and what it keeps there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.appearance import tints_of
+from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.boxes import box_corners
+from napari_unpack.geometry.rays import Rays
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.rendered_image import LiveShot, Window
+from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
+from napari_unpack.rendering.gl import framebuffer
+from napari_unpack.rendering.gl.cached_pass import TintedCaster, Where
+from napari_unpack.rendering.gl.depth_quads import Picture
+from napari_unpack.rendering.gl.offscreen import is_software_renderer
+from napari_unpack.rendering.gl.programs import Programs
+from napari_unpack.rendering.gl.tinted_pass import Look, PixelWindow
+from napari_unpack.rendering.gl.volume_store import VolumeStore
+from napari_unpack.rendering.image_patch import window_of
+from napari_unpack.rendering.scene import LIGHT
+from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.viewer.animation import Moving
+from napari_unpack.viewer.dirty_region import window_of_objects
+
+FRINGE = 2
+"""Voxels around an object's box that its fringe reaches; see geometry.halo."""
+
+BACKENDS = ("auto", "cpu", "gl")
+
+BYTES_A_FRAME = 16 * 2**20
+"""What is sent to the graphics card while the canvas draws one frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A look, and which bricks it leaves empty."""
+
+    function: Any
+    look: Look
+    occupied: NDArray[np.bool_]
+
+
+class Studio:
+    """Casts with shaders where the canvas's driver is worth it.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    failed : callable
+        Given a sentence when GL turns out not to serve; the CPU has taken over by then.
+    told : callable
+        Given a sentence where GL serves, but draws the volume coarser than it is.
+
+    Attributes
+    ----------
+    wanted : {"auto", "cpu", "gl"}
+        Who should cast; "auto" takes GL on graphics hardware and the CPU where the driver is a
+        software rasteriser, which our own kernels outrun.
+    hues_on_the_way : dict of int to float
+        Hues to show in place of the session's, during a transition.
+
+    Notes
+    -----
+    One density and one label texture serve all pictures. Pictures stay on the graphics card, and
+    rays are cast only when something they depend on has changed (`TintedCaster`).
+    """
+
+    def __init__(
+        self, session: Any, failed: Callable[[str], None], told: Callable[[str], None]
+    ) -> None:
+        self.wanted = "auto"
+        self.hues_on_the_way: dict[int, float] = {}
+        self._session, self._failed, self._told = session, failed, told
+        self._notice: str | None = None
+        self._renderer: str | None = None
+        self._broken = False
+        self._crop: Crop | None = None
+        self._store: VolumeStore | None = None
+        self._ready = self._sent = False
+        self._programs = Programs()
+        self._casters: dict[object, TintedCaster] = {}
+        self._known: dict[object, _Known] = {}
+        self._places: dict[int, int] = {}
+
+    @property
+    def active(self) -> bool:
+        """Whether GL casts, as far as is known by now."""
+        return self._serves and self._ready
+
+    @property
+    def waiting(self) -> bool:
+        """Whether GL is to cast and has not all of the volume or of its newest labels yet."""
+        return self._serves and not self._sent
+
+    @property
+    def uploads(self) -> int:
+        """Volume textures, and boxes of labels, sent so far."""
+        return 0 if self._store is None else self._store.uploads
+
+    @property
+    def bytes_sent(self) -> int:
+        """Of volume textures so far."""
+        return 0 if self._store is None else self._store.bytes_sent
+
+    @property
+    def rays_cast(self) -> int:
+        """Rays cast so far, for all pictures that are kept."""
+        return sum(caster.rays_cast for caster in self._casters.values())
+
+    @property
+    def _serves(self) -> bool:
+        if self.wanted == "cpu" or self._broken or self._crop is None or self._renderer is None:
+            return False
+        return self.wanted == "gl" or not is_software_renderer(self._renderer)
+
+    def enter(self) -> None:
+        """Look at the driver; to be called while the canvas draws."""
+        if self._renderer is None:
+            self._renderer = framebuffer.renderer()
+
+    def send(self) -> None:
+        """Send a piece of what the graphics card lacks; to be called while the canvas draws.
+
+        Until it has all of a volume the CPU goes on casting; until it has newer labels the
+        picture of those before stays.
+        """
+        if self._store is None or not self.waiting:
+            return
+        try:
+            self._sent = self._store.send(BYTES_A_FRAME)
+        except Exception as error:
+            self._break(error)
+        self._ready = self._ready or self._sent
+
+    def context_replaced(self) -> None:
+        """Send everything anew: what was on the graphics card went with its context."""
+        self._ready = self._sent = False
+
+    def supply(self, crop: Crop) -> None:
+        """Take over the whole volume, made ready in a worker thread."""
+        if crop is self._crop:
+            return
+        most, edit = int(crop.bricks.ids.max(initial=0)), crop.edit
+        if self._store is not None and edit is not None and edit.of() is self._crop:
+            if edit.box is not None:
+                self._store.set_labels(crop.labels, edit.box, most)
+                self._sent = False
+            self._known.clear()
+        else:
+            self._free()
+            self._store = VolumeStore(crop.labels, crop.volume, most=most)
+        self._crop = crop
+
+    def packed(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        done: Callable[[float], None],
+    ) -> LiveShot | None:
+        """Return the picture of what is packed, to be cast when it is drawn.
+
+        Parameters
+        ----------
+        camera : Camera
+            Where one looks from.
+        size : (int, int)
+            Height and width of the picture, pixels.
+        step : float
+            Distance of samples, smallest voxel edges.
+        done : callable
+            Given the seconds it took once it was cast.
+
+        Returns
+        -------
+        LiveShot or None
+            None where the bag is out of view.
+        """
+        shape = np.asarray(self._session.labels.shape)
+        ends = np.zeros(3), shape - 1.0
+        tints = self._packed_tints
+        return self._shot("packed", ends, None, camera, size, step, tints, done, self._clipping)
+
+    def moving(
+        self,
+        moving: Mapping[int, Moving],
+        camera: Camera,
+        sizes: Callable[[Moving], tuple[tuple[int, int], float]],
+        done: Callable[[float], None],
+    ) -> dict[int, LiveShot]:
+        """Return pictures of objects where they are now, without those out of view.
+
+        Parameters
+        ----------
+        moving : {id: Moving}
+        camera, done
+            As for `packed`.
+        sizes : callable
+            Given a Moving: size of the whole picture and step.
+        """
+        self._places = {i: k for i, k in self._places.items() if i in moving}
+        free = iter(k for k in range(len(moving)) if k not in self._places.values())
+        shots = {}
+        for object_id, one in moving.items():
+            place = self._places.setdefault(object_id, -1)
+            if place < 0:
+                place = self._places[object_id] = next(free)
+            shot = self._object(object_id, place, one, camera, *sizes(one), done)
+            if shot is not None:
+                shot.in_front = one.in_front
+                shots[object_id] = shot
+        return shots
+
+    def landed(self) -> None:
+        """Free the frame buffers of what moved: nothing moves any more, or is shown moving."""
+        self._places.clear()
+        for key in [key for key in self._casters if key != "packed"]:
+            self._casters.pop(key).close()
+            self._known.pop(key, None)
+
+    def close(self) -> None:
+        """Free what is on the graphics card; the context need not be current."""
+        self._free()
+        self._crop = None
+
+    def _clipping(self) -> NDArray[np.float64]:
+        planes: NDArray[np.float64] = self._session.clipping
+        return planes
+
+    def _packed_tints(self) -> NDArray[np.float32]:
+        tints: NDArray[np.float32] = self._session.packed_tints()
+        shown = {i: hue for i, hue in self.hues_on_the_way.items() if tints[i].any()}
+        if shown:
+            tints = tints.copy()
+            fresh = tints_of(shown, len(tints) - 1, mode=self._session.tint_mode)
+            tints[list(shown)] = fresh[list(shown)]
+        return tints
+
+    def _object(
+        self,
+        object_id: int,
+        place: int,
+        moving: Moving,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        done: Callable[[float], None],
+    ) -> LiveShot | None:
+        session = self._session
+        row = session.boxes.index(object_id)
+        low = np.maximum(session.boxes.lower[row] - FRINGE, 0)
+        high = np.minimum(session.boxes.upper[row] + FRINGE, session.labels.shape)
+        center = session.boxes.center(object_id, np.asarray(session.spacing, dtype=np.float64))
+        moved = moving.pose.world_from_world(center, camera)
+        voxels = np.eye(4) if self._crop is None else self._crop.voxel_from_world
+        return self._shot(
+            place,
+            (low.astype(float), high - 1.0),
+            moved,
+            camera,
+            size,
+            step,
+            lambda: session.solo_tints(object_id),
+            done,
+            lambda: session.study(object_id).planes(voxels),
+            lambda: session.transfer_function_of(object_id),
+        )
+
+    def _shot(
+        self,
+        key: object,
+        ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+        moved: Matrix | None,
+        camera: Camera,
+        size: tuple[int, int],
+        step: float,
+        tints: Callable[[], NDArray[np.float32]],
+        done: Callable[[float], None],
+        clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
+        function: Callable[[], Any] | None = None,
+    ) -> LiveShot | None:
+        if self._crop is None:
+            return None
+        spacing = np.asarray(self._session.spacing, dtype=np.float64)
+        pivot, affine = camera.pivot_from_world(), self._crop.voxel_from_world
+        if moved is not None:
+            pivot, affine = pivot @ moved, affine @ np.linalg.inv(moved)
+        corners = box_corners(ends[0] - 0.5, ends[1] + 0.5) * spacing
+        found = window_of(transform_points(pivot, corners), camera, size)
+        if found is None:
+            return None
+        plane = -float(transform_points(pivot, (ends[0] + ends[1]) / 2 * spacing)[0])
+        window = Window.around(found, plane)
+
+        def develop() -> Picture | None:
+            part = window.row, window.col, *window.size
+            rays = rays_for(camera, size, spacing, affine, step, part)
+            shown = self._session.transfer_function if function is None else function()
+
+            def where(ids: frozenset[int]) -> PixelWindow | None:
+                known = set(self._session.boxes.ids.tolist())
+                if moved is not None or not ids <= known:
+                    return 0, 0, part[3], part[2]
+                found = window_of_objects(self._session, camera, size, part, ids)
+                if found is None:
+                    return None
+                return found[1] - part[1], found[0] - part[0], found[3], found[2]
+
+            return self._cast(key, rays, tints(), done, clipping(), shown, where)
+
+        return LiveShot(window, camera, size, develop)
+
+    def _cast(
+        self,
+        key: object,
+        rays: Rays,
+        tints: NDArray[np.float32],
+        done: Callable[[float], None],
+        clipping: NDArray[np.float64] | None,
+        function: Any,
+        where: Where,
+    ) -> Picture | None:
+        if self._store is None or self._crop is None or not self.active:
+            return None
+        known = self._look(self._crop, key, tints, function)
+        caster = self._casters.get(key)
+        if caster is None:
+            caster = self._casters[key] = TintedCaster(self._store, self._programs)
+        passes, began = caster.passes, perf_counter()
+        # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
+        try:
+            framebuffer.forget_complaints()
+            picture = caster.cast(rays, known.look, known.occupied, False, clipping, where)
+            if caster.passes > passes:
+                framebuffer.finish()
+        except Exception as error:
+            self._break(error)
+            return None
+        if caster.passes > passes:
+            done(perf_counter() - began)
+        if self._notice is None and self._store.notice is not None:
+            self._notice = self._store.notice
+            self._told(self._notice)
+        return picture
+
+    def _break(self, error: Exception) -> None:
+        self._broken = True
+        self._failed(
+            f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
+        )
+
+    def _look(self, crop: Crop, key: object, tints: NDArray[np.float32], function: Any) -> _Known:
+        known = self._known.get(key)
+        if (
+            known is None
+            or known.function is not function
+            or not np.array_equal(known.look.tints, tints)
+        ):
+            spacing = np.asarray(self._session.spacing, dtype=np.float64)
+            table = function.table(TABLE_ENTRIES)
+            look = Look(spacing, table, function.domain, tints, LIGHT)
+            occupied = crop.bricks.occupied(table, function.domain, tints)
+            known = self._known[key] = _Known(function, look, occupied)
+        return known
+
+    def _free(self) -> None:
+        for caster in self._casters.values():
+            caster.close()
+        self._casters.clear()
+        self._known.clear()
+        self._ready = self._sent = False
+        if self._store is not None:
+            self._store.delete()
+            self._store = None

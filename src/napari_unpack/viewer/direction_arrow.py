@@ -1,0 +1,141 @@
+"""The direction in which objects leave, as an arrow in the picture: shown, and drawn by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Vector, transform_points, unit
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.rendered_image import FRONT
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.gl.depth_quads import Card
+from napari_unpack.rendering.gl.lines import Stroke
+
+INK = (0.45, 0.9, 1.0, 1.0)
+HALO = (0.0, 0.0, 0.0, 0.55)
+HEAD = 0.16
+"""Length of the head's sides, as a part of the arrow."""
+
+LEAST_PIXELS = 12.0
+"""A drag shorter than this draws no direction."""
+
+
+class Arrow:
+    """Draws an arrow before everything else.
+
+    Parameters
+    ----------
+    session : Session
+        Whose direction is shown where it is not the view's own.
+    """
+
+    def __init__(self, session: Any) -> None:
+        self._session = session
+        self._strokes = [Stroke(HALO, 3.5) for _ in range(3)] + [Stroke(INK, 1.8) for _ in range(3)]
+        self.drawn: NDArray[np.float64] | None = None
+        """(2, 2) start and end of an arrow under the hand, pixels of the frame."""
+
+    def cards_at(self, frame: Frame) -> Sequence[Card]:
+        """Return the arrow's cards: none where objects leave towards the viewer."""
+        ends = self._ends(frame)
+        if ends is None:
+            return ()
+        lines = arrow_lines(ends)
+        cards = [
+            stroke.card(line, frame.camera, frame.size, 1.0)
+            for stroke, line in zip(self._strokes, lines * 2, strict=True)
+        ]
+        return [
+            replace(card, place=replace(card.place, ndc_depth=FRONT))
+            for card in cards
+            if card is not None
+        ]
+
+    def _ends(self, frame: Frame) -> NDArray[np.float64] | None:
+        if self.drawn is not None:
+            return pivot_points(self.drawn, frame.camera, frame.size)
+        studying = any(s.name == "INSPECTED" for s in self._session.states.values())
+        if self._session.direction is None or studying:
+            return None
+        bag, camera = self._session.bag, frame.camera
+        start = transform_points(camera.pivot_from_world(), bag.center)
+        way = unit(camera.linear @ self._session.unpack_direction)
+        points = np.stack([start, start + 1.05 * bag.radius_in(camera.stretch) * way])
+        # Flat: a tip that comes near the eye in perspective would fill the picture.
+        points[:, 0] = 0.0
+        return points
+
+
+def arrow_lines(ends: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return shaft and head of an arrow, three lines of two (3,) ends in the pivot plane."""
+    way = ends[1] - ends[0]
+    side = np.array([0.0, -way[2], way[1]])
+    barbs = [ends[1] - HEAD * (way + sign * 0.6 * side) for sign in (1, -1)]
+    return [ends, *(np.stack([ends[1], barb]) for barb in barbs)]
+
+
+def pivot_points(
+    pixels: NDArray[np.float64], camera: Camera, size: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Return (n, 3) points of the pivot plane under (n, 2) pixels (row, column) of a frame."""
+    middle = (np.asarray(size, dtype=np.float64) - 1) / 2
+    flat = (pixels - middle) * camera.height / size[0]
+    return np.concatenate([np.zeros((len(flat), 1)), flat], axis=1)
+
+
+def drawn_direction(pixels: NDArray[np.float64], camera: Camera) -> Vector | None:
+    """Return the world direction of an arrow drawn in the picture plane.
+
+    Parameters
+    ----------
+    pixels : (2, 2) ndarray of float64
+        Its start and end, row and column.
+    camera : Camera
+
+    Returns
+    -------
+    (3,) ndarray of float64 or None
+        Unit vector; None where the arrow is too short to tell.
+    """
+    down, right = pixels[1] - pixels[0]
+    length = float(np.hypot(down, right))
+    if length < LEAST_PIXELS:
+        return None
+    return unit(camera.in_world((0.0, down, right)))
+
+
+def surface_normal(
+    depth: NDArray[np.float32], row: int, col: int, mm: float, camera: Camera
+) -> Vector:
+    """Return the normal of the visible surface at a pixel, towards the viewer's side.
+
+    Parameters
+    ----------
+    depth : (H, W) ndarray of float32
+        t in mm, +inf where nothing is.
+    row, col : int
+        The pixel.
+    mm : float
+        Size of a pixel.
+    camera : Camera
+
+    Returns
+    -------
+    (3,) ndarray of float64
+        Unit vector in world; towards the viewer where there is no surface.
+    """
+    reach = 4
+    part = depth[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
+    rows, cols = np.nonzero(np.isfinite(part))
+    if len(rows) < 6:
+        return -camera.direction
+    towards = -part[rows, cols].astype(np.float64)
+    flat = np.stack([rows * mm, cols * mm, np.ones(len(rows))], axis=1)
+    slopes = np.linalg.lstsq(flat, towards, rcond=None)[0]
+    # The direction that is normal as the bag is drawn, also where that is sheared.
+    return unit(camera.in_world((1.0, -slopes[0], -slopes[1])))

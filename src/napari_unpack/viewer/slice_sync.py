@@ -1,0 +1,159 @@
+"""napari's slice follows the selection: it goes to the middle of what was selected.
+
+The session's hues on the user's own Labels layer, so that 2D slices show the same colours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from napari.layers import Labels
+
+from napari_unpack.appearance import tints_of
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.layers.label_colormap import label_colormap
+from napari_unpack.layers.placement import data_to_world, units_of
+
+STRIDE = 7
+"""Every so many voxels are compared to tell whether a layer holds the session's labels."""
+
+
+class SliceHues:
+    """Lends a colormap to the layers the session's labels came from.
+
+    Parameters
+    ----------
+    session : Session
+        Whose hues.
+    sources : sequence of napari layers
+        The user's own; only Labels with the session's object IDs are coloured.
+    """
+
+    def __init__(self, session: Any, sources: Sequence[Any]) -> None:
+        self._session = session
+        self._theirs = [
+            (layer, layer.colormap) for layer in sources if shows_labels(layer, session)
+        ]
+        self._brushes = [layer.selected_label for layer, _ in self._theirs]
+        if self._theirs:
+            session.events.selected.connect(self._choose)
+
+    def paint(self) -> None:
+        """Colour the layers in the hues of now."""
+        if not self._theirs:
+            return
+        session = self._session
+        tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
+        colors = {session.label_of(i): tints[i] for i in session.ids}
+        for layer, _ in self._theirs:
+            layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
+
+    def close(self) -> None:
+        """Give every layer its own colormap back."""
+        self._session.events.selected.disconnect(self._choose, missing_ok=True)
+        for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
+            layer.colormap, layer.selected_label = colormap, brush
+        self._theirs = []
+
+    def _choose(self, ids: frozenset[int]) -> None:
+        if len(ids) == 1:
+            for layer, _ in self._theirs:
+                layer.selected_label = self._session.label_of(next(iter(ids)))
+
+
+def shows_labels(layer: Any, session: Any) -> bool:
+    """Tell whether a layer holds the session's labels, as far as some of its voxels show."""
+    labels = session.labels
+    if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
+        return False
+    some = (slice(None, None, STRIDE),) * 3
+    given = np.zeros(session.ids[-1] + 1, np.int64)
+    given[list(session.ids)] = [session.label_of(i) for i in session.ids]
+    finest = layer.data[0] if layer.multiscale else layer.data
+    return bool(np.array_equal(np.asarray(finest[some]), given[labels[some]]))
+
+
+SCROLL_SECONDS = 0.4
+"""So long after the user's last scroll the slices are theirs."""
+
+
+class SliceSteps:
+    """Moves the viewer's slices to the object that has become the selected one.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    session : Session
+        Whose selection.
+    layer : napari layer
+        One of ours, which knows how voxels lie in napari's world.
+    clock : callable, optional
+        Returns the time, s.
+
+    Notes
+    -----
+    In 3D nothing moves, since napari would slice every visible layer anew for nothing; the
+    slices go there when 2D is next looked at.
+    """
+
+    def __init__(
+        self, viewer: Any, session: Any, layer: Any, clock: Callable[[], float] = monotonic
+    ) -> None:
+        self._viewer, self._session, self._layer, self._clock = viewer, session, layer, clock
+        self._held = self._moving = False
+        self._pending = 0
+        self._scrolled = -np.inf
+        self._known: frozenset[int] = frozenset(session.selected)
+        session.events.selected.connect(self._follow)
+        viewer.dims.events.ndisplay.connect(self._catch_up)
+        viewer.dims.events.current_step.connect(self._hear)
+
+    def close(self) -> None:
+        """Move nothing more."""
+        self._session.events.selected.disconnect(self._follow, missing_ok=True)
+        self._viewer.dims.events.ndisplay.disconnect(self._catch_up)
+        self._viewer.dims.events.current_step.disconnect(self._hear)
+
+    @contextmanager
+    def held(self) -> Generator[None, None, None]:
+        """Keep the slice meanwhile: what is selected was clicked in it."""
+        before, self._held = self._held, True
+        try:
+            yield
+        finally:
+            self._held = before
+
+    def _follow(self, ids: frozenset[int]) -> None:
+        changed, self._known = ids != self._known, frozenset(ids)
+        if not changed:
+            return
+        self._pending = next(iter(ids)) if len(ids) == 1 and not self._held else 0
+        scrolling = self._clock() - self._scrolled < SCROLL_SECONDS
+        if self._viewer.dims.ndisplay == 2 and scrolling:
+            self._pending = 0
+        self._catch_up()
+
+    def _catch_up(self, _event: Any = None) -> None:
+        dims = self._viewer.dims
+        if not self._pending or dims.ndisplay != 2 or dims.ndim < 3:
+            return
+        object_id, self._pending = self._pending, 0
+        if object_id not in self._session.states:
+            return
+        boxes = self._session.boxes
+        row = boxes.index(object_id)
+        middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
+        world = transform_points(data_to_world(self._layer, units_of(self._viewer)), middle)
+        self._moving = True
+        try:
+            dims.set_point(range(dims.ndim - 3, dims.ndim), [float(v) for v in world])
+        finally:
+            self._moving = False
+
+    def _hear(self, _event: Any = None) -> None:
+        if not self._moving:
+            self._scrolled = self._clock()

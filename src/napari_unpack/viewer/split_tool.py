@@ -1,0 +1,153 @@
+"""Two clicks on one object, in the picture or in a slice, that say where to split it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.rays import voxel_from_world
+from napari_unpack.layers.placement import units_of, voxel_at
+from napari_unpack.rendering.casting import rays_for
+
+CLICK_PIXELS = 4.0
+BELOW_SURFACE = 3
+"""How many voxels under the surface a click counts: fringes belong to no side."""
+
+Voxel = tuple[int, int, int]
+
+
+class SplitClicks:
+    """Hears the viewer's mouse until two voxels of one object were clicked.
+
+    Parameters
+    ----------
+    stage : Stage
+        An open one.
+    told : callable
+        Given a sentence on what to click next.
+    done : callable
+        Given the object and both voxels (z, y, x); not called where `close` came first.
+    """
+
+    def __init__(
+        self,
+        stage: Any,
+        told: Callable[[str], None],
+        done: Callable[[int, Voxel, Voxel], None],
+    ) -> None:
+        self._stage, self._told, self._done = stage, told, done
+        self._first: tuple[int, Voxel] | None = None
+        stage.viewer.mouse_drag_callbacks.append(self._drag)
+        told("Click the object to split, on the part that should stay.")
+
+    def close(self) -> None:
+        """Give the mouse back."""
+        if self._drag in self._stage.viewer.mouse_drag_callbacks:
+            self._stage.viewer.mouse_drag_callbacks.remove(self._drag)
+
+    def _drag(self, viewer: Any, event: Any) -> Generator[None, None, None]:
+        if event.button != 1:
+            return
+        start = np.asarray(event.pos[:2], dtype=np.float64)
+        position = np.asarray(event.position, dtype=np.float64)
+        yield
+        while event.type == "mouse_move":
+            if float(np.abs(np.asarray(event.pos[:2]) - start).max()) > CLICK_PIXELS:
+                return
+            yield
+        flat = viewer.dims.ndisplay == 2
+        found = self._in_slice(position) if flat else self._in_picture(start[::-1])
+        self._take(found)
+
+    def _take(self, found: tuple[int, Voxel] | None) -> None:
+        session = self._stage.session
+        if found is None:
+            self._told("There is no packed object there: click on one.")
+            return
+        name = str(session.objects["name"][found[0]])
+        if self._first is None:
+            self._first = found
+            self._told(f"Now click the other part of {name}.")
+        elif found[0] != self._first[0]:
+            self._first = found
+            self._told(f"That is another object; now click the other part of {name}.")
+        elif found[1] != self._first[1]:
+            self.close()
+            self._done(found[0], self._first[1], found[1])
+
+    def _in_picture(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
+        there = self._stage.packed_at(pixel)
+        if not there:
+            return None
+        # The second click is meant for the object of the first, where that can be seen at all.
+        wanted = there[0]
+        if self._first is not None and self._first[0] in there:
+            wanted = self._first[0]
+        voxel = surface_voxel(self._stage, pixel, wanted)
+        return None if voxel is None else (wanted, voxel)
+
+    def _in_slice(self, position: NDArray[np.float64]) -> tuple[int, Voxel] | None:
+        layer, session = self._stage.packed, self._stage.session
+        spot = voxel_at(layer, position, units_of(self._stage.viewer))
+        if (spot < 0).any() or (spot >= session.labels.shape).any():
+            return None
+        label = int(session.labels[tuple(spot)])
+        packed = label in session.states and session.states[label].name == "PACKED"
+        return (label, _voxel(spot)) if packed else None
+
+
+def surface_voxel(stage: Any, pixel: NDArray[np.float64], object_id: int) -> Voxel | None:
+    """Return the voxel of an object that a pixel of the canvas shows, just under its surface.
+
+    Parameters
+    ----------
+    stage : Stage
+    pixel : (2,) ndarray of float64
+        Of the canvas, row and column.
+    object_id : int
+        A packed object.
+    """
+    session, frame = stage.session, stage.frame
+    if frame is None:
+        return None
+    row, col = stage.device_pixel(pixel)
+    rays = rays_for(
+        frame.camera, frame.size, session.spacing, voxel_from_world(session.spacing), 0.5
+    )
+    reach = float(np.linalg.norm(np.array(session.labels.shape) * session.spacing))
+    reach += float(np.linalg.norm(frame.camera.center - session.bag.center))
+    reach *= float(np.linalg.norm(frame.camera.stretch, 2))
+    t = np.arange(max(-reach, rays.near), reach, rays.step)
+    weights = np.array([1.0, row, col])
+    points = weights @ rays.table[:3] + t[:, None] * (weights @ rays.table[3:])
+    spots = np.rint(points).astype(np.int64)
+    inside = ((spots >= 0) & (spots < session.labels.shape)).all(axis=1)
+    spots = spots[inside]
+    hits = np.flatnonzero(session.labels[tuple(spots.T)] == object_id)
+    if not len(hits):
+        return _beside(session, spots, object_id)
+    # The first run of hits, some voxels deep or to its middle where it is thinner.
+    gaps = np.flatnonzero(np.diff(hits) > 1)
+    run = hits[: gaps[0] + 1] if len(gaps) else hits
+    return _voxel(spots[run[min(2 * BELOW_SURFACE, len(run) // 2)]])
+
+
+def _beside(session: Any, spots: NDArray[np.int64], object_id: int) -> Voxel | None:
+    """Return the object's voxel nearest to where a ray passes through its fringe."""
+    fringe = np.flatnonzero(session.display_labels[tuple(spots.T)] == object_id)
+    if not len(fringe):
+        return None
+    spot = spots[fringe[0]]
+    low = np.maximum(spot - BELOW_SURFACE, 0)
+    box = tuple(slice(int(a), int(b) + BELOW_SURFACE + 1) for a, b in zip(low, spot, strict=True))
+    near = np.argwhere(session.labels[box] == object_id) + low
+    away = ((near - spot) ** 2).sum(axis=1)
+    return _voxel(near[away.argmin()]) if len(near) else None
+
+
+def _voxel(spot: NDArray[np.int64]) -> Voxel:
+    z, y, x = (int(v) for v in spot)
+    return z, y, x

@@ -1,0 +1,190 @@
+"""Saved sessions dropped on napari: they open in the panel, on the stage.
+
+Two commands on any Labels layer: distinct colours for this view, and the old ones back.
+
+A simulated packed bag as napari sample data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import napari
+from napari.layers import Labels
+
+from napari_unpack.widgets.notifications import inform, spoken
+
+
+def distinct_colors(viewer: napari.Viewer) -> Any:
+    """Give objects that are near one another in the view colours that are far apart.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+        Its active Labels layer is coloured, or its only one.
+
+    Returns
+    -------
+    worker or None
+        What works out the colours; None where there is no such layer.
+    """
+    from napari.qt.threading import create_worker
+
+    from napari_unpack.viewer.view_colors import put_on, question
+
+    layer = _layer(viewer)
+    if layer is None:
+        return None
+    with spoken():
+        asked = question(viewer, layer)
+        worker: Any = create_worker(
+            asked.answer, _start_thread=False, _progress={"desc": "Distinct colours"}
+        )
+        worker.returned.connect(
+            lambda colors: put_on(layer, colors) if layer in viewer.layers else None
+        )
+        worker.errored.connect(lambda error: inform(f"No colours could be chosen: {error}"))
+        worker.start()
+        return worker
+    return None
+
+
+def restore_colors(viewer: napari.Viewer) -> None:
+    """Give the active Labels layer, or the only one, the colours it had before.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    """
+    from napari_unpack.viewer.view_colors import give_back
+
+    layer = _layer(viewer)
+    if layer is not None and not give_back(layer):
+        inform(f"{layer.name} has the colours it always had.")
+
+
+def _layer(viewer: napari.Viewer) -> Labels | None:
+    active = viewer.layers.selection.active
+    if isinstance(active, Labels):
+        return active
+    some = [layer for layer in viewer.layers if isinstance(layer, Labels)]
+    if len(some) == 1:
+        return some[0]
+    inform(
+        "Select the Labels layer to colour." if some else "Distinct colours need a Labels layer."
+    )
+    return None
+
+
+Progress = Callable[[float, str], None]
+SHAPE = (96, 120, 144)
+COUNT = 18
+
+
+def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerData]:
+    """Simulate a small bag and its true objects.
+
+    Parameters
+    ----------
+    seed : int
+        Which bag.
+    progress : callable, optional
+        Takes (fraction in [0, 1], text); raises to cancel.
+
+    Returns
+    -------
+    list of (array, dict, str)
+        The labels of the true objects, not shown, and above them the density volume, which
+        napari therefore makes the active layer: the one to segment.
+    """
+    from napari_unpack.simulation import simulate_bag
+
+    bag = simulate_bag(seed=seed, shape=SHAPE, count=COUNT, progress=progress)
+    placed = {"scale": tuple(float(s) for s in bag.spacing), "units": ("mm",) * 3}
+    return [
+        (
+            bag.labels,
+            {
+                "name": "Packed bag, true objects",
+                "visible": False,
+                "features": {"index": list(bag.objects.index), "name": list(bag.objects["name"])},
+                **placed,
+            },
+            "labels",
+        ),
+        (
+            bag.volume,
+            {
+                "name": "Packed bag",
+                "colormap": "gray",
+                "contrast_limits": (0, 3000),
+                "rendering": "attenuated_mip",
+                **placed,
+            },
+            "image",
+        ),
+    ]
+
+
+LayerData = tuple[Any, ...]
+NOTHING: list[LayerData] = [(None,)]
+"""What napari takes for a reader that has seen to everything itself."""
+
+PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
+
+
+def get_session_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
+    """Return a reader for a saved session, None where it is none; looks at names alone.
+
+    Parameters
+    ----------
+    path : str or sequence of str
+        What napari was asked to open.
+    """
+    from napari_unpack.io.session_archive import holds_session
+
+    if not isinstance(path, str):
+        if len(path) != 1:
+            return None
+        path = path[0]
+    return open_dropped if holds_session(Path(path)) else None
+
+
+def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
+    """Open a session in the panel; without a window, as an Image and Labels.
+
+    Parameters
+    ----------
+    path : str or sequence of str
+        As for `get_session_reader`.
+
+    Returns
+    -------
+    list of (data, attributes, layer type)
+        Nothing where the panel opens it, in a worker.
+    """
+    from napari import current_viewer
+
+    first = Path(path if isinstance(path, str) else path[0])
+    viewer = current_viewer()
+    if viewer is not None:
+        _, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
+        panel.files.open_from(first)
+        return NOTHING
+    return _layers(first)
+
+
+def _layers(path: Path) -> list[LayerData]:
+    from napari_unpack.io import open_session
+    from napari_unpack.io.session_json import given_labels
+    from napari_unpack.io.sessions import standing_of
+
+    session = open_session(path)
+    about: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
+    about["affine"] = standing_of(path)
+    return [
+        (session.volume, {**about, "name": path.stem, "colormap": "gray"}, "image"),
+        (given_labels(session), {**about, "name": f"{path.stem} objects"}, "labels"),
+    ]

@@ -1,0 +1,303 @@
+"""What the panel takes from napari's own layers: arrays, voxel size, matching shapes.
+
+A drop-down list of the viewer's layers that keeps itself up to date.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from napari.layers import Labels
+from qtpy.QtCore import Signal
+from qtpy.QtWidgets import QComboBox
+
+from napari_unpack.layers.placement import data_to_world
+
+
+class LayerBox(QComboBox):
+    """Choose one of the viewer's layers.
+
+    `chosen` is emitted when the chosen layer changes, by hand or because layers came and went.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    accepts : callable
+        Takes a layer, tells whether to list it.
+    none : str, optional
+        Text of a first entry that means no layer.
+    prefers : callable, optional
+        Takes a layer, tells whether it is a good first choice.
+    """
+
+    chosen = Signal()
+
+    def __init__(
+        self,
+        viewer: Any,
+        accepts: Callable[[Any], bool],
+        none: str | None = None,
+        prefers: Callable[[Any], bool] | None = None,
+    ) -> None:
+        super().__init__()
+        self._viewer = viewer
+        self._accepts = accepts
+        self._none = none
+        self._prefers = prefers
+        self._layers: list[Any] = []
+        self._named: list[Any] = []
+        # Long layer names must not widen the panel.
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.setMinimumContentsLength(8)
+        for event in (viewer.layers.events.inserted, viewer.layers.events.removed):
+            event.connect(self.refresh)
+        viewer.layers.events.reordered.connect(self.refresh)
+        self.currentIndexChanged.connect(lambda _: self.chosen.emit())
+        self.refresh()
+
+    @property
+    def layer(self) -> Any:
+        """The chosen layer, or None."""
+        index = self.currentIndex() - (self._none is not None)
+        return self._layers[index] if 0 <= index < len(self._layers) else None
+
+    def choose(self, layer: Any) -> None:
+        """Choose a listed layer; one that is not listed, or None, means the first entry."""
+        position = next((k for k, each in enumerate(self._layers) if each == layer), None)
+        first = 0 if self.count() else -1
+        self.setCurrentIndex(first if position is None else position + (self._none is not None))
+
+    def refresh(self, _event: Any = None) -> None:
+        """List the viewer's layers anew, keeping the choice where it is still there."""
+        kept = self.layer
+        self._unlink()
+        self._layers = [plain(layer) for layer in self._viewer.layers if self._accepts(layer)]
+        blocked = self.blockSignals(True)
+        self.clear()
+        if self._none is not None:
+            self.addItem(self._none)
+        self.addItems([str(layer.name) for layer in self._layers])
+        self.choose(kept if kept in self._layers else self._first_choice())
+        self.blockSignals(blocked)
+        for layer in self._layers:
+            layer.events.name.connect(self.refresh)
+            self._named.append(layer)
+        if self.layer is not kept:
+            self.chosen.emit()
+
+    def _first_choice(self) -> Any:
+        if self._none is not None or self._prefers is None:
+            return None
+        return next(filter(self._prefers, self._layers), None)
+
+    def close_links(self) -> None:
+        """Stop listening to the viewer."""
+        self._unlink()
+        for event in ("inserted", "removed", "reordered"):
+            getattr(self._viewer.layers.events, event).disconnect(self.refresh)
+
+    def _unlink(self) -> None:
+        for layer in self._named:
+            layer.events.name.disconnect(self.refresh)
+        self._named.clear()
+
+
+def plain(layer: Any) -> Any:
+    """Return the layer itself where the viewer's public proxy handed out a proxy of it."""
+    return getattr(layer, "__wrapped__", layer)
+
+
+def is_users(layer: Any) -> bool:
+    """Tell the user's own layers from those of our stage."""
+    return not type(plain(layer)).__module__.startswith("napari_unpack")
+
+
+WATER = 1000
+"""Density of water, HU + 1000."""
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """A density volume taken from an Image layer.
+
+    Parameters
+    ----------
+    data : (Z, Y, X) array
+        As the layer holds it; lazy arrays stay lazy.
+    spacing : (float, float, float)
+        Voxel size in mm, z y x.
+    name : str
+        The layer's name.
+    """
+
+    data: Any
+    spacing: tuple[float, float, float]
+    name: str
+
+
+def volume_of(layer: Any) -> Volume:
+    """Take the density volume out of an Image layer.
+
+    Parameters
+    ----------
+    layer : napari.layers.Image or napari.layers.Labels
+        Three-dimensional, one channel. Of a multiscale layer the finest level is taken. What is
+        labelled in labels that come without a volume counts as water.
+
+    Returns
+    -------
+    Volume
+
+    Raises
+    ------
+    ValueError
+        If the layer is not one 3D volume, or has no voxels.
+    """
+    data = layer.data[0] if layer.multiscale else layer.data
+    shape = tuple(int(n) for n in data.shape)
+    extent = " x ".join(map(str, shape))
+    if getattr(layer, "rgb", False) or len(shape) != 3:
+        kind = "a colour image" if getattr(layer, "rgb", False) else f"{len(shape)}D"
+        raise ValueError(
+            f"'{layer.name}' is {kind} ({extent}): choose a 3D volume with one value a voxel"
+        )
+    if 0 in shape:
+        raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
+    if isinstance(layer, Labels):
+        data = np.where(np.asarray(data) != 0, np.uint16(WATER), np.uint16(0))
+    return Volume(data, spacing_of(layer), str(layer.name))
+
+
+def in_memory(volume: Volume, memory: float | None = None) -> Any:
+    """Read a volume that may still be on disk.
+
+    Parameters
+    ----------
+    volume : Volume
+        Its data may be a zarr or dask array.
+    memory : float, optional
+        Bytes there are; by default this computer's, where it can be asked.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray
+
+    Raises
+    ------
+    ValueError
+        If volume and labels would fill most of the memory: the stage shows them whole.
+    """
+    data = volume.data
+    if isinstance(data, np.ndarray):
+        return data
+    voxels = float(np.prod([float(n) for n in data.shape]))
+    room = _memory() if memory is None else memory
+    # The volume, its labels twice (the layer's and the session's) and as much again to work with.
+    needed = voxels * (np.dtype(data.dtype).itemsize + 12)
+    if room is not None and needed > 0.7 * room:
+        extent = " x ".join(map(str, data.shape))
+        raise ValueError(
+            f"'{volume.name}' ({extent}) needs about {needed / 1e9:.0f} GB to be unpacked, and "
+            f"this computer has {room / 1e9:.0f} GB: crop it or take every second voxel first; "
+            "napari_unpack.segment(data, spacing, out=...) finds the objects of the whole"
+        )
+    return np.asarray(data)
+
+
+def _memory() -> float | None:
+    """Return this computer's memory in bytes, None where it cannot be asked."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def labels_of(layer: Any, volume: Volume) -> Any:
+    """Take the label volume that belongs to a density volume.
+
+    Parameters
+    ----------
+    layer : napari.layers.Labels
+    volume : Volume
+        What the labels must match, voxel for voxel.
+
+    Returns
+    -------
+    (Z, Y, X) array of int
+        Object IDs as the layer holds them.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+    """
+    data = layer.data[0] if layer.multiscale else layer.data
+    if tuple(data.shape) != tuple(volume.data.shape):
+        given, wanted = (" x ".join(map(str, a.shape)) for a in (data, volume.data))
+        raise ValueError(
+            f"labels '{layer.name}' are {given} but '{volume.name}' is {wanted}: "
+            "choose labels made from this volume"
+        )
+    return data
+
+
+def names_of(layer: Any) -> dict[int, str]:
+    """Read the names of objects that a Labels layer carries.
+
+    Parameters
+    ----------
+    layer : napari.layers.Labels
+
+    Returns
+    -------
+    dict of int to str
+        By ID, from the columns `index` and `name` of its `features`; empty without them.
+    """
+    features = layer.features
+    if not {"index", "name"} <= set(features.columns):
+        return {}
+    pairs = zip(features["index"], features["name"], strict=True)
+    return {int(i): name for i, name in pairs if isinstance(name, str) and name}
+
+
+def spacing_of(layer: Any) -> tuple[float, float, float]:
+    """Read the voxel size of a 3D layer from where it stands in the world.
+
+    Parameters
+    ----------
+    layer : napari.layers.Layer
+
+    Returns
+    -------
+    (float, float, float)
+        Millimetres, z y x. A world without a unit of length counts as millimetres.
+
+    Notes
+    -----
+    Scale, affine and units together. Where the layer is sheared, as by the gantry of a CT
+    scanner, it is the length of a pixel along x, the distance of rows, and the distance of
+    slices: their product is a voxel's true volume.
+    """
+    units = [_millimetres(unit) for unit in layer.units[-3:]]
+    edges = np.diag(units) @ data_to_world(layer)[:3, :3]
+    # Householder's triangle of the edges, x first; its diagonal is what each adds to the others.
+    lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
+    z, y, x = (float(f"{mm:.12g}") for mm in lengths)
+    return (z, y, x)
+
+
+def _millimetres(unit: Any) -> float:
+    if dict(unit.dimensionality) != {"[length]": 1.0}:
+        return 1.0
+    return float((1.0 * unit).to("millimeter").magnitude)
+
+
+def same_shape(image: Any, labels: Any) -> bool:
+    """Tell whether a Labels layer may belong to an Image layer, without reading either."""
+    a = image.data[0] if image.multiscale else image.data
+    b = labels.data[0] if labels.multiscale else labels.data
+    return np.shape(a) == np.shape(b)

@@ -1,0 +1,120 @@
+"""Repairs as the panel asks for them: worked out on a worker thread, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from qtpy.QtCore import QObject, Signal
+
+from napari_unpack.widgets import notifications
+from napari_unpack.widgets.job import Job, Outcome
+from napari_unpack.widgets.workspace import Workbench
+
+
+class RepairBench(QObject):
+    """Split, merge, delete, and what a brush paints on the user's labels.
+
+    Signals: `splitting` (a sentence on what to click next, empty when over); `busy` (bool) while
+    a repair is being worked out.
+
+    Parameters
+    ----------
+    workbench : Workbench
+    parent : QObject, optional
+    """
+
+    splitting = Signal(str)
+    busy = Signal(bool)
+
+    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._bench = workbench
+        self._job = Job(self)
+        self._job.ended.connect(self._take)
+        self._session: Any = None
+        self._clicks: Any = None
+        self._painted: Any = None
+        workbench.staged.connect(self._follow)
+
+    @property
+    def running(self) -> bool:
+        """Whether a repair is being worked out, or a brush stroke waits to be."""
+        return self._job.running or (self._painted is not None and self._painted.waiting)
+
+    @property
+    def awaits_clicks(self) -> bool:
+        """Whether clicks on an object are waited for."""
+        return self._clicks is not None
+
+    def split_by_clicks(self) -> None:
+        """Wait for two clicks on one object; asked again, stop waiting."""
+        from napari_unpack.viewer.split_tool import SplitClicks
+
+        if self._clicks is not None or self._bench.stage is None:
+            self.cancel()
+            return
+        self._clicks = SplitClicks(self._bench.stage, self.splitting.emit, self._clicked)
+
+    def cancel(self) -> None:
+        """Wait for no click any more."""
+        if self._clicks is not None:
+            self._clicks.close()
+            self._clicks = None
+            self.splitting.emit("")
+
+    def merge(self, ids: list[int]) -> None:
+        """Make one object of several."""
+        self._put(lambda session: session.merge_question(ids))
+
+    def delete(self, ids: list[int]) -> None:
+        """Make background of objects."""
+        self._put(lambda session: session.delete_question(ids))
+
+    def _clicked(self, object_id: int, a: Any, b: Any) -> None:
+        self.cancel()
+        self._put(lambda session: session.split_question(object_id, a, b))
+
+    def _put(self, question_of: Callable[[Any], Any]) -> None:
+        session = self._bench.session
+        if session is None:
+            return
+        if self._job.running:
+            notifications.inform("The last repair is still being worked out: wait a moment.")
+            return
+        with notifications.spoken():
+            self._start(session, question_of(session))
+
+    def _ask(self, question: Any) -> bool:
+        if self._job.running or self._bench.session is None:
+            return False
+        self._start(self._bench.session, question)
+        return True
+
+    def _start(self, session: Any, question: Any) -> None:
+        self._session = session
+        self.busy.emit(True)
+        self._job.start(lambda _progress: question.answer())
+
+    def _take(self, outcome: Outcome) -> None:
+        session, self._session = self._session, None
+        self.busy.emit(False)
+        if session is None or session is not self._bench.session:
+            return
+        with notifications.spoken():
+            repair = outcome.get()
+            if repair is not None and not session.accept_repair(repair):
+                notifications.warn("The labels have changed meanwhile: repair once more.")
+
+    def _follow(self) -> None:
+        from napari_unpack.viewer.label_sync import PaintedLabels
+
+        self.cancel()
+        if self._painted is not None:
+            self._painted.close()
+            self._painted = None
+        stage = self._bench.stage
+        if stage is not None:
+            self._painted = PaintedLabels(
+                stage.session, stage.sources, self._ask, notifications.warn
+            )

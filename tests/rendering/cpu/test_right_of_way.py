@@ -1,0 +1,39 @@
+"""Passes that somebody waits for go first, and nothing waits for ever."""
+
+from __future__ import annotations
+
+from threading import Event, Thread
+
+from napari_unpack.rendering.cpu.thread_pool import WAY, RightOfWay, over_bands
+
+
+def test_bands_begun_by_others_wait_and_own_ones_do_not() -> None:
+    begun, go_on, done = Event(), Event(), []
+
+    def slow(_: None, first: int, last: int) -> None:
+        del last
+        done.append(("slow", first))
+        begun.set()
+        assert go_on.wait(20)
+
+    other = Thread(target=over_bands, args=(2, slow, lambda: None, 1, 1))
+    other.start()
+    assert begun.wait(20)
+    with WAY.taken():
+        assert WAY.mine
+        go_on.set()
+        over_bands(3, lambda _, first, last: done.append(("own", first)), lambda: None, 1, 1)
+    other.join(20)
+    assert not WAY.mine
+    assert done == [("slow", 0), ("own", 0), ("own", 1), ("own", 2), ("slow", 1)]
+
+
+def test_patience_ends() -> None:
+    way = RightOfWay()
+    assert way.give(5.0) == 5.0
+    with way.taken(), way.taken():
+        left = way.give(0.02)
+        assert left <= 0
+        assert way.give(left) == left
+    assert way.give(5.0) == 5.0
+    assert not way.mine

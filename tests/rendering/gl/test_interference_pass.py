@@ -1,0 +1,59 @@
+"""Interference by scatter on the graphics card, against the CPU, exactly."""
+
+import os
+
+import numpy as np
+import pytest
+
+from napari_unpack.appearance import interference
+from napari_unpack.rendering import interference_in
+from napari_unpack.rendering.gl import backend as gl_backend
+from napari_unpack.rendering.gl import occlusion_atomics
+
+
+@pytest.fixture
+def scatter(gl):
+    if not occlusion_atomics.supported(blocks=4):
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail("this driver has no shader storage buffers (OpenGL 4.3)")
+        pytest.skip("this driver has no shader storage buffers (OpenGL 4.3)")
+
+
+def blots(seed, layers, height=37, width=52, objects=12):
+    """Layers of discs that overlap, some of one pixel, with gaps of nothing."""
+    rng = np.random.default_rng(seed)
+    ids = np.zeros((layers, height, width), np.int32)
+    rows, cols = np.indices((height, width))
+    for layer in range(layers):
+        for i in rng.permutation(objects) + 1:
+            row, col, radius = rng.integers(height), rng.integers(width), rng.integers(0, 9)
+            ids[layer][(rows - row) ** 2 + (cols - col) ** 2 <= radius**2] = 7 * i
+    return ids
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("layers", "distance"), [(1, 5), (2, 5), (3, 2.5), (2, 0), (2, 1)])
+def test_scatter_finds_the_pairs_and_contact_lengths_of_the_cpu(scatter, seed, layers, distance):
+    ids = blots(seed, layers)
+    wanted = interference(ids, distance)
+    found = interference_in(ids, distance, backend="gl")
+    assert list(found) == list(wanted)
+    assert dict(found.edges) == {tuple(sorted(e)): d for e, d in wanted.edges.items()}
+
+
+def test_it_did_run_on_gl_and_large_ids_come_back(scatter):
+    ids = np.array([[[0, 70_001, 70_001, 0, 5]]])
+    passes = gl_backend._bench().interference.passes
+    graph = interference_in(ids, 2, backend="gl")
+    assert gl_backend._bench().interference.passes == passes + 1
+    assert list(graph.edges(data="weight")) == [(5, 70_001, 2)]
+
+
+def test_beyond_4096_objects_the_cpu_answers(scatter):
+    ids = np.arange(1, 4098).reshape(1, 17, 241)
+    assert gl_backend.interfering_pairs(ids, np.array([0, 1, 0])) is None
+    assert len(interference_in(ids, 1, backend="gl").edges) == 17 * 240 + 16 * 241
+
+
+def test_nothing_in_view_is_an_empty_graph(scatter):
+    assert len(interference_in(np.zeros((1, 8, 8), int), 5, backend="gl")) == 0

@@ -1,0 +1,51 @@
+"""The paper's second method, one pass with atomic counters, against the CPU ray caster."""
+
+import os
+
+import numpy as np
+import pytest
+from crowded_bags import assert_counted_as_by_the_cpu
+
+from napari_unpack.geometry.rays import cast_rays, voxel_from_world
+from napari_unpack.geometry.view import View
+from napari_unpack.rendering.gl import backend as gl_backend
+from napari_unpack.rendering.gl import occlusion_atomics
+from napari_unpack.rendering.gl.occlusion_atomics import RayTooCrowdedError
+from napari_unpack.rendering.gl.programs import compiled
+
+
+@pytest.fixture
+def atomics(gl):
+    if not occlusion_atomics.supported():
+        reason = "this driver has no shader storage buffers (OpenGL 4.3)"
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail(reason)
+        pytest.skip(reason)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_one_pass_counts_what_the_cpu_counts(atomics, seed):
+    assert_counted_as_by_the_cpu(seed, method="atomics")
+
+
+def crowd():
+    """120 plates of 120 objects along z, and rays through all of them."""
+    labels = np.repeat(np.arange(1, 121, dtype=np.uint16), 16).reshape(120, 4, 4)
+    camera = View(direction=(1, 0, 0), height=4.0).camera(labels.shape, (1, 1, 1))
+    visible = np.ones(121, bool)
+    visible[0] = False
+    return labels, cast_rays(camera, (4, 4), voxel_from_world((1, 1, 1)), 0.5), visible
+
+
+def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics):
+    labels, rays, visible = crowd()
+    with pytest.raises(RayTooCrowdedError):
+        gl_backend.occlusion_counts(labels, rays, visible, method="atomics")
+    found = gl_backend.occlusion_counts(labels, rays, visible)
+    assert found.hits[1:].tolist() == [16] * 120
+    # Plate 1 blocks all others, the last one nobody.
+    assert found.blocks.sum(axis=1).tolist() == list(range(119, -1, -1))
+
+
+def test_the_pass_compiles(atomics):
+    assert compiled("count_occluded.frag", version=occlusion_atomics.VERSION).variables
