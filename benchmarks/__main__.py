@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"\n{sum(r.met is False for r in done)} missed, {minutes:.1f} minutes")
     if options.write:
         DOCUMENT.write_text(
-            "# Measurements\n\n`make bench` made this table; `python -m benchmarks --write` "
+            "# Measurements\n\n`make workspace` made this table; `python -m benchmarks --write` "
             f"renews it. {_machine()}. What limits the casters is in profiles.md.\n\n{MISSED}\n"
             f"{table.markdown(done)}"
             + shortfall.section(ACCURACY.read_text("utf-8"))

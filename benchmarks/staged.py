@@ -8,12 +8,12 @@ import napari
 from numpy.typing import NDArray
 
 from napari_unpack import Session
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 
 
 def staged(
     volume: NDArray[Any], labels: NDArray[Any], size: int, **settings: Any
-) -> tuple[napari.Viewer, Stage]:
+) -> tuple[napari.Viewer, SessionController]:
     """Show a bag in a square window, and wait until all of it is drawn.
 
     Parameters
@@ -29,16 +29,16 @@ def staged(
     """
     viewer = napari.Viewer(ndisplay=3, show=True)
     viewer.window.resize(size, size)
-    stage = Stage(viewer, Session(volume, labels))
+    controller = SessionController(viewer, Session(volume, labels))
     for name, value in settings.items():
-        setattr(stage, name, value)
-    stage.open()
-    stage.settle(300)
-    return viewer, stage
+        setattr(controller, name, value)
+    controller.open()
+    controller.settle(300)
+    return viewer, controller
 
 
-def send_out(stage: Stage, count: int) -> None:
+def send_out(controller: SessionController, count: int) -> None:
     """Have so many objects outside the bag, and wait until all is drawn."""
-    stage.unpack(count)
-    stage.finish()
-    stage.settle(300)
+    controller.unpack(count)
+    controller.finish()
+    controller.settle(300)

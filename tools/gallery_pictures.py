@@ -16,12 +16,12 @@ from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids
 from napari_unpack.rendering.compose import scene
 from napari_unpack.rendering.image_patch import compose
-from napari_unpack.rendering.object_casting import Look, cast_crop
+from napari_unpack.rendering.object_casting import Appearance, cast_crop
 from napari_unpack.rendering.scene import LIGHT
-from napari_unpack.rendering.subvolumes import PictureCache
+from napari_unpack.rendering.subvolumes import SubvolumeCache
 from napari_unpack.session import Session
 
-Picture = NDArray[np.float32]
+ImageTexture = NDArray[np.float32]
 SIDE = 392
 FINE = 0.5
 CAPTION = 34
@@ -44,7 +44,7 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
         Whether its densities are CT numbers + 1000, which the presets are made for.
     """
     session.recolor(keep=False)
-    panels: dict[str, list[tuple[str, Callable[[], Picture]]]] = {
+    panels: dict[str, list[tuple[str, Callable[[], ImageTexture]]]] = {
         "hues": [
             ("untinted", lambda: _tinted(session, _white(session))),
             ("random hues", lambda: _tinted(session, _random(session))),
@@ -109,19 +109,19 @@ def _frame(session: Any, view: View) -> None:
     session.look(replace(camera, center=middle, height=1.06 * float((high - low).max())))
 
 
-def _look(session: Any, tints: Any, function: Any = None) -> Look:
+def _look(session: Any, tints: Any, function: Any = None) -> Appearance:
     mm = np.asarray(session.spacing, dtype=np.float64)
-    return Look(function or session.transfer_function, tints, LIGHT, mm, FINE, "cpu")
+    return Appearance(function or session.transfer_function, tints, LIGHT, mm, FINE, "cpu")
 
 
-def _tinted(session: Any, tints: Any, ground: Any = GROUND, function: Any = None) -> Picture:
+def _tinted(session: Any, tints: Any, ground: Any = GROUND, function: Any = None) -> ImageTexture:
     whole = _cache(session).whole()
     patch = cast_crop(whole, None, session.camera, (SIDE, SIDE), _look(session, tints, function))
     return compose((SIDE, SIDE), [patch], ground.background)
 
 
-def _cache(session: Any) -> PictureCache:
-    found: PictureCache = session.__dict__.setdefault("_gallery", PictureCache(session))
+def _cache(session: Any) -> SubvolumeCache:
+    found: SubvolumeCache = session.__dict__.setdefault("_gallery", SubvolumeCache(session))
     return found
 
 
@@ -137,11 +137,11 @@ def _random(session: Any) -> Any:
     return tints_of(hues, session.ids[-1], mode=session.tint_mode)
 
 
-def _in_mode(session: Any, mode: Any) -> Picture:
+def _in_mode(session: Any, mode: Any) -> ImageTexture:
     return _tinted(session, tints_of(session.hues, session.ids[-1], mode=mode))
 
 
-def _layer(session: Any, k: int) -> Picture:
+def _layer(session: Any, k: int) -> ImageTexture:
     visible = np.arange(session.ids[-1] + 1) > 0
     fine = 2 * SIDE
     ids = cast_ids(
@@ -153,11 +153,11 @@ def _layer(session: Any, k: int) -> Picture:
     edge[:, 1:] |= ids[:, 1:] != ids[:, :-1]
     flat[edge & (ids > 0), :3] *= 0.45
     image = flat + (1 - flat[..., 3:]) * GROUND.background.paint((fine, fine))
-    small: Picture = image.reshape(SIDE, 2, SIDE, 2, 4).mean(axis=(1, 3)).astype(np.float32)
+    small: ImageTexture = image.reshape(SIDE, 2, SIDE, 2, 4).mean(axis=(1, 3)).astype(np.float32)
     return small
 
 
-def _isolated(session: Any, count: int) -> Picture:
+def _isolated(session: Any, count: int) -> ImageTexture:
     sizes = dict(zip(session.boxes.ids.tolist(), session.boxes.counts.tolist(), strict=True))
     largest = sorted(session.ids, key=lambda i: -sizes[i])
     session.isolate(largest[1 : 1 + count])
@@ -166,13 +166,13 @@ def _isolated(session: Any, count: int) -> Picture:
     return picture
 
 
-def _before(session: Any, words: str) -> Picture:
+def _before(session: Any, words: str) -> ImageTexture:
     around = Surroundings.of(words, ["box", "scale"])
     camera = replace(session.camera, height=1.22 * session.camera.height)
     return scene(session, camera, (SIDE, SIDE), backend="cpu", surroundings=around)
 
 
-def _densest(session: Any, share: float) -> Picture:
+def _densest(session: Any, share: float) -> ImageTexture:
     """Show the voxels of the objects from a density on, more of it the denser they are."""
     densities = session.volume[session.labels > 0]
     low, high = np.quantile(densities, [1.0 - share, 1.0 - share / 4])
@@ -199,12 +199,12 @@ def _from_three_sides(session: Any) -> NDArray[np.uint8]:
     return np.hstack(columns)
 
 
-def _through(session: Any, preset: str) -> Picture:
+def _through(session: Any, preset: str) -> ImageTexture:
     function = TransferFunction.preset(preset)
     return _tinted(session, session.packed_tints(), function=function)
 
 
-def _captioned(picture: Picture, words: str) -> NDArray[np.uint8]:
+def _captioned(picture: ImageTexture, words: str) -> NDArray[np.uint8]:
     whole = np.zeros((SIDE + CAPTION, SIDE, 3), np.uint8)
     whole[:] = (14, 16, 20)
     whole[:SIDE] = np.rint(np.clip(picture[..., :3], 0, 1) * 255)

@@ -125,27 +125,27 @@ class Hand:
     def __init__(self, viewer: Any, panel: Any, rng: np.random.Generator, folder: Path) -> None:
         self.viewer, self.panel, self.rng = viewer, panel, rng
         self.file = folder / "soak.unpack"
-        bench = panel.workbench
+        workspace = panel.workspace
         self.commands: dict[str, tuple[float, Callable[[], None]]] = {
-            "unpack": (8, lambda: bench.unpack(int(rng.integers(1, 4)))),
-            "restore": (5, lambda: bench.restore(int(rng.integers(1, 3)))),
-            "restore all": (1, bench.restore_all),
-            "unpack these": (2, lambda: bench.unpack(self.some())),
-            "scrub": (4, lambda: bench.go_to(int(rng.integers(0, 8)))),
+            "unpack": (8, lambda: workspace.unpack(int(rng.integers(1, 4)))),
+            "restore": (5, lambda: workspace.restore(int(rng.integers(1, 3)))),
+            "restore all": (1, workspace.restore_all),
+            "unpack these": (2, lambda: workspace.unpack(self.some())),
+            "scrub": (4, lambda: workspace.go_to(int(rng.integers(0, 8)))),
             "play": (2, panel.unpack.scrub.play.click),
-            "inspect": (2, lambda: bench.inspect(self.some()[0])),
-            "leave": (2, bench.leave),
-            "hide": (2, lambda: bench.hide(self.some())),
-            "show": (2, lambda: bench.show(bench.session.ids)),
-            "isolate": (1, lambda: bench.isolate(self.some())),
-            "recolor": (2, bench.recolor),
-            "undo": (6, bench.undo),
-            "redo": (4, bench.redo),
-            "select": (3, lambda: bench.select(self.some())),
+            "inspect": (2, lambda: workspace.inspect(self.some()[0])),
+            "leave": (2, workspace.leave),
+            "hide": (2, lambda: workspace.hide(self.some())),
+            "show": (2, lambda: workspace.show(workspace.session.ids)),
+            "isolate": (1, lambda: workspace.isolate(self.some())),
+            "recolor": (2, workspace.recolor),
+            "undo": (6, workspace.undo),
+            "redo": (4, workspace.redo),
+            "select": (3, lambda: workspace.select(self.some())),
             "turn": (8, self.turn),
             "zoom": (3, self.zoom),
             "direction": (1, self.direct),
-            "finish": (3, lambda: bench.stage.finish()),
+            "finish": (3, lambda: workspace.controller.finish()),
             "flat": (0.4, self.flatten),
             "density": (1, self.density),
             "save": (0.3, lambda: panel.files.save_to(self.file)),
@@ -157,13 +157,13 @@ class Hand:
         names = list(self.commands)
         weights = np.array([weight for weight, _ in self.commands.values()])
         name = str(self.rng.choice(names, p=weights / weights.sum()))
-        if self.panel.workbench.stage is not None:
+        if self.panel.workspace.controller is not None:
             self.commands[name][1]()
         return name
 
     def some(self) -> list[int]:
         """Return one to three objects."""
-        ids = np.array(self.panel.workbench.session.ids)
+        ids = np.array(self.panel.workspace.session.ids)
         return [int(i) for i in self.rng.permutation(ids)[: self.rng.integers(1, 4)]]
 
     def turn(self) -> None:
@@ -179,13 +179,13 @@ class Hand:
     def direct(self) -> None:
         """Choose another direction."""
         ways = [None, "up", "+z", "-y", (0.2, -1.0, 0.4)]
-        self.panel.workbench.session.direction = ways[self.rng.integers(len(ways))]
+        self.panel.workspace.session.direction = ways[self.rng.integers(len(ways))]
 
     def density(self) -> None:
         """Move a point of the transfer function."""
         from napari_unpack import TransferFunction
 
-        session = self.panel.workbench.session
+        session = self.panel.workspace.session
         opacity = float(self.rng.uniform(0.1, 0.6))
         session.transfer_function = TransferFunction([(0, 0), (400, 0.0), (3000, opacity)])
 
@@ -212,21 +212,21 @@ class Hand:
 
     def put_away(self) -> None:
         """Bring everything to rest in the bag, so that memory can be compared."""
-        bench = self.panel.workbench
+        workspace = self.panel.workspace
         deadline = monotonic() + 60
         while self.panel.files.waiting.running and monotonic() < deadline:
             QCoreApplication.processEvents()
         self.panel.unpack.scrub.play.setChecked(False)
         self.dismiss()
         self.viewer.dims.ndisplay = 3
-        if bench.stage is not None:
-            bench.show(bench.session.ids)
-            bench.go_to(0)
-            bench.stage.frame_bag()
-            bench.stage.settle(8)
+        if workspace.controller is not None:
+            workspace.show(workspace.session.ids)
+            workspace.go_to(0)
+            workspace.controller.frame_bag()
+            workspace.controller.settle(8)
         stale = [a for a in self.viewer.layers if not a.visible and "soak" in a.name]
         for layer in stale:
-            if bench.stage is None or layer not in bench.stage.sources:
+            if workspace.controller is None or layer not in workspace.controller.sources:
                 self.viewer.layers.remove(layer.name)
         gc.collect()
 
@@ -322,9 +322,9 @@ def main() -> int:
     viewer.window.resize(900, 640)
     panel = UnpackingWidget(viewer)
     viewer.window.add_dock_widget(panel, name="Virtual Unpacking", area="right")
-    panel.workbench.open(Session(bag.volume, bag.labels, bag.spacing, bag.objects))
-    panel.workbench.stage.seconds = 0.2
-    panel.workbench.stage.settle(60)
+    panel.workspace.open(Session(bag.volume, bag.labels, bag.spacing, bag.objects))
+    panel.workspace.controller.seconds = 0.2
+    panel.workspace.controller.settle(60)
     report = soak(viewer, panel, chosen.seconds, chosen.seed, told=_say)
     print(report)
     panel.end()

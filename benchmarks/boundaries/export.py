@@ -15,13 +15,13 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
-from benchmarks.boundaries.network import Boundaries
+from benchmarks.boundaries.network import BoundaryNetwork
 
 
 class Shipped(nn.Module):
     """The network with normalised weights and probabilities as bytes."""
 
-    def __init__(self, network: Boundaries) -> None:
+    def __init__(self, network: BoundaryNetwork) -> None:
         super().__init__()
         self.network = network
 
@@ -69,7 +69,7 @@ def mean(checkpoints: list[str]) -> dict[str, Tensor]:
 
 def main() -> None:
     *checkpoints, path = sys.argv[1:]
-    network = Boundaries()
+    network = BoundaryNetwork()
     network.load_state_dict(mean(checkpoints))
     network.eval()
     fold(network)

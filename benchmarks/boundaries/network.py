@@ -29,7 +29,7 @@ class Block(nn.Module):
         return torch.relu(x + self.two(torch.relu(self.one(x))))
 
 
-class Boundaries(nn.Module):
+class BoundaryNetwork(nn.Module):
     """A U-Net over cells of 2 x 2 x 2 voxels, which are its channels.
 
     Half of the work is done at the cells' grid, most of the weights lie two and three halvings

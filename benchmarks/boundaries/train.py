@@ -28,7 +28,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from torch.utils.data import DataLoader, IterableDataset
 
 from benchmarks.boundaries.examples import Source, examples
-from benchmarks.boundaries.network import Boundaries
+from benchmarks.boundaries.network import BoundaryNetwork
 
 GROUPS = {"matter": slice(0, 8), "next": slice(8, 32), "near": slice(32, 38), "far": slice(38, 44)}
 
@@ -88,7 +88,7 @@ def main() -> None:
         )
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
-    network = Boundaries().to(memory_format=torch.channels_last_3d)
+    network = BoundaryNetwork().to(memory_format=torch.channels_last_3d)
     optimizer = torch.optim.AdamW(network.parameters(), options.rate, weight_decay=1e-3)
     if options.start:
         state = torch.load(options.start, weights_only=True)

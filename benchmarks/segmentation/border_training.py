@@ -26,7 +26,7 @@ from napari_unpack.segmentation.learned.border_classifier import (
 )
 from napari_unpack.segmentation.learned.border_refinement import find_inside
 from napari_unpack.segmentation.learned.method import pieces_seen, sharpened
-from napari_unpack.segmentation.learned.pair_classifier import Affinity, fit_affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier, fit_affinity
 from napari_unpack.segmentation.learned.part_splitting import part_seen
 
 BAGS, WIDTH = 24, len(BORDER_FEATURES)
@@ -134,7 +134,7 @@ def _described(  # type: ignore[no-untyped-def]
     return table, np.array(places), np.array(owned)
 
 
-def fit(states: list[State]) -> Affinity:
+def fit(states: list[State]) -> PairClassifier:
     """Return the judge of such labels."""
     rows = np.concatenate([r for r, _ in states])
     right = np.concatenate([one for _, one in states])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.segmentation.judges import Scan, learn, train
-from napari_unpack.segmentation.learned.pair_classifier import Affinity, fit_affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier, fit_affinity
 from napari_unpack.segmentation.learned.part_merging import FEATURES, SeenParts
 from napari_unpack.segmentation.training import overlaps
 
@@ -26,7 +26,7 @@ def measured(scanned: Scan) -> State:
     return seen.measured, overlaps(seen.parts, scanned.truth)
 
 
-def fit(states: list[State]) -> Affinity:
+def fit(states: list[State]) -> PairClassifier:
     """Return the judge of such parts."""
     return learn(states, ROUNDS, lambda pairs, one: fit_affinity(pairs, one, features=FEATURES))
 

@@ -20,7 +20,11 @@ from benchmarks.boundaries.examples import scan
 from benchmarks.boundaries.solids import coat, packed_solids
 from benchmarks.boundaries.volumes import solids
 from napari_unpack.segmentation.learned.method import Seen, learned_parts
-from napari_unpack.segmentation.learned.pair_classifier import Affinity, committee, fit_affinity
+from napari_unpack.segmentation.learned.pair_classifier import (
+    PairClassifier,
+    committee,
+    fit_affinity,
+)
 from napari_unpack.segmentation.learned.part_merging import SeenParts
 from napari_unpack.segmentation.learned.part_splitting import Pieces
 from napari_unpack.segmentation.training import examples_of
@@ -30,7 +34,7 @@ from napari_unpack.simulation import simulate_bag
 FIRST, SOLIDS = 300, 40
 Regions = TypeVar("Regions", SeenParts, Pieces)
 State = TypeVar("State")
-Fit = Callable[[NDArray[np.float64], NDArray[np.bool_]], Affinity]
+Fit = Callable[[NDArray[np.float64], NDArray[np.bool_]], PairClassifier]
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ def committees(features: tuple[str, ...], restraint: float, members: int = 9) ->
     them; the mean of several is quieter.
     """
 
-    def fit(pairs: NDArray[np.float64], one: NDArray[np.bool_]) -> Affinity:
+    def fit(pairs: NDArray[np.float64], one: NDArray[np.bool_]) -> PairClassifier:
         each = delayed(fit_affinity)
         judges = Parallel(n_jobs=2)(
             each(pairs, one, seed, features, restraint) for seed in range(members)
@@ -90,7 +94,9 @@ def committees(features: tuple[str, ...], restraint: float, members: int = 9) ->
     return fit
 
 
-def learn(states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: Fit) -> Affinity:
+def learn(
+    states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: Fit
+) -> PairClassifier:
     """Learn from the joins that the truth makes, then from those that the judge itself makes.
 
     Parameters
@@ -123,7 +129,7 @@ def train(
     measure: Callable[[Scan], State],
     bags: int,
     dresses: Sequence[str],
-    fit: Callable[[list[State]], Affinity],
+    fit: Callable[[list[State]], PairClassifier],
     argv: list[str] | None = None,
 ) -> None:
     """Measure bags and solids, fit a judge to them, and save it.

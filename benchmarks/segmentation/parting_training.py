@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.segmentation.judges import Scan, committees, learn, train
 from napari_unpack.segmentation.learned.method import pieces_seen
-from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import PIECE_FEATURES, Pieces
 from napari_unpack.segmentation.training import overlaps
 
@@ -57,7 +57,7 @@ def owned(measured: Pieces, shared: NDArray[np.float64]) -> NDArray[np.float64]:
     return shared
 
 
-def fit(states: list[State]) -> Affinity:
+def fit(states: list[State]) -> PairClassifier:
     """Return the judge of such pieces."""
     return learn(states, ROUNDS, committees(PIECE_FEATURES, RESTRAINT))
 

@@ -11,13 +11,13 @@ from typing import Annotated, Any
 import typer
 
 from napari_unpack.cli_options import (
+    Appearance,
     Backend,
     Box,
     Direction,
     Ground,
     Input,
     LabelsOption,
-    Look,
     Scale,
     Ticker,
     check_output,
@@ -192,7 +192,7 @@ def order(
     source: Input,
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = None,
+    view: Appearance = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
 ) -> None:
@@ -220,7 +220,7 @@ def render(
     output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Picture to write, .png.")],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = None,
+    view: Appearance = None,
     unpacked: Annotated[int, typer.Option(min=0, help="Objects to unpack before.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
@@ -259,7 +259,7 @@ def movie(
     ],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Look = None,
+    view: Appearance = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects to unpack; 0 for all.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
@@ -307,7 +307,7 @@ def table(
         Path, typer.Argument(metavar="OUTPUT", help="Table to write: .html with pictures, or .csv.")
     ],
     labels: LabelsOption = None,
-    view: Look = None,
+    view: Appearance = None,
     backend: Backend = "auto",
 ) -> None:
     """Write the table of objects, as one web page with a picture of each, or as CSV."""
@@ -342,7 +342,7 @@ def demo(
 
 @app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 @_told
-def bench(context: typer.Context) -> None:
+def workspace(context: typer.Context) -> None:
     """Measure speed and accuracy (in a checkout)."""
     root = Path(__file__).parents[2]
     if not (root / "benchmarks" / "__main__.py").exists():

@@ -31,7 +31,7 @@ Direction = Annotated[
         "by default towards the viewer."
     ),
 ]
-Look = Annotated[
+Appearance = Annotated[
     tuple[float, float, float] | None,
     typer.Option(
         "--view",

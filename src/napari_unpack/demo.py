@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Picture = NDArray[np.uint8]
+ImageTexture = NDArray[np.uint8]
 FPS = 16
 FLIGHT_SECONDS = 0.9
 FLIGHTS = 9
@@ -60,48 +60,48 @@ def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], Non
     from napari_unpack.io import save_objects_csv
 
     output.mkdir(parents=True, exist_ok=True)
-    stage, clock = panel.workbench.stage, SteppedClock()
-    stage.session.clock = clock
-    frames: list[Picture] = [picture(viewer, stage)] * (FPS // 2)
+    controller, clock = panel.workspace.controller, SteppedClock()
+    controller.session.clock = clock
+    frames: list[ImageTexture] = [picture(viewer, controller)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
     await_answers(panel)
     iio.imwrite(output / "window.png", viewer.screenshot(canvas_only=False, flash=False))
     largest = 0
     for k in range(FLIGHTS):
         tell(k / FLIGHTS, "Unpacking")
-        before = set(stage.session.poses)
+        before = set(controller.session.poses)
         shots = list(flight(viewer, panel, clock))
-        left = sorted(set(stage.session.poses) - before)
-        size = int(stage.session.objects.loc[left, "voxels"].sum())
+        left = sorted(set(controller.session.poses) - before)
+        size = int(controller.session.objects.loc[left, "voxels"].sum())
         if size > largest:
             largest = size
             iio.imwrite(output / "flight.png", shots[len(shots) // 2 - 1])
         frames.extend(shots)
-    frames.extend([picture(viewer, stage)] * FPS)
+    frames.extend([picture(viewer, controller)] * FPS)
     iio.imwrite(output / "unpacked.png", frames[-1])
     tell(0.0, "Inspecting")
-    shown = max(stage.session.poses, key=lambda i: stage.session.objects.loc[i, "voxels"])
-    panel.workbench.inspect(shown)
+    shown = max(controller.session.poses, key=lambda i: controller.session.objects.loc[i, "voxels"])
+    panel.workspace.inspect(shown)
     clock.time += 10.0
-    iio.imwrite(output / "inspect.png", picture(viewer, stage))
-    panel.workbench.leave()
+    iio.imwrite(output / "inspect.png", picture(viewer, controller))
+    panel.workspace.leave()
     clock.time += 10.0
-    picture(viewer, stage)
+    picture(viewer, controller)
     tell(0.0, "Writing the film")
     write_film(frames, output / "unpacking.mp4")
-    save_objects_csv(stage.session.objects, output / "objects.csv")
+    save_objects_csv(controller.session.objects, output / "objects.csv")
 
 
-def flight(viewer: Any, panel: Any, clock: SteppedClock) -> Iterator[Picture]:
+def flight(viewer: Any, panel: Any, clock: SteppedClock) -> Iterator[ImageTexture]:
     """Press Unpack next and yield the canvas from frame to frame until all have landed."""
-    stage = panel.workbench.stage
-    stage.seconds = FLIGHT_SECONDS
+    controller = panel.workspace.controller
+    controller.seconds = FLIGHT_SECONDS
     panel.unpack.next.click()
     frames = round(FPS * FLIGHT_SECONDS)
     start = clock.time
     for k in range(1, frames + 1):
         clock.time = start + FLIGHT_SECONDS * k / frames + 1e-6
-        yield picture(viewer, stage)
+        yield picture(viewer, controller)
 
 
 def await_answers(panel: Any, seconds: float = PATIENCE) -> None:
@@ -114,14 +114,14 @@ def await_answers(panel: Any, seconds: float = PATIENCE) -> None:
         sleep(0.01)
 
 
-def picture(viewer: Any, stage: Any) -> Picture:
+def picture(viewer: Any, controller: Any) -> ImageTexture:
     """Return what the canvas shows once every picture in it is full and right, (H, W, 3)."""
-    stage.step(20.0)
-    shot: Picture = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
+    controller.step(20.0)
+    shot: ImageTexture = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
     return shot
 
 
-def write_film(frames: list[Picture], path: Path) -> None:
+def write_film(frames: list[ImageTexture], path: Path) -> None:
     """Write frames as an H.264 film; an odd edge is cut off, as video wants."""
     from napari_unpack.io.movies import mp4_writer
 
@@ -199,10 +199,10 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
 
     viewer = napari.Viewer(title="napari-unpack", show=True)
     panel = open_panel(viewer, scan, tell)
-    stage = panel.workbench.stage
+    controller = panel.workspace.controller
     # The first picture waits for the kernels to be compiled, once a machine.
-    stage.settle(300.0)
-    tell.done(f"{len(stage.session.ids)} objects; press N to unpack, B to put back")
+    controller.settle(300.0)
+    tell.done(f"{len(controller.session.ids)} objects; press N to unpack, B to put back")
     if os.environ.get("UNPACK_VIRTUAL_SCREEN"):
         film(viewer, panel, output, tell)
         viewer.close()
@@ -267,7 +267,7 @@ def open_panel(viewer: Any, scan: Any, tell: Any) -> Any:
         QApplication.processEvents()
         time.sleep(0.005)
     QApplication.processEvents()
-    if panel.workbench.stage is None:
+    if panel.workspace.controller is None:
         raise ValueError(f"{scan.name} could not be put on the stage; see the message above")
     return panel
 

@@ -43,7 +43,7 @@ def used():
     s = nu.Session(volume, labels, (2.0, 1.0, 1.5), facts)
     s.view = nu.View((1.0, 0.2, 0.1), fov=12.0)
     s.recolor()
-    s.rule, s.tolerance, s.most_in_group = "exact", 0.01, 3
+    s.rule, s.tolerance, s.max_group_size = "exact", 0.01, 3
     s.take_least_occluded, s.hue_margin, s.locked_hues = True, 0.3, frozenset({2})
     s.unpack(4)
     first = next(iter(s.poses))
@@ -65,7 +65,7 @@ def used():
 
 
 def everything(s):
-    berths = {
+    placements = {
         i: (
             (b.slot, b.rotation.tolist(), b.group, np.asarray(b.direction).tolist()),
             (b.picture_mm, b.within, b.turned_mm),
@@ -76,12 +76,12 @@ def everything(s):
     return {
         "states": {i: state.value for i, state in s.states.items()},
         "order": list(s._situation.out),
-        "berths": berths,
+        "berths": placements,
         "poses": poses,
         "hues": s.hues,
         "queue": (s.queue.groups, s.queue.restored, s.queue.direction, s.queue.packed),
         "steps": (s.steps, s.step),
-        "rules": (s.rule, s.tolerance, s.most_in_group, s.take_least_occluded),
+        "rules": (s.rule, s.tolerance, s.max_group_size, s.take_least_occluded),
         "look": (s.tint_mode, s.show_unlabelled, s.locked_hues, s.hue_margin),
         "clipping": s.clipping.tolist(),
         "density": s.transfer_function,

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from conftest import canvas
-from napari_unpack.layers.rendered_image import LiveShot
+from napari_unpack.layers.rendered_image import CanvasImage
 
 
-def pictures_of_both(viewer: Any, stage: Any) -> dict[str, np.ndarray]:
+def pictures_of_both(viewer: Any, controller: Any) -> dict[str, np.ndarray]:
     """Return what the canvas shows by either backend; the session's clock must stand still."""
     pictures = {}
     for backend in ("cpu", "gl"):
-        stage.backend = backend
+        controller.backend = backend
         for _ in range(3):
-            stage.step(20)
-        assert stage.casts_with == backend
-        assert isinstance(stage.packed.shot, LiveShot) == (backend == "gl")
-        assert sorted(stage.transition.shots) == sorted(stage.session.flights)
+            controller.step(20)
+        assert controller.casts_with == backend
+        assert isinstance(controller.packed.shot, CanvasImage) == (backend == "gl")
+        assert sorted(controller.transition.shots) == sorted(controller.session.flights)
         pictures[backend] = canvas(viewer)
     assert pictures["cpu"].std() > 10
     return pictures

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from screens import Screen
-from widget_phantoms import SMALL, add_bag, open_panel, stage_with
+from widget_phantoms import SMALL, add_bag, controller_with, open_panel
 
 SHAPE = (40, 48, 60)
 
@@ -115,16 +115,16 @@ def session(bag):
 @pytest.fixture
 def staged(make_napari_viewer_proxy, session, qtbot):
     """Return (viewer, stage): the phantom on a shown viewer of moderate size, at rest."""
-    from napari_unpack.viewer.controller import Stage
+    from napari_unpack.viewer.controller import SessionController
 
     viewer = make_napari_viewer_proxy(show=True)
     viewer.window.resize(760, 560)
-    stage = Stage(viewer, session)
-    stage.seconds = 0.3
-    stage.open()
-    assert stage.settle(60)
-    yield viewer, stage
-    stage.close()
+    controller = SessionController(viewer, session)
+    controller.seconds = 0.3
+    controller.open()
+    assert controller.settle(60)
+    yield viewer, controller
+    controller.close()
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def expert(viewer) -> Any:
 @pytest.fixture
 def piled(panel, expert, qtbot) -> Any:
     """Return the session of the pile of balls, on its stage by the panel."""
-    return stage_with(panel, qtbot, expert)
+    return controller_with(panel, qtbot, expert)
 
 
 def canvas(viewer) -> np.ndarray:

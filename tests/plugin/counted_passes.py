@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 
-def settled_passes(stage: Any) -> int:
+def settled_passes(controller: Any) -> int:
     """Wait for all pictures; return how many of the bag have been cast so far."""
-    assert stage.settle(30)
-    return int(stage.packed_passes)
+    assert controller.settle(30)
+    return int(controller.packed_passes)
 
 
-def assert_camera_hue_and_transfer_function_each_cast_anew(viewer: Any, stage: Any) -> None:
-    session, passes = stage.session, settled_passes(stage)
+def assert_camera_hue_and_transfer_function_each_cast_anew(viewer: Any, controller: Any) -> None:
+    session, passes = controller.session, settled_passes(controller)
     viewer.scene.camera.zoom *= 1.1
-    after_zoom = settled_passes(stage)
+    after_zoom = settled_passes(controller)
     assert passes < after_zoom <= passes + 3
     session.accept_hues({7: 0.123}, undoable=False)
-    after_hue = settled_passes(stage)
+    after_hue = settled_passes(controller)
     assert after_hue == after_zoom + 1
     function = session.transfer_function
     session.transfer_function = type(function)([(d, a / 2) for d, a in function.points])
-    assert after_hue < settled_passes(stage) <= after_hue + 2
+    assert after_hue < settled_passes(controller) <= after_hue + 2

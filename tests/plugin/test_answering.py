@@ -21,7 +21,7 @@ def turn(viewer, session) -> None:
 def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     staged, session, monkeypatch
 ) -> None:
-    viewer, stage = staged
+    viewer, controller = staged
     allowed, whole = Event(), OcclusionQuestion.answer
 
     def answer(self):
@@ -31,17 +31,17 @@ def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     monkeypatch.setattr(OcclusionQuestion, "answer", answer)
     turn(viewer, session)
     assert session.occlusion_question() is not None
-    left = stage.unpack(1)
+    left = controller.unpack(1)
     assert left
     assert set(session.flights) == set(left)
-    assert stage.go_to(2, flying=True) == 2
+    assert controller.go_to(2, flying=True) == 2
     allowed.set()
-    stage.finish()
-    assert stage.settle(60)
+    controller.finish()
+    assert controller.settle(60)
     assert session.occlusion_question() is None
     # The whole answer agrees: nobody who is in the bag was in the way.
     session.restore(len(session.steps))
-    stage.finish()
+    controller.finish()
     assert set(left) <= set(session.unpackable())
 
 
@@ -50,12 +50,12 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
 ) -> None:
     viewer = make_napari_viewer_proxy(show=True)
     panel = UnpackingWidget(viewer)
-    panel.workbench.open(session)
-    stage, news = panel.workbench.stage, panel.unpack.news
-    stage.recolor_at_rest = False
-    assert stage.settle(60)
+    panel.workspace.open(session)
+    controller, news = panel.workspace.controller, panel.unpack.news
+    controller.recolor_at_rest = False
+    assert controller.settle(60)
     said, asked, whole = [], [], OcclusionQuestion.answer
-    stage.events.looking.connect(lambda looking: said.append((looking, news.text())))
+    controller.events.looking.connect(lambda looking: said.append((looking, news.text())))
 
     def answer(self):
         asked.append(list(said))
@@ -63,7 +63,7 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
 
     monkeypatch.setattr(OcclusionQuestion, "answer", answer)
     session.rule = "first_hit"
-    stage.unpack(1)
+    controller.unpack(1)
     # Coming to rest may ask the same meanwhile.
     assert asked[0] == [(True, "Looking for what can leave…")]
     assert [looking for looking, _ in said] == [True, False]

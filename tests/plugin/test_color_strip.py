@@ -7,9 +7,9 @@ from qtpy.QtCore import QPoint, Qt
 from qtpy.QtGui import QColor
 
 from napari_unpack.widgets import color_ramp_editor
-from napari_unpack.widgets.color_ramp_editor import ColorStrip
+from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
 from napari_unpack.widgets.color_section import ColorSection
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 LEFT, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
 STOPS = [(500.0, (1.0, 0.0, 0.0)), (1280.0, (0.0, 0.0, 1.0))]
@@ -17,7 +17,7 @@ STOPS = [(500.0, (1.0, 0.0, 0.0)), (1280.0, (0.0, 0.0, 1.0))]
 
 @pytest.fixture
 def strip(qtbot):
-    made = ColorStrip()
+    made = ColorRampEditor()
     qtbot.addWidget(made)
     # Two hundred pixels between the margins, for the square root of two thousand densities.
     made.resize(216, 22)
@@ -83,10 +83,10 @@ def test_keys_and_a_right_click_act_on_the_chosen_colour(qtbot, strip, dialog) -
 def test_colours_are_the_sessions_and_the_curve_stays(
     make_napari_viewer_proxy, session, qtbot, dialog
 ) -> None:
-    bench = Workbench(make_napari_viewer_proxy())
-    section = ColorSection(bench)
+    workspace = Workspace(make_napari_viewer_proxy())
+    section = ColorSection(workspace)
     qtbot.addWidget(section)
-    bench.open(session)
+    workspace.open(session)
     section.curve.toggle.setChecked(True)
     before = session.transfer_function
     assert section.strip.stops == list(before.colors or ())
@@ -104,7 +104,7 @@ def test_colours_are_the_sessions_and_the_curve_stays(
     section.strip.edited.emit([])
     qtbot.waitUntil(lambda: session.transfer_function.colors is None, timeout=5000)
     section.picture.end()
-    bench.close()
+    workspace.close()
 
 
 def test_the_menu_keeps_the_colours_of_chosen_objects(piled, panel) -> None:

@@ -12,7 +12,7 @@ from vispy.gloo import gl
 
 from conftest import canvas
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 
 SCALE = (1.5, 1.5, 1.5)
 
@@ -31,28 +31,28 @@ def flying(make_napari_viewer_proxy, bag, qtbot, calm) -> Iterator[Any]:
     viewer.window.resize(640, 480)
     image = viewer.add_image(bag[0].copy(), scale=SCALE, name="scan")
     labels = viewer.add_labels(bag[1].astype(np.int32), scale=SCALE, name="mine")
-    stage = Stage(viewer, Session(*bag, spacing=SCALE), [image, labels])
-    stage.events.message.connect(pytest.fail)
+    controller = SessionController(viewer, Session(*bag, spacing=SCALE), [image, labels])
+    controller.events.message.connect(pytest.fail)
     # So long that they are in the air until a test lands them.
-    stage.seconds = 600.0
-    stage.open()
-    assert stage.settle(90)
-    stage.unpack(2)
-    in_sight(stage, 2, qtbot)
-    yield viewer, stage, image, labels
-    stage.close()
-    assert not stage.session.flights
+    controller.seconds = 600.0
+    controller.open()
+    assert controller.settle(90)
+    controller.unpack(2)
+    in_sight(controller, 2, qtbot)
+    yield viewer, controller, image, labels
+    controller.close()
+    assert not controller.session.flights
 
 
-def in_sight(stage: Any, count: int, qtbot: Any) -> None:
+def in_sight(controller: Any, count: int, qtbot: Any) -> None:
     """Wait until so many objects in the air are drawn."""
-    qtbot.waitUntil(lambda: len(stage.transition.shots) == count, timeout=60000)
-    assert stage.flying
+    qtbot.waitUntil(lambda: len(controller.transition.shots) == count, timeout=60000)
+    assert controller.flying
 
 
-def land(stage: Any) -> None:
-    stage.finish()
-    assert stage.settle(60)
+def land(controller: Any) -> None:
+    controller.finish()
+    assert controller.settle(60)
 
 
 def out(session: Any) -> int:
@@ -60,50 +60,50 @@ def out(session: Any) -> int:
 
 
 def test_labels_edited_renamed_and_the_image_swapped_while_objects_fly(flying, qtbot) -> None:
-    viewer, stage, image, labels = flying
-    before = stage.session.labels.copy()
-    volume = stage.session.volume.copy()
+    viewer, controller, image, labels = flying
+    before = controller.session.labels.copy()
+    volume = controller.session.volume.copy()
     labels.data[:, :, :20] = 0
     labels.refresh()
     labels.data_setitem((np.array([30]), np.array([30]), np.array([30])), 7)
-    labels.name, image.name, stage.packed.name = "other", "another", "mine now"
+    labels.name, image.name, controller.packed.name = "other", "another", "mine now"
     image.data = image.data[::-1] // 2
     qtbot.wait(80)
-    land(stage)
+    land(controller)
     # The session works on what it was opened with.
-    np.testing.assert_array_equal(stage.session.labels, before)
-    np.testing.assert_array_equal(stage.session.volume, volume)
-    assert out(stage.session) == 2
+    np.testing.assert_array_equal(controller.session.labels, before)
+    np.testing.assert_array_equal(controller.session.volume, volume)
+    assert out(controller.session) == 2
     assert canvas(viewer).std(axis=(0, 1)).max() > 5.0
     assert not gl.glGetError()
 
 
 def test_sources_removed_slices_looked_at_and_a_layer_of_ours_removed(flying, qtbot) -> None:
-    viewer, stage, _, _ = flying
+    viewer, controller, _, _ = flying
     viewer.layers.remove("mine")
     viewer.dims.ndisplay = 2
     qtbot.wait(60)
     viewer.dims.ndisplay = 3
     viewer.layers.remove("scan")
     qtbot.wait(60)
-    land(stage)
-    assert out(stage.session) == 2
+    land(controller)
+    assert out(controller.session) == 2
     assert not gl.glGetError()
-    stage.restore(1)
-    in_sight(stage, 1, qtbot)
+    controller.restore(1)
+    in_sight(controller, 1, qtbot)
     viewer.layers.remove("Transition")
     qtbot.wait(60)
-    assert not stage.is_open
-    assert not stage.session.flights
+    assert not controller.is_open
+    assert not controller.session.flights
     assert len(viewer.layers) == 0
 
 
 def test_the_window_is_closed_in_mid_flight_of_everything(flying, qtbot) -> None:
-    viewer, stage, _, _ = flying
-    stage.unpack(5)
-    in_sight(stage, 7, qtbot)
+    viewer, controller, _, _ = flying
+    controller.unpack(5)
+    in_sight(controller, 7, qtbot)
     viewer.close()
     qtbot.wait(150)
-    stage.close()
-    assert out(stage.session) == 7
-    assert not stage.session.flights
+    controller.close()
+    assert out(controller.session) == 7
+    assert not controller.session.flights

@@ -16,153 +16,153 @@ IN, OUT = ObjectState.PACKED, ObjectState.UNPACKED
 @pytest.fixture
 def paced(staged, session, monkeypatch) -> Any:
     """Return (viewer, stage, tell): flights of 5 s on a clock that `tell` moves."""
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    stage.seconds = LONG
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    controller.seconds = LONG
     time = [100.0]
     monkeypatch.setattr(session, "clock", lambda: time[0])
 
     def tell(seconds: float) -> None:
         time[0] += seconds
-        assert stage.step(30)
+        assert controller.step(30)
 
-    return viewer, stage, tell
+    return viewer, controller, tell
 
 
-def place(stage: Any, object_id: int) -> np.ndarray:
+def place(controller: Any, object_id: int) -> np.ndarray:
     """Return where an object in the air is now, pivot space, mm."""
-    session = stage.session
+    session = controller.session
     return session.flights[object_id].pose(session.clock(), session.camera).center
 
 
-def seen(stage: Any) -> dict[int, int]:
+def seen(controller: Any) -> dict[int, int]:
     """Count in how many of the three layers every object shows."""
-    session = stage.session
+    session = controller.session
     packed = {i for i, s in session.states.items() if s is IN}
     return {
-        i: (i in packed) + (i in stage.transition.shots) + (i in stage.sprites.sprites)
+        i: (i in packed) + (i in controller.transition.shots) + (i in controller.sprites.sprites)
         for i in session.states
     }
 
 
 def test_restored_on_its_way_out_it_turns_round_where_it_is(paced, session) -> None:
-    _, stage, tell = paced
-    (one,) = stage.unpack(1)
+    _, controller, tell = paced
+    (one,) = controller.unpack(1)
     tell(0.4 * LONG)
-    there = place(stage, one)
-    stage.restore([one])
+    there = place(controller, one)
+    controller.restore([one])
     assert session.states[one] is ObjectState.FLYING_BACK
-    np.testing.assert_allclose(place(stage, one), there, atol=1e-6)
+    np.testing.assert_allclose(place(controller, one), there, atol=1e-6)
     tell(0.39 * LONG)
-    assert stage.flying
+    assert controller.flying
     tell(0.02 * LONG)
-    assert not stage.flying
+    assert not controller.flying
     assert session.states[one] is IN
     assert session.poses == {}
-    assert set(seen(stage).values()) == {1}
+    assert set(seen(controller).values()) == {1}
 
 
 def test_unpacked_on_its_way_back_it_turns_round_where_it_is(paced, session) -> None:
-    _, stage, tell = paced
-    (one,) = stage.unpack(1)
-    stage.finish()
-    assert stage.settle(30)
-    stage.restore([one])
+    _, controller, tell = paced
+    (one,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    controller.restore([one])
     tell(0.7 * LONG)
-    there = place(stage, one)
-    stage.unpack([one])
+    there = place(controller, one)
+    controller.unpack([one])
     assert session.states[one] is ObjectState.FLYING_OUT
-    np.testing.assert_allclose(place(stage, one), there, atol=1e-6)
+    np.testing.assert_allclose(place(controller, one), there, atol=1e-6)
     for _ in range(3):
-        stage.undo()
-        stage.redo()
-    np.testing.assert_allclose(place(stage, one), there, atol=1e-6)
+        controller.undo()
+        controller.redo()
+    np.testing.assert_allclose(place(controller, one), there, atol=1e-6)
     tell(0.72 * LONG)
-    assert not stage.flying
+    assert not controller.flying
     assert session.states[one] is OUT
-    assert seen(stage)[one] == 1
-    assert one in stage.sprites.sprites
+    assert seen(controller)[one] == 1
+    assert one in controller.sprites.sprites
 
 
 def test_turned_in_mid_flight_they_still_land_at_their_slots(paced, session) -> None:
-    viewer, stage, tell = paced
-    flown = stage.unpack(3)
+    viewer, controller, tell = paced
+    flown = controller.unpack(3)
     slots = {i: session.poses.get(i, session.flights[i].target).center for i in flown}
     tell(0.3 * LONG)
-    assert set(stage.transition.shots) == set(flown)
-    before = {i: place(stage, i) for i in flown}
+    assert set(controller.transition.shots) == set(flown)
+    before = {i: place(controller, i) for i in flown}
     viewer.scene.camera.angles = (20, 60, 100)
-    assert stage.step(30)
+    assert controller.step(30)
     # The camera reads whole and turned: those near the bag went round with it.
-    assert any(np.linalg.norm(place(stage, i) - before[i]) > 1.0 for i in flown)
-    assert set(stage.transition.shots) == set(flown)
+    assert any(np.linalg.norm(place(controller, i) - before[i]) > 1.0 for i in flown)
+    assert set(controller.transition.shots) == set(flown)
     viewer.scene.camera.zoom *= 1.3
     tell(0.3 * LONG)
     tell(2 * LONG)
-    assert not stage.flying
+    assert not controller.flying
     for i in flown:
         np.testing.assert_allclose(session.poses[i].center, slots[i], atol=1e-6)
-    assert all(seen(stage)[i] == 1 for i in flown)
+    assert all(seen(controller)[i] == 1 for i in flown)
 
 
 def test_many_commands_in_the_air_at_once(paced, session) -> None:
-    _, stage, tell = paced
-    first = stage.unpack(2)
+    _, controller, tell = paced
+    first = controller.unpack(2)
     tell(0.2 * LONG)
-    second = stage.unpack(2)
+    second = controller.unpack(2)
     assert len(set(first) | set(second)) == 4
     tell(0.1 * LONG)
-    stage.restore([first[0]])
+    controller.restore([first[0]])
     tell(0.1 * LONG)
     session.hide([second[0]])
     assert session.states[second[0]] is ObjectState.HIDDEN
     assert second[0] not in session.flights
-    assert stage.step(30)
-    assert second[0] not in stage.transition.shots
+    assert controller.step(30)
+    assert second[0] not in controller.transition.shots
     session.show([second[0]])
     assert session.states[second[0]] is OUT
-    stage.inspect(first[1])
+    controller.inspect(first[1])
     assert session.states[first[1]] is ObjectState.INSPECTED
     assert first[1] not in session.flights
     tell(0.1 * LONG)
-    stage.go_to(0, flying=True)
+    controller.go_to(0, flying=True)
     tell(0.5 * LONG)
-    stage.go_to(3, flying=True)
+    controller.go_to(3, flying=True)
     tell(0.01)
     tell(4 * LONG)
-    assert not stage.flying
+    assert not controller.flying
     states = list(session.states.values())
     assert states.count(OUT) + states.count(IN) == len(states)
-    assert set(seen(stage).values()) == {1}
+    assert set(seen(controller).values()) == {1}
 
 
 def test_closed_in_mid_flight_both_ways(paced, session) -> None:
-    viewer, stage, tell = paced
-    out = stage.unpack(2)
-    stage.finish()
-    more = stage.unpack(1)
-    stage.restore([out[0]])
+    viewer, controller, tell = paced
+    out = controller.unpack(2)
+    controller.finish()
+    more = controller.unpack(1)
+    controller.restore([out[0]])
     tell(0.2 * LONG)
     assert len(session.flights) == 2
-    stage.close()
+    controller.close()
     assert session.flights == {}
     assert {i for i, s in session.states.items() if s is OUT} == {out[1], *more}
     assert len(viewer.layers) == 0
-    stage.close()
+    controller.close()
 
 
 def test_sent_home_while_a_hand_holds_it_it_flies_and_is_seen_once(paced, session) -> None:
-    _, stage, tell = paced
-    (one,) = stage.unpack(1)
+    _, controller, tell = paced
+    (one,) = controller.unpack(1)
     tell(1.1 * LONG)
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    stage.turn(one, quarter)
-    stage.restore(1)
+    controller.turn(one, quarter)
+    controller.restore(1)
     tell(0.5 * LONG)
-    shown = stage._projector._director.moving(session.clock(), stage.frame)
-    np.testing.assert_allclose(shown[one].pose.center, place(stage, one), atol=1e-6)
+    shown = controller._renderer._animator.moving(session.clock(), controller.frame)
+    np.testing.assert_allclose(shown[one].pose.center, place(controller, one), atol=1e-6)
     tell(0.6 * LONG)
-    stage.turned(one)
-    assert stage.settle(30)
+    controller.turned(one)
+    assert controller.settle(30)
     assert session.states[one] is IN
-    assert set(seen(stage).values()) == {1}
+    assert set(seen(controller).values()) == {1}

@@ -55,33 +55,33 @@ class Elsewhere:
 def test_a_context_that_is_replaced_shows_the_bag_sprites_and_other_layers_again(
     staged, qtbot, caplog, backend
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     viewer.add_points([[20, 24, 80]], size=12, face_color="lime", name="mine")
-    stage.backend = backend
-    stage.unpack(1)
-    stage.finish()
-    assert stage.settle(60)
+    controller.backend = backend
+    controller.unpack(1)
+    controller.finish()
+    assert controller.settle(60)
     before, heard = canvas(viewer), []
-    stage.events.message.connect(heard.append)
+    controller.events.message.connect(heard.append)
     elsewhere = Elsewhere(viewer, qtbot)
     elsewhere.go()
     qtbot.waitUntil(lambda: len(heard) == 1, timeout=20000)
-    assert stage.settle(60)
-    assert stage.casts_with == backend
+    assert controller.settle(60)
+    assert controller.casts_with == backend
     assert canvas(viewer).std(axis=(0, 1)).max() > 10
     assert complaints(viewer) == []
     elsewhere.come_back()
     qtbot.waitUntil(lambda: len(heard) == 2, timeout=20000)
     qtbot.waitUntil(lambda: canvas(viewer).shape == before.shape, timeout=20000)
-    assert stage.settle(60)
+    assert controller.settle(60)
     assert elsewhere.lost == 2
     assert "drawn anew" in heard[0]
     after = canvas(viewer)
     assert np.quantile(np.abs(after - before).max(axis=2), 0.999) <= 3.0
     assert complaints(viewer) == []
-    stage.restore(1)
-    stage.finish()
-    assert stage.settle(60)
+    controller.restore(1)
+    controller.finish()
+    assert controller.settle(60)
     assert complaints(viewer) == []
     assert [r.getMessage() for r in caplog.records if r.levelno >= logging.ERROR] == []

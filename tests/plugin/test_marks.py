@@ -7,7 +7,7 @@ import pytest
 
 from conftest import canvas
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.overlays import FREE, LEAST, TOGETHER, Marks
 
 
@@ -31,22 +31,22 @@ def shown(make_napari_viewer_proxy: Any) -> Any:
     return viewer, session
 
 
-def staged(viewer: Any, session: Session) -> Stage:
-    stage = Stage(viewer, session)
-    stage.seconds, stage.recolor_at_rest = 0.1, False
-    stage.open()
-    assert stage.settle(60)
-    return stage
+def staged(viewer: Any, session: Session) -> SessionController:
+    controller = SessionController(viewer, session)
+    controller.seconds, controller.recolor_at_rest = 0.1, False
+    controller.open()
+    assert controller.settle(60)
+    return controller
 
 
-def drawn(viewer: Any, stage: Stage, ink: tuple[float, ...]) -> int:
+def drawn(viewer: Any, controller: SessionController, ink: tuple[float, ...]) -> int:
     """Count the pixels that the marks draw in the direction of an ink's colour."""
     with_marks = canvas(viewer)
-    stage.overlays.mark_free = False
-    assert stage.settle(30)
+    controller.overlays.mark_free = False
+    assert controller.settle(30)
     added = with_marks - canvas(viewer)
-    stage.overlays.mark_free = True
-    assert stage.settle(30)
+    controller.overlays.mark_free = True
+    assert controller.settle(30)
     drawn = np.abs(added).max(axis=-1) > 12
     seen = with_marks[drawn]
     if not len(seen):
@@ -57,28 +57,28 @@ def drawn(viewer: Any, stage: Stage, ink: tuple[float, ...]) -> int:
 
 def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: Any) -> None:
     viewer, session = shown
-    stage = staged(viewer, session)
+    controller = staged(viewer, session)
     assert set(session.free_groups()) == {(1, 2), (3,)}
-    assert drawn(viewer, stage, TOGETHER.line) > 100
-    stage.close()
+    assert drawn(viewer, controller, TOGETHER.line) > 100
+    controller.close()
 
     # The answer is known now, and nobody asks again.
     assert session.occlusion_question() is None
-    stage = staged(viewer, session)
-    assert drawn(viewer, stage, TOGETHER.line) > 100
+    controller = staged(viewer, session)
+    assert drawn(viewer, controller, TOGETHER.line) > 100
 
     # With the block gone the queue is what it was, and the knot is marked still.
-    stage.unpack([3])
-    stage.finish()
-    assert stage.settle(30)
+    controller.unpack([3])
+    controller.finish()
+    assert controller.settle(30)
     assert session.free_groups() == ((1, 2),)
-    assert drawn(viewer, stage, TOGETHER.line) > 100
-    stage.unpack(1)
-    stage.finish()
-    assert stage.settle(30)
+    assert drawn(viewer, controller, TOGETHER.line) > 100
+    controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
     assert set(session.states.values()) == {ObjectState.UNPACKED}
     assert session.free_groups() == ()
-    stage.close()
+    controller.close()
 
 
 def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:

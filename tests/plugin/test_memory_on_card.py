@@ -12,7 +12,7 @@ from napari_unpack.layers import compat
 from napari_unpack.rendering.gl.memory import DENSITY, LABELS, TARGETS, ledger
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.session import Session
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 
 MOST_NAMES = 1024
 
@@ -62,15 +62,15 @@ def shown(make_napari_viewer_proxy, bag, qtbot):
     gc.collect()
     held = ledger().bytes_held()
     before = on_the_card(viewer)
-    stage = Stage(viewer, Session(*bag, spacing=(1.5, 1.5, 1.5)))
-    stage.backend, stage.recolor_at_rest = "gl", False
+    controller = SessionController(viewer, Session(*bag, spacing=(1.5, 1.5, 1.5)))
+    controller.backend, controller.recolor_at_rest = "gl", False
     # In the air until a test lands them.
-    stage.seconds = 600.0
-    stage.open()
-    assert stage.settle(90)
-    assert stage.casts_with == "gl"
-    yield viewer, stage, before, held
-    stage.close()
+    controller.seconds = 600.0
+    controller.open()
+    assert controller.settle(90)
+    assert controller.casts_with == "gl"
+    yield viewer, controller, before, held
+    controller.close()
 
 
 def fresh(viewer: Any, before: dict[tuple[str, int], int]) -> dict[tuple[str, int], int]:
@@ -81,21 +81,21 @@ def fresh(viewer: Any, before: dict[tuple[str, int], int]) -> dict[tuple[str, in
 
 
 def test_all_three_layers_share_one_density_and_one_label_volume(shown, bag, qtbot) -> None:
-    viewer, stage, before, held = shown
-    stage.unpack(2)
-    qtbot.waitUntil(lambda: len(stage.transition.shots) == 2, timeout=60000)
-    stage.finish()
-    assert stage.settle(60)
-    stage.unpack(1)
-    qtbot.waitUntil(lambda: len(stage.transition.shots) == 1, timeout=60000)
+    viewer, controller, before, held = shown
+    controller.unpack(2)
+    qtbot.waitUntil(lambda: len(controller.transition.shots) == 2, timeout=60000)
+    controller.finish()
+    assert controller.settle(60)
+    controller.unpack(1)
+    qtbot.waitUntil(lambda: len(controller.transition.shots) == 1, timeout=60000)
     volume, labels = bag
     ours = ledger().bytes_held() - held
-    assert len(stage.sprites.sprites) == 2
+    assert len(controller.sprites.sprites) == 2
     assert ours[DENSITY] == volume.nbytes
     assert ours[LABELS] == labels.size
     # A second volume of either kind, by whatever way, would be seen here.
     large = sorted(size for size in fresh(viewer, before).values() if size >= labels.size)
-    pictures = stage.frame.size[0] * stage.frame.size[1]
+    pictures = controller.frame.size[0] * controller.frame.size[1]
     assert large.count(volume.nbytes) == 1
     assert large.count(labels.size) == 1
     assert sum(large) <= volume.nbytes + labels.size + 3 * 20 * pictures
@@ -109,10 +109,15 @@ def of_qt(viewer: Any) -> int:
 
 
 def test_the_ledger_says_what_gl_itself_says(shown) -> None:
-    viewer, stage, before, held = shown
-    for moves in (lambda: None, lambda: stage.unpack(3), stage.finish, lambda: stage.restore(1)):
+    viewer, controller, before, held = shown
+    for moves in (
+        lambda: None,
+        lambda: controller.unpack(3),
+        controller.finish,
+        lambda: controller.restore(1),
+    ):
         moves()
-        assert stage.settle(60)
+        assert controller.settle(60)
         counted = sum(fresh(viewer, before).values()) - of_qt(viewer)
         ours = sum((ledger().bytes_held() - held).values())
         assert ours > 700_000
@@ -134,8 +139,8 @@ def test_a_copy_of_the_labels_is_seen_by_gl_and_by_the_ledger(shown, bag) -> Non
 
 
 def test_closing_leaves_no_volume_and_no_frame_buffer_on_the_card(shown) -> None:
-    viewer, stage, before, held = shown
-    stage.close()
+    viewer, controller, before, held = shown
+    controller.close()
     ours = ledger().bytes_held() - held
     assert (ours[DENSITY], ours[LABELS], ours[TARGETS]) == (0, 0, 0)
     assert sum(fresh(viewer, before).values()) - of_qt(viewer) < SMALL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 from napari_unpack.widgets.job import Job
 
 
@@ -16,18 +16,18 @@ class Heavy:
         return 3
 
 
-def test_a_closed_stage_and_its_session_are_let_go_of_while_the_window_lives(
+def test_a_closed_controller_and_its_session_are_let_go_of_while_the_window_lives(
     make_napari_viewer_proxy, bag, qtbot
 ) -> None:
     from napari_unpack.session import Session
 
     viewer = make_napari_viewer_proxy(show=True)
-    stage = Stage(viewer, Session(*bag))
-    stage.open()
-    assert stage.settle(60)
-    kept = weakref.ref(stage), weakref.ref(stage.session)
-    stage.close()
-    del stage
+    controller = SessionController(viewer, Session(*bag))
+    controller.open()
+    assert controller.settle(60)
+    kept = weakref.ref(controller), weakref.ref(controller.session)
+    controller.close()
+    del controller
 
     def gone() -> bool:
         # Threads and Qt's queue let go of their last piece of work in their own time.

@@ -11,26 +11,26 @@ from qtpy.QtWidgets import QApplication
 from napari_unpack.layers.compat import native_canvas
 from napari_unpack.layers.view_camera import same_camera
 from napari_unpack.viewer import redraw_throttle
-from napari_unpack.viewer.packed_renderer import PackedPainter
+from napari_unpack.viewer.packed_renderer import PackedRenderer
 from napari_unpack.viewer.scheduler import Jobs
 
 
 @pytest.fixture
 def casting(staged, monkeypatch):
     """Return (viewer, stage, allowed, drawn): casts of a moving camera wait for `allowed`."""
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    assert stage.settle(30)
-    allowed, cast, drawn = Event(), PackedPainter._cast, []
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    assert controller.settle(30)
+    allowed, cast, drawn = Event(), PackedRenderer._cast, []
 
     def wait(self, frame, size, step):
         assert allowed.wait(30)
         return cast(self, frame, size, step)
 
-    monkeypatch.setattr(PackedPainter, "_cast", wait)
+    monkeypatch.setattr(PackedRenderer, "_cast", wait)
     monkeypatch.setattr(redraw_throttle, "LONGEST_MS", 20_000)
-    native_canvas(viewer).events.draw.connect(lambda _: drawn.append(stage.packed.shot))
-    yield viewer, stage, allowed, drawn
+    native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.shot))
+    yield viewer, controller, allowed, drawn
     allowed.set()
 
 
@@ -42,46 +42,46 @@ def turn(viewer, degrees: float) -> None:
 
 
 def test_turned_on_it_waits_for_the_picture_which_is_of_the_newest_camera(casting) -> None:
-    viewer, stage, allowed, drawn = casting
+    viewer, controller, allowed, drawn = casting
     turn(viewer, 5)
     assert len(drawn) == 1
     for _ in range(6):
         turn(viewer, 5)
     assert len(drawn) == 1
-    before = stage.packed.shot
+    before = controller.packed.shot
     allowed.set()
-    assert stage.settle(30)
-    assert drawn[-1] is stage.packed.shot is not before
-    assert same_camera(stage.packed.shot.camera, stage.packed.frame_now().camera)
+    assert controller.settle(30)
+    assert drawn[-1] is controller.packed.shot is not before
+    assert same_camera(controller.packed.shot.camera, controller.packed.frame_now().camera)
 
 
 def test_the_picture_after_next_is_begun_without_a_redraw(casting, qtbot, monkeypatch) -> None:
-    viewer, stage, allowed, _ = casting
+    viewer, controller, allowed, _ = casting
     turn(viewer, 5)
     turn(viewer, 5)
-    newest = stage.packed.frame_now().camera
-    assert not same_camera(newest, stage.frame.camera)
+    newest = controller.packed.frame_now().camera
+    assert not same_camera(newest, controller.frame.camera)
     cameras = []
-    show = stage.packed.show
+    show = controller.packed.show
 
     def shown(shot, *rest, **kwargs):
         cameras.append(shot.camera)
         show(shot, *rest, **kwargs)
 
-    monkeypatch.setattr(stage.packed, "show", shown)
+    monkeypatch.setattr(controller.packed, "show", shown)
     allowed.set()
     qtbot.waitUntil(lambda: len(cameras) > 1, timeout=30_000)
     assert any(same_camera(camera, newest) for camera in cameras)
 
 
 def test_a_pan_a_zoom_and_a_selection_are_drawn_at_once(casting, session) -> None:
-    viewer, stage, _, drawn = casting
+    viewer, controller, _, drawn = casting
     turn(viewer, 5)
     camera = viewer.scene.camera
     for change in (
         lambda: setattr(camera, "zoom", camera.zoom * 1.1),
         lambda: setattr(camera, "center", tuple(np.array(camera.center) + 2.0)),
-        lambda: stage.sprites.dim(0.5),
+        lambda: controller.sprites.dim(0.5),
     ):
         before = len(drawn)
         change()
@@ -98,11 +98,11 @@ def test_it_waits_no_longer_than_it_may(casting, qtbot, monkeypatch) -> None:
     qtbot.waitUntil(lambda: len(drawn) > 1, timeout=10_000)
 
 
-def test_a_closed_stage_leaves_the_canvas_its_own_redraws(casting) -> None:
-    viewer, stage, allowed, _ = casting
+def test_a_closed_controller_leaves_the_canvas_its_own_redraws(casting) -> None:
+    viewer, controller, allowed, _ = casting
     turn(viewer, 5)
     allowed.set()
-    stage.close()
+    controller.close()
     assert "update" not in vars(native_canvas(viewer))
 
 

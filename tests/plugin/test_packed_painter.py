@@ -10,7 +10,7 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.viewer.packed_renderer import PackedPainter, cast_packed
+from napari_unpack.viewer.packed_renderer import PackedRenderer, cast_packed
 
 SIZE = (220, 260)
 
@@ -79,7 +79,7 @@ class NoStudio:
 def still(session, qtbot) -> Any:
     """Return (painter, jobs, screen, frame) with a full picture shown and nothing under way."""
     jobs, screen = ByHand(), Screen()
-    painter = PackedPainter(session, jobs, screen, NoStudio())
+    painter = PackedRenderer(session, jobs, screen, NoStudio())
     session.canvas_size = SIZE
     # Along z objects 1, 2 and 3 stand side by side.
     session.view = nu.View((1.0, 0.0, 0.0))
@@ -93,7 +93,7 @@ def still(session, qtbot) -> Any:
     painter.close()
 
 
-def hide(session: Any, painter: PackedPainter, object_id: int) -> None:
+def hide(session: Any, painter: PackedRenderer, object_id: int) -> None:
     session.hide([object_id])
     painter.recast_objects([object_id])
 

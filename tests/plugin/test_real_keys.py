@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from widget_phantoms import SMALL, add_bag, open_panel, stage_with, states
+from widget_phantoms import SMALL, add_bag, controller_with, open_panel, states
 
 from napari_unpack.layers import compat
 
@@ -24,11 +24,11 @@ class Desk:
         viewer.window.resize(*SMALL)
         self.panel = open_panel(viewer, qtbot)
         self.image, self.labels = add_bag(viewer)
-        self.session = stage_with(self.panel, qtbot, self.labels)
-        self.stage = self.panel.workbench.stage
-        self.stage.seconds = 0.1
-        self.stage.recolor_at_rest = False
-        assert self.stage.settle(60)
+        self.session = controller_with(self.panel, qtbot, self.labels)
+        self.controller = self.panel.workspace.controller
+        self.controller.seconds = 0.1
+        self.controller.recolor_at_rest = False
+        assert self.controller.settle(60)
 
     def press(self, key: Qt.Key, held: Any = PLAIN) -> None:
         """Press and release a key with the mouse on the canvas."""
@@ -36,8 +36,8 @@ class Desk:
 
     def rest(self) -> None:
         """Wait until everybody has landed."""
-        self.qtbot.waitUntil(lambda: not self.stage.flying, timeout=20000)
-        assert self.stage.settle(30)
+        self.qtbot.waitUntil(lambda: not self.controller.flying, timeout=20000)
+        assert self.controller.settle(30)
 
     def count(self, state: str) -> int:
         """Count the objects in a state."""
@@ -58,7 +58,7 @@ def desk(make_napari_viewer: Viewers, qtbot: QtBot) -> Iterator[Desk]:
 @pytest.mark.parametrize("name", ["packed", "transition", "sprites", "image"])
 def test_every_key_acts_whatever_picture_layer_is_active(desk: Desk, name: str) -> None:
     session = desk.session
-    desk.activate(desk.image if name == "image" else getattr(desk.stage, name))
+    desk.activate(desk.image if name == "image" else getattr(desk.controller, name))
 
     desk.press(Qt.Key.Key_N)
     desk.rest()

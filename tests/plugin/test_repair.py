@@ -12,12 +12,12 @@ from napari.layers import Labels
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
-from widget_phantoms import press, stage_with
+from widget_phantoms import controller_with, press
 
 from conftest import canvas
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
-from napari_unpack.viewer.label_sync import PaintedLabels
+from napari_unpack.viewer.label_sync import LabelSync
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 BELL, CUBE, SLAB = 1, 2, 3
@@ -41,19 +41,19 @@ def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     volume, labels = bells()
     layer = viewer.add_labels(labels, name="found", visible=False)
     viewer.add_image(volume, name="bag")
-    made = stage_with(panel, qtbot, layer)
-    panel.workbench.stage.recolor_at_rest = False
+    made = controller_with(panel, qtbot, layer)
+    panel.workspace.controller.recolor_at_rest = False
     # The first to cast compiles the kernels.
-    assert panel.workbench.stage.settle(200)
+    assert panel.workspace.controller.settle(200)
     return made
 
 
 def click(panel: UnpackingWidget, voxel: tuple[int, int, int], qtbot: QtBot) -> None:
     """Click where a voxel is seen in the picture."""
-    stage = panel.workbench.stage
-    world = np.array(voxel) * stage.session.spacing
-    row, col = stage.frame.camera.project(world, stage.frame.size)
-    widget = compat.native_canvas(stage.viewer).native
+    controller = panel.workspace.controller
+    world = np.array(voxel) * controller.session.spacing
+    row, col = controller.frame.camera.project(world, controller.frame.size)
+    widget = compat.native_canvas(controller.viewer).native
     move(widget, QPoint(round(col) + 1, round(row)))
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(round(col), round(row)))
     qtbot.wait(60)
@@ -76,13 +76,13 @@ def test_two_clicks_split_and_undo_joins(
     assert {left, right} == {1, 4}
     qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=20000)
     assert np.array_equal(layer.data, session.labels)
-    assert panel.workbench.stage.settle(30)
+    assert panel.workspace.controller.settle(30)
 
-    panel.workbench.undo()
+    panel.workspace.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
-    assert panel.workbench.stage.settle(30)
+    assert panel.workspace.controller.settle(30)
 
 
 def test_a_click_on_another_object_starts_over_and_split_again_cancels(
@@ -107,7 +107,7 @@ def test_clicks_in_a_slice_split_too(
     viewer.dims.set_point(0, 12)
     canvas(viewer)
     press(qtbot, panel.objects.split)
-    widget = compat.native_canvas(panel.workbench.stage.viewer).native
+    widget = compat.native_canvas(panel.workspace.controller.viewer).native
     camera = viewer.scene.camera
     height, width = viewer.canvas.size
     for x in (12, 48):
@@ -124,26 +124,26 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
 ) -> None:
     objects = panel.objects
     objects.table.show_selection(frozenset({BELL, CUBE}))
-    panel.workbench.select([BELL, CUBE])
+    panel.workspace.select([BELL, CUBE])
     qtbot.waitUntil(objects.merge.isEnabled, timeout=20000)
     press(qtbot, objects.merge)
     qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=20000)
-    assert panel.workbench.stage.settle(30)
-    panel.workbench.undo()
+    assert panel.workspace.controller.settle(30)
+    panel.workspace.undo()
     assert session.ids == (1, 2, 3)
 
     session.take_least_occluded = True
-    panel.workbench.unpack([CUBE])
-    panel.workbench.stage.finish()
+    panel.workspace.unpack([CUBE])
+    panel.workspace.controller.finish()
     before = session.labels
     objects.repair.delete([CUBE])
     qtbot.wait(50)
     assert session.labels is before
     objects.repair.delete([BELL])
     qtbot.waitUntil(lambda: session.ids == (2, 3), timeout=10000)
-    assert panel.workbench.stage.settle(30)
-    panel.workbench.undo()
+    assert panel.workspace.controller.settle(30)
+    panel.workspace.undo()
     assert session.ids == (1, 2, 3)
     assert session.states[CUBE].name == "UNPACKED"
 
@@ -165,7 +165,7 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert np.array_equal(session.labels, layer.data)
     assert session.states[CUBE].name == "HIDDEN"
     qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=20000)
-    panel.workbench.undo()
+    panel.workspace.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)
     assert session.states[CUBE].name == "HIDDEN"
@@ -199,7 +199,7 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
     several = Labels([labels, labels[::2, ::2, ::2]], name="pyramid")
     told: list[str] = []
     asked: list[Any] = []
-    painted = PaintedLabels(session, [layer, several], asked.append, told.append)
+    painted = LabelSync(session, [layer, several], asked.append, told.append)
     layer.paint((12, 20, 16), CUBE)
     layer.paint((12, 20, 18), CUBE)
     (said,) = told
@@ -213,7 +213,7 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
 def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
     viewer: Any, panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench, given = panel.workbench, session.labels.copy()
+    workspace, given = panel.workspace, session.labels.copy()
     session.merge([BELL, CUBE])
     session.delete([SLAB])
     threads, apply = [], LabelEdit.apply
@@ -223,15 +223,15 @@ def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
         return apply(edit, labels)
 
     monkeypatch.setattr(LabelEdit, "apply", told)
-    bench.undo()
+    workspace.undo()
     assert threads == []
-    bench.undo()
+    workspace.undo()
     assert len(threads) == 1
     assert threads[0] is not threading.main_thread()
     assert np.array_equal(session.labels, given)
-    assert bench.stage.settle(60)
-    bench.redo()
-    bench.redo()
+    assert workspace.controller.settle(60)
+    workspace.redo()
+    workspace.redo()
     assert session.ids == (BELL,)
     assert len(threads) == 2
     assert threading.main_thread() not in threads

@@ -30,9 +30,9 @@ def soak_tool() -> Any:
 
 @pytest.mark.timeout(900)
 def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: UnpackingWidget) -> None:
-    panel.workbench.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
-    panel.workbench.stage.seconds = 0.1
-    assert panel.workbench.stage.settle(90)
+    panel.workspace.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
+    panel.workspace.controller.seconds = 0.1
+    assert panel.workspace.controller.settle(90)
     report = soak_tool().soak(viewer, panel, SECONDS, samples=9, fewest=COMMANDS)
     assert report.errors == [], report
     assert report.commands.total() >= COMMANDS, report

@@ -67,29 +67,29 @@ def test_a_hand_a_landing_and_reduced_motion_jump(glides) -> None:
 def test_sprites_glide_when_the_window_takes_another_shape(
     staged, session, qtbot, monkeypatch
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    out = stage.unpack(3)
-    stage.finish()
-    assert stage.settle(30)
-    stage.fade.allowed = True
-    before = {i: stage.sprites.sprites[i].pose.center.copy() for i in out}
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    out = controller.unpack(3)
+    controller.finish()
+    assert controller.settle(30)
+    controller.fade.allowed = True
+    before = {i: controller.sprites.sprites[i].pose.center.copy() for i in out}
     shown: list[dict[int, np.ndarray]] = []
-    show = stage.sprites.show
+    show = controller.sprites.show
 
     def watched(sprites) -> None:
         shown.append({i: sprite.pose.center.copy() for i, sprite in sprites.items()})
         show(sprites)
 
-    monkeypatch.setattr(stage._projector._small, "_show", watched)
+    monkeypatch.setattr(controller._renderer._small, "_show", watched)
     # Every look at the clock is a twentieth of a glide later, however slow the machine.
     looks = itertools.count()
-    clock = stage._projector._glides._clock
+    clock = controller._renderer._glides._clock
     monkeypatch.setattr(clock, "now", lambda: next(looks) * GLIDE_SECONDS / 20)
     width = session.canvas_size[1]
     viewer.window.resize(1060, 560)
     qtbot.waitUntil(lambda: session.canvas_size[1] > width, timeout=20000)
-    assert stage.settle(30)
+    assert controller.settle(30)
     one = max(out, key=lambda i: float(np.linalg.norm(session.poses[i].center - before[i])))
     whole = session.poses[one].center - before[one]
     assert np.linalg.norm(whole) > 5.0

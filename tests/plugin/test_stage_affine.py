@@ -13,7 +13,7 @@ from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.split_tool import surface_voxel
 
 pytestmark = pytest.mark.filterwarnings("ignore:Non-orthogonal slicing")
@@ -38,14 +38,14 @@ def placed(request, make_napari_viewer_proxy, bag):
     session = Session(*bag, spacing=(1.5, 1.5, 1.5))
     session.transfer_function = OPAQUE
     session.view = View((0.6, 0.55, 0.4))
-    stage = Stage(viewer, session, [image, labels])
+    controller = SessionController(viewer, session, [image, labels])
     heard: list[str] = []
-    stage.events.message.connect(heard.append)
-    stage.seconds = 0.2
-    stage.overlays.mark_free = stage.recolor_at_rest = False
-    stage.open()
-    yield viewer, stage, labels
-    stage.close()
+    controller.events.message.connect(heard.append)
+    controller.seconds = 0.2
+    controller.overlays.mark_free = controller.recolor_at_rest = False
+    controller.open()
+    yield viewer, controller, labels
+    controller.close()
     assert heard == []
     assert complaints(viewer) == []
 
@@ -72,23 +72,23 @@ def seen(viewer, layers) -> np.ndarray:
 
 
 def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
-    viewer, stage, labels = placed
-    session = stage.session
+    viewer, controller, labels = placed
+    session = controller.session
     voxels = np.array([session.boxes.center(i, np.ones(3)) for i in session.ids])
     for fov in (35.0, 0.0):
         viewer.scene.camera.perspective = fov
-        assert stage.settle(60)
-        frame = stage.frame
+        assert controller.settle(60)
+        frame = controller.frame
         pixels = frame.camera.project(voxels * session.spacing, frame.size)
         np.testing.assert_allclose(pixels, naparis_pixels(viewer, labels, voxels), atol=0.02)
-        ours, theirs = seen(viewer, stage.layers), seen(viewer, [labels])
+        ours, theirs = seen(viewer, controller.layers), seen(viewer, [labels])
         assert theirs.sum() > 8000
         # napari's surface runs through the outermost voxels' middles or around them, ours between.
         assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
     # The mouse finds what napari finds, and a click to split lands under it.
-    found = [(stage.packed_at(pixel) or [0])[0] for pixel in pixels]
+    found = [(controller.packed_at(pixel) or [0])[0] for pixel in pixels]
     for pixel, object_id in zip(pixels, found, strict=True):
-        voxel = surface_voxel(stage, pixel, object_id)
+        voxel = surface_voxel(controller, pixel, object_id)
         assert session.labels[voxel] == object_id
         there = naparis_pixels(viewer, labels, np.array([voxel], dtype=float))[0]
         assert np.abs(there - pixel).max() < 6
@@ -109,8 +109,8 @@ def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
 
 
 def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed) -> None:
-    _, stage, labels = placed
-    session = stage.session
+    _, controller, labels = placed
+    session = controller.session
     at = np.array([labels.data_to_world(c / 1.5) for c in np.vstack([np.eye(3), np.zeros(3)])])
     linear = (at[:3] - at[3]).T
     # Lying flat or standing on edge, it never leaves downwards.
@@ -118,7 +118,7 @@ def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wi
     level = linear.T @ [0.0, -1.0, 0.0]
     np.testing.assert_allclose(session.away_from_table, level / np.linalg.norm(level), atol=1e-9)
     session.direction = tuple(session.camera.in_world((0.0, 0.6, -0.8)))
-    start, end = stage.overlays.arrow._ends(stage.frame)
+    start, end = controller.overlays.arrow._ends(controller.frame)
     boxes = [session.boxes.corners(i, session.spacing) for i in session.ids]
     reach = np.linalg.norm((np.vstack(boxes) - session.bag.center) @ linear.T, axis=1).max()
     reach /= np.cbrt(abs(np.linalg.det(linear)))
@@ -127,65 +127,65 @@ def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wi
 
 
 def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot) -> None:
-    viewer, stage, labels = placed
-    assert stage.settle(60)
-    session, frame = stage.session, stage.frame
+    viewer, controller, labels = placed
+    assert controller.settle(60)
+    session, frame = controller.session, controller.frame
     packed = canvas(viewer)
-    stage.drawn(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
+    controller.drawn(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
     ends = np.stack([session.bag.center, session.bag.center + 10 * session.unpack_direction])
     way = np.diff(naparis_pixels(viewer, labels, ends / session.spacing), axis=0)[0]
     np.testing.assert_allclose(way / np.linalg.norm(way), np.array([-60, 130]) / 143.18, atol=1e-3)
-    (left,) = stage.unpack(1)[:1]
+    (left,) = controller.unpack(1)[:1]
     start = session.flights[left].pose_at(0.0, frame.camera)
     home = naparis_pixels(viewer, labels, session.boxes.center(left, np.ones(3))[None])[0]
     np.testing.assert_allclose(frame.camera.pixels(start.center, frame.size), home, atol=0.02)
-    stage.finish()
-    assert stage.settle(60)
+    controller.finish()
+    assert controller.settle(60)
     pose = session.poses[left]
-    assert stage.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
+    assert controller.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
     # A sprite is turned, not bent or mirrored: its map is the bag's and a turn.
     of_bag, of_sprite = frame.camera.linear, pose.rotation @ pose.stretch
     np.testing.assert_allclose(of_sprite.T @ of_sprite, of_bag.T @ of_bag, atol=1e-9)
     assert np.linalg.det(of_sprite) * np.linalg.det(of_bag) > 0
-    stage.restore(len(session.ids))
-    stage.finish()
+    controller.restore(len(session.ids))
+    controller.finish()
     session.direction = None
     assert set(session.states.values()) == {ObjectState.PACKED}
-    assert stage.settle(60)
-    qtbot.waitUntil(lambda: not stage.transition.shots, timeout=60000)
+    assert controller.settle(60)
+    qtbot.waitUntil(lambda: not controller.transition.shots, timeout=60000)
     assert (np.abs(canvas(viewer) - packed).max(axis=2) > 3).mean() < 0.001
 
 
 @pytest.mark.parametrize("placed", ["all of it"], indirect=True)
 def test_both_backends_draw_the_same_at_rest_and_in_the_air(placed) -> None:
-    viewer, stage, _ = placed
+    viewer, controller, _ = placed
     viewer.scene.camera.perspective = 30
-    session = stage.session
+    session = controller.session
     session.clock = lambda: 100.0
-    assert stage.settle(60)
-    stage.unpack(2)
+    assert controller.settle(60)
+    controller.unpack(2)
     session.clock = lambda: 100.1
-    assert_alike(pictures_of_both(viewer, stage))
-    stage.finish()
-    stage.backend = "cpu"
+    assert_alike(pictures_of_both(viewer, controller))
+    controller.finish()
+    controller.backend = "cpu"
 
 
 @pytest.mark.parametrize("placed", ["mirrored", "all of it"], indirect=True)
 def test_a_point_is_hidden_behind_an_object_and_seen_before_it(placed) -> None:
-    viewer, stage, labels = placed
+    viewer, controller, labels = placed
     viewer.scene.camera.perspective = 30
-    assert stage.settle(60)
-    session, camera = stage.session, stage.frame.camera
+    assert controller.settle(60)
+    session, camera = controller.session, controller.frame.camera
     center = session.boxes.center(6, session.spacing)
     ray = camera.direction
     for way, wanted in ((-45.0, True), (20.0, False)):
         without = canvas(viewer)
         world = labels.data_to_world((center + way * ray) / session.spacing)
         probe = viewer.add_points([world], size=9, face_color="white", border_width=0)
-        viewer.layers.selection.active = stage.packed
-        assert stage.settle(60)
+        viewer.layers.selection.active = controller.packed
+        assert controller.settle(60)
         changed = np.abs(canvas(viewer) - without).max(axis=2) > 30
-        row, col = camera.project(center + way * ray, stage.frame.size).round().astype(int)
+        row, col = camera.project(center + way * ray, controller.frame.size).round().astype(int)
         assert changed[row - 1 : row + 2, col - 1 : col + 2].all() == wanted
         assert changed.any() == wanted
         viewer.layers.remove(probe.name)
@@ -197,19 +197,19 @@ def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     viewer = make_napari_viewer_proxy(show=True)
     image = viewer.add_image(bag[0], **PLACES["mirrored"])
     session = Session(*bag, spacing=(1.5, 1.5, 1.5))
-    stage = Stage(viewer, session, [image])
-    stage.open()
-    assert stage.settle(60)
-    (left,) = stage.unpack(1)[:1]
-    stage.finish()
-    assert stage.settle(60)
+    controller = SessionController(viewer, session, [image])
+    controller.open()
+    assert controller.settle(60)
+    (left,) = controller.unpack(1)[:1]
+    controller.finish()
+    assert controller.settle(60)
     pose = session.poses[left]
     towards = np.linalg.inv(pose.rotation @ pose.stretch) @ [5.0, 0.0, 0.0]
     from napari_unpack.viewer.interaction import drag_rotation
 
-    stage.turn(left, drag_rotation(np.array([0.0, 30.0])))
-    stage.turned(left)
+    controller.turn(left, drag_rotation(np.array([0.0, 30.0])))
+    controller.turned(left)
     pose = session.poses[left]
     # What faced the viewer has followed the mouse to the right.
     assert (pose.rotation @ pose.stretch @ towards)[2] > 0.5
-    stage.close()
+    controller.close()

@@ -13,100 +13,100 @@ from napari_unpack.viewer import animation, canvas_backend
 @pytest.fixture
 def slow(staged, monkeypatch):
     """Return (viewer, stage) whose transitions stand still at `hue_fade` parts we choose."""
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    assert stage.settle(30)
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    assert controller.settle(30)
     monkeypatch.setattr(animation, "SECONDS", 1e9)
-    stage.fade.allowed = True
-    yield viewer, stage
+    controller.fade.allowed = True
+    yield viewer, controller
     monkeypatch.undo()
 
 
-def set_part(stage, part: float) -> None:
+def set_part(controller, part: float) -> None:
     """Put a running transition where its smooth step gives a part, 0.5 in the middle."""
-    stage.fade._began = stage.fade._clock.now() - animation.FADE_SECONDS * part
-    stage.fade._tick(stage.fade._clock.now())
+    controller.fade._began = controller.fade._clock.now() - animation.FADE_SECONDS * part
+    controller.fade._tick(controller.fade._clock.now())
 
 
-def finished(stage, qtbot) -> None:
-    set_part(stage, 1.1)
-    assert not stage.fade.running
-    assert stage.settle(30)
+def finished(controller, qtbot) -> None:
+    set_part(controller, 1.1)
+    assert not controller.fade.running
+    assert controller.settle(30)
 
 
 def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session, qtbot) -> None:
-    viewer, stage = slow
-    passes, before = stage.packed_passes, canvas(viewer)
+    viewer, controller = slow
+    passes, before = controller.packed_passes, canvas(viewer)
     session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
-    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
-    set_part(stage, 0.5)
+    qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
+    set_part(controller, 0.5)
     half = canvas(viewer)
-    finished(stage, qtbot)
+    finished(controller, qtbot)
     after = canvas(viewer)
-    assert stage.packed_passes == passes + 1
+    assert controller.packed_passes == passes + 1
     assert np.abs(after - before).max() > 80
     assert np.abs(half - (before + after) / 2).max() <= 3
 
 
 def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
-    viewer, stage = slow
+    viewer, controller = slow
     hues = session.hues
     session.accept_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
-    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
-    set_part(stage, 0.5)
-    half, passes = canvas(viewer), stage.packed_passes
+    qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
+    set_part(controller, 0.5)
+    half, passes = canvas(viewer), controller.packed_passes
     session.accept_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
-    qtbot.waitUntil(stage._projector.bag._is_fine, timeout=10000)
+    qtbot.waitUntil(controller._renderer.bag._is_fine, timeout=10000)
     assert np.abs(canvas(viewer) - half).max() <= 3
-    finished(stage, qtbot)
-    assert stage.packed_passes == passes + 1
+    finished(controller, qtbot)
+    assert controller.packed_passes == passes + 1
     # The picture under the hand, coarser, comes as soon as this is told.
     shown = canvas(viewer)
     session.events.transfer_function.emit(session.transfer_function)
-    assert stage.settle(30)
+    assert controller.settle(30)
     assert np.abs(canvas(viewer) - shown).mean() < 0.3
 
 
 def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> None:
-    viewer, stage = slow
-    stage.fade.allowed = False
+    viewer, controller = slow
+    controller.fade.allowed = False
     before = canvas(viewer)
     session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
-    assert stage.settle(30)
-    assert not stage.fade.running
+    assert controller.settle(30)
+    assert not controller.fade.running
     assert np.abs(canvas(viewer) - before).max() > 80
 
 
 def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeypatch) -> None:
-    _, stage = slow
+    _, controller = slow
     monkeypatch.setattr("napari_unpack.viewer.packed_renderer.FADING_SECONDS", 60.0)
-    stage.backend = "gl"
-    assert stage.settle(60)
-    uploads = stage._projector.studio.uploads
+    controller.backend = "gl"
+    assert controller.settle(60)
+    uploads = controller._renderer.studio.uploads
     seen = []
-    tints = canvas_backend.Studio._packed_tints
+    tints = canvas_backend.CanvasBackend._packed_tints
 
     def watched(self):
         seen.append(tints(self)[7, :3].copy())
         return tints(self)
 
-    monkeypatch.setattr(canvas_backend.Studio, "_packed_tints", watched)
+    monkeypatch.setattr(canvas_backend.CanvasBackend, "_packed_tints", watched)
     session.accept_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
-    qtbot.waitUntil(lambda: stage.fade.running, timeout=10000)
-    set_part(stage, 0.5)
+    qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
+    set_part(controller, 0.5)
     qtbot.waitUntil(lambda: len(seen) > 1, timeout=10000)
-    finished(stage, qtbot)
+    finished(controller, qtbot)
     np.testing.assert_allclose(seen[-1], session.packed_tints()[7, :3])
     assert any(np.abs(tint - seen[-1]).max() > 0.05 for tint in seen)
-    assert stage._projector.studio.uploads == uploads
-    assert not stage._projector.studio.hues_on_the_way
+    assert controller._renderer.studio.uploads == uploads
+    assert not controller._renderer.studio.hues_on_the_way
 
 
 def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    assert stage.settle(30)
-    passes, plain = stage.packed_passes, canvas(viewer)
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    assert controller.settle(30)
+    passes, plain = controller.packed_passes, canvas(viewer)
     bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
     session.surroundings = Surroundings.of("#ffffff,#000000")
     gradient = canvas(viewer)
@@ -120,15 +120,15 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     session.surroundings = Surroundings.of("light", ["box", "scale"])
     light = canvas(viewer)
     np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
-    assert stage.settle(30)
-    assert stage.packed_passes == passes
+    assert controller.settle(30)
+    assert controller.packed_passes == passes
 
 
 def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     viewer.scene.camera.angles = (15, 35, 10)
-    stage.settle(30)
+    controller.settle(30)
     bare = canvas(viewer)
     session.surroundings = Surroundings.of("dark", ["box"])
     boxed = canvas(viewer)
@@ -137,7 +137,7 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
     from napari_unpack.geometry.boxes import box_corners
 
     corners = box_corners(low, high)
-    depth = -(corners - stage.frame.camera.center) @ stage.frame.camera.rotation[0]
+    depth = -(corners - controller.frame.camera.center) @ controller.frame.camera.rotation[0]
     near, far = corners[depth.argmin()], corners[depth.argmax()]
 
     def changed(corner) -> float:
@@ -145,7 +145,11 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
         total = 0.0
         for other in neighbours:
             points = corner + np.linspace(0.02, 0.98, 40)[:, None] * (other - corner)
-            rows, cols = np.rint(stage.frame.camera.project(points, stage.frame.size)).astype(int).T
+            rows, cols = (
+                np.rint(controller.frame.camera.project(points, controller.frame.size))
+                .astype(int)
+                .T
+            )
             total += float((np.abs(boxed - bare).max(axis=2)[rows, cols] > 15).mean())
         return total / len(neighbours)
 
@@ -153,11 +157,11 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
     assert changed(far) < 0.7
 
 
-def test_the_viewers_own_scale_bar_comes_and_goes_with_the_stage(staged, session) -> None:
-    viewer, stage = staged
+def test_the_viewers_own_scale_bar_comes_and_goes_with_the_controller(staged, session) -> None:
+    viewer, controller = staged
     bar = viewer.canvas.overlays.scale_bar
     session.surroundings = Surroundings.of("light", ["scale"])
     assert bar.visible
-    stage.close()
+    controller.close()
     assert not bar.visible
     assert viewer.canvas.background_color_override is None

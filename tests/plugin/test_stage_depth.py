@@ -9,11 +9,13 @@ from conftest import canvas
 from napari_unpack.viewer import packed_renderer
 
 
-def greenness(viewer, stage, world) -> float:
+def greenness(viewer, controller, world) -> float:
     """Return how green the canvas is around a point, 0 to 1."""
     picture = canvas(viewer)
-    row, col = stage.frame.camera.project(np.asarray(world, dtype=float)[None], stage.frame.size)[0]
-    scale = np.array(picture.shape[:2]) / stage.frame.size
+    row, col = controller.frame.camera.project(
+        np.asarray(world, dtype=float)[None], controller.frame.size
+    )[0]
+    scale = np.array(picture.shape[:2]) / controller.frame.size
     r, c = (round(float(v)) for v in (row * scale[0], col * scale[1]))
     patch = picture[r - 2 : r + 3, c - 2 : c + 3].reshape(-1, 3)
     return float((patch[:, 1] - patch[:, [0, 2]].max(axis=1)).clip(0).mean() / 255)
@@ -25,16 +27,16 @@ def greenness(viewer, stage, world) -> float:
 def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
     staged, session, backend, fov, above
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    stage.backend = backend
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    controller.backend = backend
     viewer.scene.camera.perspective = fov
     function = session.transfer_function
     session.transfer_function = type(function)([(0, 0.0), (300, 0.0), (500, 1.0), (4000, 1.0)])
     session.accept_hues(dict.fromkeys(session.ids, 0.0), undoable=False)
-    assert stage.settle(60)
+    assert controller.settle(60)
     center = session.boxes.center(1, session.spacing)
-    ray = stage.frame.camera.direction
+    ray = controller.frame.camera.direction
     before, behind = center - 40 * ray, center + 10 * ray
     for world, wanted in ((before, True), (behind, False)):
         points = viewer.add_points(
@@ -42,9 +44,9 @@ def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
         )
         if not above:
             viewer.layers.move(len(viewer.layers) - 1, 0)
-        viewer.layers.selection.active = stage.packed
-        assert stage.settle(60)
-        green = greenness(viewer, stage, world)
+        viewer.layers.selection.active = controller.packed
+        assert controller.settle(60)
+        green = greenness(viewer, controller, world)
         assert (green > 0.6) if wanted else (green < 0.25), (world, green)
         viewer.layers.remove(points.name)
 
@@ -53,15 +55,15 @@ def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
 def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
     staged, qtbot, monkeypatch, backend
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    stage.backend = backend
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    controller.backend = backend
     # A machine that casts such a small bag in no time would give the hand all rays.
     monkeypatch.setattr(packed_renderer, "FRAME_SECONDS", 0.0)
     monkeypatch.setattr(packed_renderer, "GL_FRAME_SECONDS", 0.0)
     viewer.window.resize(1000, 900)
-    assert stage.settle(60)
-    bag = stage._projector.bag
+    assert controller.settle(60)
+    bag = controller._renderer.bag
     bag._rays = packed_renderer.FEWEST_RAYS
     interval = bag._rest.interval()
     # Casting on the canvas sets the interval again.
@@ -70,20 +72,20 @@ def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
     viewer.scene.camera.angles = (12, -35, 70)
     qtbot.waitUntil(
         lambda: (
-            stage.packed.shot is not None
-            and stage.packed.shot.camera is stage.frame.camera
-            and stage.packed.shot.size != stage.frame.size
+            controller.packed.shot is not None
+            and controller.packed.shot.camera is controller.frame.camera
+            and controller.packed.shot.size != controller.frame.size
         ),
         timeout=20000,
     )
-    assert min(stage.packed.shot.size) >= 384
+    assert min(controller.packed.shot.size) >= 384
     coarse = canvas(viewer)
-    assert stage.casts_with == backend
+    assert controller.casts_with == backend
     monkeypatch.undo()
     bag._rest.setInterval(interval)
     bag._rest.start()
-    assert stage.settle(60)
-    assert stage.packed.shot.size == stage.frame.size
+    assert controller.settle(60)
+    assert controller.packed.shot.size == controller.frame.size
     fine = canvas(viewer)
     assert fine.std() > 10
     difference = np.abs(coarse - fine)

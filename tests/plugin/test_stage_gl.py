@@ -12,7 +12,7 @@ from counted_passes import assert_camera_hue_and_transfer_function_each_cast_ane
 from conftest import canvas
 from napari_unpack.geometry.boxes import differing_box
 from napari_unpack.layers import compat
-from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.rendering.gl import programs, textures
 from napari_unpack.rendering.gl import programs as shader_source
 from napari_unpack.rendering.gl.programs import ShaderError
@@ -23,14 +23,14 @@ from napari_unpack.viewer import canvas_backend
 @pytest.fixture
 def by_gl(staged):
     """Return (viewer, stage), cast with shaders; no GL error may be left."""
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     heard = []
-    stage.events.message.connect(heard.append)
-    stage.backend = "gl"
-    assert stage.settle(60)
-    assert stage.casts_with == "gl"
-    yield viewer, stage
+    controller.events.message.connect(heard.append)
+    controller.backend = "gl"
+    assert controller.settle(60)
+    assert controller.casts_with == "gl"
+    yield viewer, controller
     assert heard == []
     assert no_error(viewer)
 
@@ -47,20 +47,20 @@ def no_error(viewer) -> bool:
 
 
 def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbot) -> None:
-    viewer, stage = by_gl
+    viewer, controller = by_gl
     session.clock = lambda: 100.0
-    stage.unpack(2)
+    controller.unpack(2)
     session.clock = lambda: 100.15
-    assert_alike(pictures_of_both(viewer, stage))
-    stage.finish()
-    assert stage.settle(30)
+    assert_alike(pictures_of_both(viewer, controller))
+    controller.finish()
+    assert controller.settle(30)
 
 
 def test_the_bag_at_rest_is_the_cpus_picture(by_gl) -> None:
-    viewer, stage = by_gl
+    viewer, controller = by_gl
     shown = canvas(viewer)
-    stage.backend = "cpu"
-    assert stage.settle(30)
+    controller.backend = "cpu"
+    assert controller.settle(30)
     wanted = canvas(viewer)
     assert np.abs(wanted - wanted[0, 0]).max() > 100
     difference = np.abs(shown - wanted).max(axis=2)
@@ -72,81 +72,83 @@ def test_the_bag_at_rest_is_the_cpus_picture(by_gl) -> None:
 def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
     by_gl, session
 ) -> None:
-    viewer, stage = by_gl
+    viewer, controller = by_gl
     viewer.add_points([[3, 3, 3]])
-    passes = settled_passes(stage)
+    passes = settled_passes(controller)
     viewer.layers["Points"].visible = False
-    stage.packed.visible = False
-    stage.packed.visible = True
-    stage.point_at(3)
+    controller.packed.visible = False
+    controller.packed.visible = True
+    controller.point_at(3)
     canvas(viewer)
-    assert settled_passes(stage) == passes
-    assert_camera_hue_and_transfer_function_each_cast_anew(viewer, stage)
-    after_look = settled_passes(stage)
-    stage.unpack(1)
-    stage.finish()
-    assert after_look < settled_passes(stage) <= after_look + 2
+    assert settled_passes(controller) == passes
+    assert_camera_hue_and_transfer_function_each_cast_anew(viewer, controller)
+    after_look = settled_passes(controller)
+    controller.unpack(1)
+    controller.finish()
+    assert after_look < settled_passes(controller) <= after_look + 2
 
 
 def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> None:
-    _, stage = by_gl
-    (out,) = stage.unpack(1)
-    qtbot.waitUntil(lambda: isinstance(stage.transition.shots.get(out), LiveShot), timeout=20000)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
-    assert stage.settle(30)
-    assert set(stage.sprites.sprites) == {out}
+    _, controller = by_gl
+    (out,) = controller.unpack(1)
+    qtbot.waitUntil(
+        lambda: isinstance(controller.transition.shots.get(out), CanvasImage), timeout=20000
+    )
+    qtbot.waitUntil(lambda: not controller.flying, timeout=20000)
+    assert controller.settle(30)
+    assert set(controller.sprites.sprites) == {out}
     assert session.states[out] is ObjectState.UNPACKED
-    assert stage._projector.studio.uploads == 2
+    assert controller._renderer.studio.uploads == 2
 
 
 def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session, qtbot) -> None:
-    _, stage = by_gl
-    (out,) = stage.unpack(1)
-    stage.finish()
-    stage.inspect(out)
+    _, controller = by_gl
+    (out,) = controller.unpack(1)
+    controller.finish()
+    controller.inspect(out)
     pictures = []
     for backend in ("gl", "cpu"):
-        stage.backend = backend
-        qtbot.waitUntil(lambda: not stage._projector._clock.running, timeout=20000)
-        assert stage.settle(30)
-        assert isinstance(stage.transition.shots[out], Shot)
+        controller.backend = backend
+        qtbot.waitUntil(lambda: not controller._renderer._clock.running, timeout=20000)
+        assert controller.settle(30)
+        assert isinstance(controller.transition.shots[out], RenderedImage)
         # The bag behind it is dimmed, and cast by either.
-        pictures.append(stage.transition.shots[out].patch.rgba)
+        pictures.append(controller.transition.shots[out].patch.rgba)
     np.testing.assert_array_equal(*pictures)
     session.leave()
-    stage.finish()
-    assert stage.settle(30)
+    controller.finish()
+    assert controller.settle(30)
 
 
 def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:
-    viewer, stage = by_gl
-    caster = stage._projector.studio._casters["packed"]
+    viewer, controller = by_gl
+    caster = controller._renderer.studio._casters["packed"]
     cast, (height, width) = caster.rays_cast, caster.picture.size
-    stage.unpack(1)
-    stage.finish()
-    assert stage.settle(30)
+    controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
     assert 0 < caster.rays_cast - cast < 0.7 * height * width
     partly = canvas(viewer)
     caster.mark_dirty()
-    stage._projector.bag.recast()
-    assert stage.settle(30)
+    controller._renderer.bag.recast()
+    assert controller.settle(30)
     assert caster.rays_cast - cast > height * width
     np.testing.assert_array_equal(canvas(viewer), partly)
 
 
 def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbot) -> None:
-    viewer, stage = by_gl
-    size = stage.frame.size
+    viewer, controller = by_gl
+    size = controller.frame.size
     viewer.window.resize(620, 500)
-    qtbot.waitUntil(lambda: stage.frame.size != size, timeout=20000)
-    assert stage.settle(30)
-    assert stage.packed.shot.size == stage.frame.size
-    stage.frame_bag()
-    assert stage.settle(30)
+    qtbot.waitUntil(lambda: controller.frame.size != size, timeout=20000)
+    assert controller.settle(30)
+    assert controller.packed.shot.size == controller.frame.size
+    controller.frame_bag()
+    assert controller.settle(30)
     before = canvas(viewer)
-    stage.close()
+    controller.close()
     assert no_error(viewer)
-    again = type(stage)(viewer, session)
+    again = type(controller)(viewer, session)
     again.backend, again.recolor_at_rest = "gl", False
     again.open()
     assert again.settle(60)
@@ -164,25 +166,25 @@ def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbo
 def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
     staged, monkeypatch, problem, words, qtbot
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     wanted = canvas(viewer)
     heard = []
-    stage.events.message.connect(heard.append)
+    controller.events.message.connect(heard.append)
 
     def refuse(*_args, **_kwargs) -> None:
         raise problem(words)
 
     monkeypatch.setattr(canvas_backend.TintedCaster, "cast", refuse)
-    stage.backend = "gl"
+    controller.backend = "gl"
     qtbot.waitUntil(lambda: bool(heard), timeout=10000)
-    assert stage.settle(30)
-    assert stage.casts_with == "cpu"
-    stage.unpack(1)
-    stage.finish()
-    stage.restore(1)
-    stage.finish()
-    assert stage.settle(30)
+    assert controller.settle(30)
+    assert controller.casts_with == "cpu"
+    controller.unpack(1)
+    controller.finish()
+    controller.restore(1)
+    controller.finish()
+    assert controller.settle(30)
     assert len(heard) == 1
     assert words in heard[0]
     np.testing.assert_allclose(canvas(viewer), wanted, atol=3)
@@ -191,10 +193,10 @@ def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
 def test_a_shader_the_driver_refuses_is_named_with_its_line_and_the_cpu_draws(
     staged, monkeypatch, qtbot
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     wanted, heard = canvas(viewer), []
-    stage.events.message.connect(heard.append)
+    controller.events.message.connect(heard.append)
     whole = shader_source.read
 
     def refused(path: str) -> str:
@@ -204,10 +206,10 @@ def test_a_shader_the_driver_refuses_is_named_with_its_line_and_the_cpu_draws(
         )
 
     monkeypatch.setattr(programs, "load", partial(shader_source.load, read=refused))
-    stage.backend = "gl"
+    controller.backend = "gl"
     qtbot.waitUntil(lambda: bool(heard), timeout=20000)
-    assert stage.settle(30)
-    assert stage.casts_with == "cpu"
+    assert controller.settle(30)
+    assert controller.casts_with == "cpu"
     assert len(heard) == 1
     assert "lib/light.glsl:21" in heard[0]
     assert "the processor draws it instead" in heard[0]
@@ -218,14 +220,14 @@ def test_a_shader_the_driver_refuses_is_named_with_its_line_and_the_cpu_draws(
 def test_a_driver_that_refuses_even_to_show_pictures_is_named_once_and_raises_nothing(
     staged, monkeypatch
 ) -> None:
-    viewer, stage = staged
-    stage.close()
+    viewer, controller = staged
+    controller.close()
     whole = shader_source.read
     bad = {"passes/card.frag": "no glsl;\n"}
     monkeypatch.setattr(
         programs, "load", partial(shader_source.load, read=lambda p: bad.get(p, "") + whole(p))
     )
-    again, heard = type(stage)(viewer, stage.session), []
+    again, heard = type(controller)(viewer, controller.session), []
     again.events.message.connect(heard.append)
     again.open()
     assert again.settle(30)
@@ -241,15 +243,15 @@ def test_a_driver_that_refuses_even_to_show_pictures_is_named_once_and_raises_no
 def test_a_volume_too_large_for_the_driver_is_drawn_coarser_and_the_user_is_told(
     staged, monkeypatch
 ) -> None:
-    viewer, stage = staged
+    viewer, controller = staged
     heard = []
-    stage.events.message.connect(heard.append)
+    controller.events.message.connect(heard.append)
     monkeypatch.setattr(textures, "largest_side", lambda: 32)
-    stage.backend = "gl"
-    assert stage.settle(60)
-    assert stage.casts_with == "gl"
+    controller.backend = "gl"
+    assert controller.settle(60)
+    assert controller.casts_with == "gl"
     canvas(viewer)
-    shape = "x".join(map(str, stage.session.labels.shape))
+    shape = "x".join(map(str, controller.session.labels.shape))
     assert len(heard) == 1
     assert shape in heard[0]
     assert "too large for this graphics driver" in heard[0]
@@ -259,55 +261,55 @@ def test_a_volume_too_large_for_the_driver_is_drawn_coarser_and_the_user_is_told
 def test_auto_takes_gl_on_hardware_and_the_cpu_on_a_software_rasteriser(
     staged, monkeypatch
 ) -> None:
-    _, stage = staged
-    assert stage.backend == "auto"
-    assert stage.casts_with == "cpu"
+    _, controller = staged
+    assert controller.backend == "auto"
+    assert controller.casts_with == "cpu"
     monkeypatch.setattr(canvas_backend, "is_software_renderer", lambda name: name == "")
-    stage.backend = "auto"
-    assert stage.settle(30)
-    assert stage.casts_with == "gl"
+    controller.backend = "auto"
+    assert controller.settle(30)
+    assert controller.casts_with == "gl"
 
 
 def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
     staged, monkeypatch
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     wanted = canvas(viewer)
     monkeypatch.setattr(canvas_backend, "BYTES_A_FRAME", 20_000)
     monkeypatch.setattr(textures, "SLAB_BYTES", 20_000)
-    casting = stage._projector.studio
+    casting = controller._renderer.studio
     sent = []
-    stage.packed.on_draw, send = (
+    controller.packed.on_draw, send = (
         lambda: (send(), sent.append(casting.bytes_sent)),
-        (stage.packed.on_draw),
+        (controller.packed.on_draw),
     )
-    stage.backend = "gl"
-    assert stage.casts_with == "cpu"
-    assert stage.settle(60)
-    assert stage.casts_with == "gl"
-    session = stage.session
-    whole = session.labels.size * (1 + stage._projector.bag.known_crop().volume.itemsize)
+    controller.backend = "gl"
+    assert controller.casts_with == "cpu"
+    assert controller.settle(60)
+    assert controller.casts_with == "gl"
+    session = controller.session
+    whole = session.labels.size * (1 + controller._renderer.bag.known_crop().volume.itemsize)
     assert casting.bytes_sent == whole
     assert np.diff([0, *sent]).max() <= 20_000
     assert np.abs(canvas(viewer) - wanted).mean() < 1.0
 
 
 def test_a_repair_sends_the_box_it_touched_and_keeps_the_picture_till_then(by_gl, session) -> None:
-    viewer, stage = by_gl
-    casting = stage._projector.studio
+    viewer, controller = by_gl
+    casting = controller._renderer.studio
     sent, uploads = casting.bytes_sent, casting.uploads
     before, labels = canvas(viewer), session.display_labels
     gone = session.boxes.ids[0]
     session.delete(int(gone))
-    assert stage.settle(30)
+    assert controller.settle(30)
     box = differing_box(labels, session.display_labels)
     assert casting.bytes_sent - sent == labels[box].size < labels.size / 4
     assert casting.uploads == uploads + 1
-    assert stage.casts_with == "gl"
+    assert controller.casts_with == "gl"
     by_card = canvas(viewer)
     assert np.abs(by_card - before).max() > 20
-    stage.backend = "cpu"
-    assert stage.settle(30)
+    controller.backend = "cpu"
+    assert controller.settle(30)
     difference = np.abs(by_card - canvas(viewer)).max(axis=2)
     assert np.quantile(difference, 0.999) <= 2.0

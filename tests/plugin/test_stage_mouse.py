@@ -16,45 +16,47 @@ from conftest import canvas
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState
-from napari_unpack.viewer.controller import Stage
+from napari_unpack.viewer.controller import SessionController
 
 
 def native(viewer):
     return compat.native_canvas(viewer).native
 
 
-def logical(stage, pivot_point) -> QPoint:
+def logical(controller, pivot_point) -> QPoint:
     """Return where a point of pivot space is on the canvas widget (device pixels are one)."""
-    row, col = stage.frame.camera.pixels(np.asarray(pivot_point, dtype=float), stage.frame.size)
+    row, col = controller.frame.camera.pixels(
+        np.asarray(pivot_point, dtype=float), controller.frame.size
+    )
     return QPoint(round(col), round(row))
 
 
-def packed_point(stage, session, object_id) -> QPoint:
+def packed_point(controller, session, object_id) -> QPoint:
     center = session.boxes.center(object_id, session.spacing)
-    row, col = stage.frame.camera.project(center, stage.frame.size)
+    row, col = controller.frame.camera.project(center, controller.frame.size)
     return QPoint(round(col), round(row))
 
 
 def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     session.rename(3, "Red ball")
-    (out,) = stage.unpack(1)
-    stage.finish()
-    assert stage.settle(30)
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
     widget = native(viewer)
     front = next(i for i in session.unpackable() if i != out)
-    at_front = packed_point(stage, session, front)
+    at_front = packed_point(controller, session, front)
 
     move(widget, at_front + QPoint(1, 1))
     move(widget, at_front)
     name = str(session.objects["name"][front])
-    qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=20000)
+    qtbot.waitUntil(lambda: controller.packed.words.startswith(name), timeout=20000)
 
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at_front)
     qtbot.waitUntil(lambda: session.selected == frozenset({front}), timeout=20000)
 
-    at_sprite = logical(stage, session.poses[out].center)
+    at_sprite = logical(controller, session.poses[out].center)
     angles, held = viewer.scene.camera.angles, session.poses[out].rotation.copy()
     drag(widget, at_sprite, QPoint(0, 40), qtbot)
     qtbot.waitUntil(lambda: not np.allclose(session.poses[out].rotation, held), timeout=20000)
@@ -72,44 +74,46 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=at_sprite)
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.INSPECTED, timeout=20000)
     assert viewer.scene.camera.zoom == zoom
-    at_rest(stage, qtbot)
+    at_rest(controller, qtbot)
     QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(5, 5))
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=20000)
     assert viewer.scene.camera.zoom == zoom
 
 
 def test_a_sprite_is_never_carried_out_of_the_window(staged, session, qtbot) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    (out,) = stage.unpack(1)
-    stage.finish()
-    assert stage.settle(30)
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
     widget, shift = native(viewer), Qt.KeyboardModifier.ShiftModifier
-    at_sprite = logical(stage, session.poses[out].center)
+    at_sprite = logical(controller, session.poses[out].center)
     drag(widget, at_sprite, QPoint(-2000, 60), qtbot, shift)
-    qtbot.waitUntil(lambda: logical(stage, session.poses[out].center) != at_sprite, timeout=20000)
-    there = logical(stage, session.poses[out].center)
+    qtbot.waitUntil(
+        lambda: logical(controller, session.poses[out].center) != at_sprite, timeout=20000
+    )
+    there = logical(controller, session.poses[out].center)
     assert (there.x(), there.y()) == (pytest.approx(0, abs=1), at_sprite.y() + 60)
-    assert stage.settle(30)
+    assert controller.settle(30)
     # It can be taken hold of again, and carried back.
     drag(widget, QPoint(6, there.y()), QPoint(200, 0), qtbot, shift)
-    qtbot.waitUntil(lambda: logical(stage, session.poses[out].center).x() > 190, timeout=20000)
+    qtbot.waitUntil(lambda: logical(controller, session.poses[out].center).x() > 190, timeout=20000)
 
 
 def test_alt_clicks_at_one_place_step_through_all_objects_there(
     staged, session, qtbot, request
 ) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     # Through the bag from the side: several objects in a row, all of them translucent.
     function = session.transfer_function
     session.transfer_function = type(function)([(d, 0.01 * (a > 0)) for d, a in function.points])
     camera = View((0.1, 0.1, 1.0)).camera(session.labels.shape, session.spacing)
-    stage.look_from(camera)
-    assert stage.settle(30)
+    controller.look_from(camera)
+    assert controller.settle(30)
     widget = native(viewer)
-    rows = [packed_point(stage, session, i) for i in session.ids]
-    there = {(p.x(), p.y()): stage._projector.packed_at(p.y(), p.x()) for p in rows}
+    rows = [packed_point(controller, session, i) for i in session.ids]
+    there = {(p.x(), p.y()): controller._renderer.packed_at(p.y(), p.x()) for p in rows}
     (x, y), wanted = max(there.items(), key=lambda item: len(item[1]))
     assert len(wanted) >= 3
     # Clicks in a row are to be clicks.
@@ -142,20 +146,20 @@ def on_slices(viewer, bag, session, z):
     viewer.window.resize(760, 560)
     labels = viewer.add_labels(bag[1], scale=session.spacing)
     labels.selected_label = 2
-    stage = Stage(viewer, session, [labels])
-    stage.recolor_at_rest = False
-    stage.open()
+    controller = SessionController(viewer, session, [labels])
+    controller.recolor_at_rest = False
+    controller.open()
     viewer.dims.ndisplay = 2
     labels.visible = True
     viewer.dims.set_point(0, z * 1.5)
     viewer.reset_view()
-    return viewer, stage, labels
+    return viewer, controller, labels
 
 
 def test_slices_name_and_select_what_is_under_the_mouse(
     make_napari_viewer_proxy, bag, session, qtbot
 ) -> None:
-    viewer, stage, labels = on_slices(make_napari_viewer_proxy(show=True), bag, session, 10)
+    viewer, controller, labels = on_slices(make_napari_viewer_proxy(show=True), bag, session, 10)
     canvas(viewer)
     widget = native(viewer)
     camera, middle = viewer.scene.camera, QPoint(widget.width() // 2, widget.height() // 2)
@@ -165,25 +169,25 @@ def test_slices_name_and_select_what_is_under_the_mouse(
     move(widget, there + QPoint(2, 2))
     move(widget, there)
     name = str(session.objects["name"][5])
-    qtbot.waitUntil(lambda: stage.packed.words.startswith(name), timeout=20000)
+    qtbot.waitUntil(lambda: controller.packed.words.startswith(name), timeout=20000)
     assert viewer.status is not None
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
     qtbot.waitUntil(lambda: session.selected == frozenset({5}), timeout=20000)
     assert labels.selected_label == 5
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(4, 4))
     qtbot.waitUntil(lambda: session.selected == frozenset(), timeout=20000)
-    stage.close()
+    controller.close()
     assert labels.selected_label == 2
 
 
 @pytest.fixture
 def sliced(make_napari_viewer_proxy, bag, session):
     """Return (viewer, stage, time) looking at slices long after the last scroll; time is [s]."""
-    viewer, stage, _ = on_slices(make_napari_viewer_proxy(show=True), bag, session, 30)
+    viewer, controller, _ = on_slices(make_napari_viewer_proxy(show=True), bag, session, 30)
     time = [monotonic() + 1.0]
-    stage._steps._clock = lambda: time[0]
-    yield viewer, stage, time
-    stage.close()
+    controller._steps._clock = lambda: time[0]
+    yield viewer, controller, time
+    controller.close()
 
 
 def test_slices_go_to_what_is_selected(sliced, session, qtbot) -> None:
@@ -213,7 +217,7 @@ def test_slices_go_to_what_is_selected(sliced, session, qtbot) -> None:
 
 
 def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, qtbot) -> None:
-    viewer, stage, _ = sliced
+    viewer, controller, _ = sliced
     canvas(viewer)
     widget, camera = native(viewer), viewer.scene.camera
     middle = QPoint(widget.width() // 2, widget.height() // 2)
@@ -223,6 +227,6 @@ def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, 
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
     qtbot.waitUntil(lambda: session.selected == frozenset({6}), timeout=20000)
     assert viewer.dims.current_step[0] == 30
-    stage.close()
+    controller.close()
     session.select([5])
     assert viewer.dims.current_step[0] == 30

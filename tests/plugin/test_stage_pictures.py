@@ -16,140 +16,142 @@ def moved(before: np.ndarray, after: np.ndarray) -> bool:
     return bool(np.abs(before - after).max() > 8)
 
 
-def sprite_pixels(stage) -> np.ndarray:
+def sprite_pixels(controller) -> np.ndarray:
     """Return rows first, last and columns first, last of the sprite as the frame has it."""
-    (sprite,) = stage.sprites.sprites.values()
+    (sprite,) = controller.sprites.sprites.values()
     place = sprite.card(RESTING).place
     half = np.array([0, *place.half]) - RESTING.margin * sprite.mm
     half[0] = 0
     low, high = np.array(place.center) - half, np.array(place.center) + half
-    camera, size = stage.frame.camera, stage.frame.size
+    camera, size = controller.frame.camera, controller.frame.size
     return np.concatenate([camera.pixels(low, size), camera.pixels(high, size)])
 
 
 def test_the_bag_is_drawn_where_its_boxes_project_to(staged, session) -> None:
-    viewer, stage = staged
+    viewer, controller = staged
     picture = canvas(viewer)
     rows, cols = np.nonzero((picture - picture[0, 0]).max(axis=2) > 40)
     corners = np.concatenate([session.boxes.corners(i, session.spacing) for i in session.ids])
-    pixels = stage.frame.camera.project(corners, stage.frame.size)
+    pixels = controller.frame.camera.project(corners, controller.frame.size)
     seen = [rows.min(), rows.max(), cols.min(), cols.max()]
     expected = np.stack([pixels.min(axis=0), pixels.max(axis=0)], axis=1).ravel()
     np.testing.assert_allclose(seen, expected, atol=5)
 
 
 def test_nothing_is_cast_for_mouse_sprites_or_other_layers(staged, qtbot) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
+    viewer, controller = staged
+    controller.recolor_at_rest = False
     viewer.add_points([[3, 3, 3]])
-    stage.unpack(1)
-    stage.finish()
-    passes = settled_passes(stage)
+    controller.unpack(1)
+    controller.finish()
+    passes = settled_passes(controller)
     viewer.layers["Points"].visible = False
     viewer.layers["Sprites"].visible = False
     viewer.layers["Sprites"].visible = True
-    stage.packed.visible = False
-    stage.packed.visible = True
-    sprite = next(iter(stage.sprites.sprites))
-    stage.point_at(sprite)
-    stage.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
-    stage.turned(sprite)
-    assert settled_passes(stage) == passes
+    controller.packed.visible = False
+    controller.packed.visible = True
+    sprite = next(iter(controller.sprites.sprites))
+    controller.point_at(sprite)
+    controller.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
+    controller.turned(sprite)
+    assert settled_passes(controller) == passes
 
 
 def test_camera_hue_and_transfer_function_each_cast_anew(staged) -> None:
-    viewer, stage = staged
-    stage.recolor_at_rest = False
-    assert_camera_hue_and_transfer_function_each_cast_anew(viewer, stage)
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    assert_camera_hue_and_transfer_function_each_cast_anew(viewer, controller)
 
 
 def test_an_object_that_leaves_recasts_its_window_to_the_same_picture(staged) -> None:
-    _, stage = staged
-    stage.recolor_at_rest = False
-    stage.settle(30)
-    stage.unpack(1)
-    stage.finish()
-    passes = settled_passes(stage)
-    patched = stage.packed.shot.patch
-    stage.session.events.transfer_function.emit(stage.session.transfer_function)
-    assert settled_passes(stage) > passes
-    np.testing.assert_allclose(stage.packed.shot.patch.rgba, patched.rgba, atol=2e-3)
+    _, controller = staged
+    controller.recolor_at_rest = False
+    controller.settle(30)
+    controller.unpack(1)
+    controller.finish()
+    passes = settled_passes(controller)
+    patched = controller.packed.shot.patch
+    controller.session.events.transfer_function.emit(controller.session.transfer_function)
+    assert settled_passes(controller) > passes
+    np.testing.assert_allclose(controller.packed.shot.patch.rgba, patched.rgba, atol=2e-3)
 
 
 @pytest.mark.parametrize("fov", [0, 30])
 def test_sprites_stay_while_the_bag_turns_and_pans_and_grow_with_zoom(staged, fov) -> None:
-    viewer, stage = staged
+    viewer, controller = staged
     viewer.scene.camera.perspective = fov
-    stage.unpack(1)
-    stage.finish()
-    stage.settle(30)
-    before, bag = sprite_pixels(stage), canvas(viewer)
+    controller.unpack(1)
+    controller.finish()
+    controller.settle(30)
+    before, bag = sprite_pixels(controller), canvas(viewer)
     viewer.scene.camera.angles = (20, 40, 60)
     viewer.scene.camera.center = tuple(np.add(viewer.scene.camera.center, (0, 9, 6)))
-    stage.settle(30)
+    controller.settle(30)
     assert moved(bag, canvas(viewer))
-    np.testing.assert_allclose(sprite_pixels(stage), before, atol=1.0)
+    np.testing.assert_allclose(sprite_pixels(controller), before, atol=1.0)
     viewer.scene.camera.zoom *= 0.8
-    stage.settle(30)
-    middle = (np.array([*stage.frame.size, *stage.frame.size]) - 1) / 2
-    np.testing.assert_allclose(sprite_pixels(stage) - middle, (before - middle) * 0.8, atol=1.5)
+    controller.settle(30)
+    middle = (np.array([*controller.frame.size, *controller.frame.size]) - 1) / 2
+    np.testing.assert_allclose(
+        sprite_pixels(controller) - middle, (before - middle) * 0.8, atol=1.5
+    )
 
 
 def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbot) -> None:
-    viewer, stage = staged
+    viewer, controller = staged
     at_rest = canvas(viewer)
     landed, frames = [], []
-    stage.events.landed.connect(landed.append)
-    stage.events.frame.connect(lambda: frames.append(sorted(stage.transition.shots)))
-    (out,) = stage.unpack(1)
+    controller.events.landed.connect(landed.append)
+    controller.events.frame.connect(lambda: frames.append(sorted(controller.transition.shots)))
+    (out,) = controller.unpack(1)
     assert session.states[out] is ObjectState.FLYING_OUT
     qtbot.waitUntil(lambda: bool(frames), timeout=10000)
     assert frames[0] == [out]
     assert moved(at_rest, canvas(viewer))
-    qtbot.waitUntil(lambda: not stage.flying, timeout=10000)
+    qtbot.waitUntil(lambda: not controller.flying, timeout=10000)
     assert landed == [out]
-    assert stage.settle(30)
-    assert set(stage.sprites.sprites) == {out}
+    assert controller.settle(30)
+    assert set(controller.sprites.sprites) == {out}
     # The sprite has taken over: nothing is in the air any more, not for a moment.
-    assert not stage.transition.shots
+    assert not controller.transition.shots
     unpacked = canvas(viewer)
     assert moved(at_rest, unpacked)
-    stage.restore(1)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=10000)
-    assert stage.settle(30)
-    assert not stage.sprites.sprites
+    controller.restore(1)
+    qtbot.waitUntil(lambda: not controller.flying, timeout=10000)
+    assert controller.settle(30)
+    assert not controller.sprites.sprites
 
 
 def test_settled_is_when_nothing_is_in_the_air_for_a_moment_more(staged, session, qtbot) -> None:
-    _, stage = staged
-    stage.recolor_at_rest = False
-    stage.unpack(1)
-    qtbot.waitUntil(lambda: bool(stage.transition.shots), timeout=20000)
+    _, controller = staged
+    controller.recolor_at_rest = False
+    controller.unpack(1)
+    qtbot.waitUntil(lambda: bool(controller.transition.shots), timeout=20000)
     # A slow machine: the next look at what has landed comes long after all pictures are there.
-    stage._projector._clock._timer.setInterval(1500)
-    stage.finish()
-    assert stage.settle(30)
-    assert not stage.transition.shots
+    controller._renderer._clock._timer.setInterval(1500)
+    controller.finish()
+    assert controller.settle(30)
+    assert not controller.transition.shots
 
 
 def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
     staged, session, qtbot
 ) -> None:
-    _, stage = staged
-    (out,) = stage.unpack(1)
-    stage.finish()
-    stage.settle(30)
+    _, controller = staged
+    (out,) = controller.unpack(1)
+    controller.finish()
+    controller.settle(30)
     before = session.poses[out].rotation.copy()
-    stage.inspect(out)
-    assert stage.inspected == out
-    at_rest(stage, qtbot)
-    height = stage.transition.shots[out].patch.rgba.shape[0]
-    assert height > 0.35 * min(stage.frame.size)
+    controller.inspect(out)
+    assert controller.inspected == out
+    at_rest(controller, qtbot)
+    height = controller.transition.shots[out].patch.rgba.shape[0]
+    assert height > 0.35 * min(controller.frame.size)
     quarter = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])
-    stage.turn(out, quarter)
-    stage.turned(out)
-    stage.leave()
+    controller.turn(out, quarter)
+    controller.turned(out)
+    controller.leave()
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=10000)
     np.testing.assert_allclose(session.poses[out].rotation, quarter @ before, atol=1e-9)
-    assert stage.settle(30)
-    assert set(stage.sprites.sprites) == {out}
+    assert controller.settle(30)
+    assert set(controller.sprites.sprites) == {out}

@@ -7,9 +7,9 @@ import pytest
 from napari.layers import Labels
 
 from napari_unpack.layers import compat
-from napari_unpack.viewer.controller import Stage
-from napari_unpack.viewer.plain_stage import PlainStage, stage_class
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.plain_stage import PlainStage, controller_class
+from napari_unpack.widgets.workspace import Workspace
 
 
 @pytest.fixture
@@ -22,12 +22,12 @@ def seen(layer: Labels, object_id: int) -> np.ndarray:
     return np.asarray(layer.colormap.map(np.array([object_id], layer.data.dtype))).ravel()
 
 
-def test_the_stage_with_pictures_is_taken_where_napari_can_show_it(without_registry) -> None:
-    assert stage_class() is PlainStage
+def test_the_controller_with_pictures_is_taken_where_napari_can_show_it(without_registry) -> None:
+    assert controller_class() is PlainStage
 
 
 def test_it_is_not_taken_otherwise() -> None:
-    assert stage_class() is Stage
+    assert controller_class() is SessionController
 
 
 def test_objects_show_in_their_hues_and_leave_when_unpacked(
@@ -37,13 +37,13 @@ def test_objects_show_in_their_hues_and_leave_when_unpacked(
     image = viewer.add_image(bag[0], scale=(1.5, 1.5, 1.5))
     told = []
     session.events.message.connect(told.append)
-    stage = PlainStage(viewer, session, [image])
-    stage.events.message.connect(told.append)
-    stage.open()
+    controller = PlainStage(viewer, session, [image])
+    controller.events.message.connect(told.append)
+    controller.open()
     assert "The registry is gone." in told[0]
     assert "Labels" in told[0]
-    assert stage.settle(30)
-    (layer,) = stage.layers
+    assert controller.settle(30)
+    (layer,) = controller.layers
     assert type(layer) is Labels
     assert not image.visible
     np.testing.assert_allclose(layer.scale, [1.5] * 3)
@@ -52,14 +52,14 @@ def test_objects_show_in_their_hues_and_leave_when_unpacked(
         np.testing.assert_allclose(seen(layer, object_id), tints[object_id], atol=0.01)
     assert len({tuple(seen(layer, i).round(2)) for i in session.ids}) > 2
     assert seen(layer, 0)[3] == 0
-    (out,) = stage.unpack(1)
+    (out,) = controller.unpack(1)
     assert seen(layer, out)[3] == 0
     others = [i for i in session.ids if i != out]
     assert all(seen(layer, i)[3] == 1 for i in others)
-    stage.restore(1)
+    controller.restore(1)
     assert seen(layer, out)[3] == 1
     np.testing.assert_array_equal(layer.data, bag[1])
-    stage.close()
+    controller.close()
     assert image.visible
     assert [item.name for item in viewer.layers] == [image.name]
 
@@ -68,26 +68,26 @@ def test_it_looks_where_the_viewer_looks(
     make_napari_viewer_proxy, session, without_registry
 ) -> None:
     viewer = make_napari_viewer_proxy()
-    stage = PlainStage(viewer, session)
-    stage.open()
+    controller = PlainStage(viewer, session)
+    controller.open()
     viewer.scene.camera.set_view_direction((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
     np.testing.assert_allclose(session.camera.direction, [0, 1, 0], atol=1e-6)
     np.testing.assert_allclose(session.unpack_direction, [0, -1, 0], atol=1e-6)
-    stage.close()
+    controller.close()
 
 
-def test_the_workbench_opens_it_and_says_why(
+def test_the_workspace_opens_it_and_says_why(
     make_napari_viewer_proxy, session, without_registry, qtbot
 ) -> None:
     viewer = make_napari_viewer_proxy()
-    bench = Workbench(viewer)
-    bench.open(session, ())
-    assert isinstance(bench.stage, PlainStage)
-    bench.unpack(1)
+    workspace = Workspace(viewer)
+    workspace.open(session, ())
+    assert isinstance(workspace.controller, PlainStage)
+    workspace.unpack(1)
     assert sum(s.name == "UNPACKED" for s in session.states.values()) == 1
     viewer.layers.remove("Packed")
-    assert bench.stage is None
-    bench.close()
+    assert workspace.controller is None
+    workspace.close()
 
 
 def test_the_session_looks_as_napari_does_at_a_mirrored_layer(
@@ -95,8 +95,8 @@ def test_the_session_looks_as_napari_does_at_a_mirrored_layer(
 ) -> None:
     viewer = make_napari_viewer_proxy()
     image = viewer.add_image(bag[0], scale=(1.5, 1.5, -1.5))
-    stage = PlainStage(viewer, session, [image])
-    stage.open()
+    controller = PlainStage(viewer, session, [image])
+    controller.open()
     viewer.scene.camera.orientation = ("towards", "down", "right")
     viewer.scene.camera.set_view_direction((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
     camera = session.camera
@@ -104,7 +104,7 @@ def test_the_session_looks_as_napari_does_at_a_mirrored_layer(
     rows, cols = camera.project([[0.0, 0.0, 0.0], [0.0, 0.0, 30.0], [0.0, 30.0, 0.0]], (90, 90)).T
     assert cols[1] < cols[0] == pytest.approx(cols[2])
     assert rows[2] > rows[0] == pytest.approx(rows[1])
-    stage.close()
+    controller.close()
 
 
 @pytest.mark.parametrize(("scale", "up"), [((1.5, 1.5, 1.5), -1), ((1.5, -1.5, 1.5), 1)])
@@ -113,7 +113,7 @@ def test_up_is_what_napari_shows_as_up(
 ) -> None:
     viewer = make_napari_viewer_proxy()
     image = viewer.add_image(bag[0], scale=scale)
-    stage = PlainStage(viewer, session, [image])
-    stage.open()
+    controller = PlainStage(viewer, session, [image])
+    controller.open()
     np.testing.assert_allclose(session.away_from_table, [0, up, 0], atol=1e-12)
-    stage.close()
+    controller.close()

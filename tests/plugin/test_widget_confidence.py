@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from widget_phantoms import add_bag, open_panel, press, stage_with
+from widget_phantoms import add_bag, controller_with, open_panel, press
 
 from napari_unpack.segmentation.confidence.features import FEATURES
 from napari_unpack.segmentation.confidence.oracle import fit_features
@@ -15,12 +15,12 @@ def taught(make_napari_viewer_proxy, qtbot, monkeypatch):
     viewer = make_napari_viewer_proxy()
     _, labels = add_bag(viewer)
     panel = open_panel(viewer, qtbot)
-    session = stage_with(panel, qtbot, labels)
+    session = controller_with(panel, qtbot, labels)
     return panel, session
 
 
 def _select(panel, ids):
-    panel.workbench.select(ids)
+    panel.workspace.select(ids)
     panel.objects.table.show_selection(frozenset(ids))
     panel.objects.confidence.refresh()
 

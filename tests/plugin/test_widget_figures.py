@@ -12,7 +12,7 @@ from qtpy.QtCore import QPoint, QPointF, Qt
 from qtpy.QtGui import QWheelEvent
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication
-from widget_phantoms import add_bag, at_rest, stage_with, states
+from widget_phantoms import add_bag, at_rest, controller_with, states
 
 from napari_unpack.layers import compat
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -23,11 +23,11 @@ class Hand:
 
     def __init__(self, viewer: Any, panel: Any, qtbot: QtBot) -> None:
         self.viewer, self.panel, self.qtbot = viewer, panel, qtbot
-        self.stage, self.session = panel.workbench.stage, panel.workbench.session
+        self.controller, self.session = panel.workspace.controller, panel.workspace.session
         self.widget = compat.native_canvas(viewer).native
 
     def rest(self) -> None:
-        at_rest(self.stage, self.qtbot)
+        at_rest(self.controller, self.qtbot)
 
     def key(self, key: Qt.Key, *modifiers: Qt.KeyboardModifier) -> None:
         held = Qt.KeyboardModifier.NoModifier
@@ -53,7 +53,7 @@ class Hand:
         QApplication.sendEvent(self.widget, event)
 
     def at_sprite(self, object_id: int) -> QPoint:
-        frame = self.stage.frame
+        frame = self.controller.frame
         row, col = frame.camera.pixels(self.session.poses[object_id].center, frame.size)
         return QPoint(round(col), round(row))
 
@@ -73,10 +73,10 @@ def _xy(point: QPoint) -> tuple[int, int]:
 
 def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
     _, expert = add_bag(viewer)
-    stage_with(panel, qtbot, expert)
+    controller_with(panel, qtbot, expert)
     hand = Hand(viewer, panel, qtbot)
-    stage, session, camera = hand.stage, hand.session, viewer.scene.camera
-    stage.seconds = 0.2
+    controller, session, camera = hand.controller, hand.session, viewer.scene.camera
+    controller.seconds = 0.2
     panel.color.at_rest.setChecked(False)
     panel.unpack.marked.setChecked(False)
     hand.rest()
@@ -118,8 +118,8 @@ def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) ->
     nearer = np.subtract(_xy(hand.at_sprite(one)), _xy(middle))
     np.testing.assert_allclose(nearer, factor * far, atol=3)
     corner = session.boxes.corners(out[-1], session.spacing)
-    assert session.camera.height == stage.frame.camera.height
-    assert np.ptp(session.camera.project(corner, stage.frame.size), axis=0).max() > 0
+    assert session.camera.height == controller.frame.camera.height
+    assert np.ptp(session.camera.project(corner, controller.frame.size), axis=0).max() > 0
 
     # A drag on a sprite turns that object and nothing else.
     held, angles = session.poses[one].rotation.copy(), camera.angles
@@ -139,14 +139,14 @@ def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) ->
     qtbot.waitUntil(
         lambda: "along its own axes" in panel.unpack.studied.facts.text(), timeout=60000
     )
-    held, angles = stage.rotation_of(one).copy(), camera.angles
+    held, angles = controller.rotation_of(one).copy(), camera.angles
     hand.drag(middle, QPoint(60, 10))
-    assert not np.allclose(stage.rotation_of(one), held)
+    assert not np.allclose(controller.rotation_of(one), held)
     hand.picture()
     assert camera.angles == angles
     hand.wheel(middle, 2)
     qtbot.waitUntil(lambda: camera.zoom > zoom, timeout=20000)
-    last = stage.rotation_of(one).copy()
+    last = controller.rotation_of(one).copy()
     hand.key(Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: states(session)[one] == "UNPACKED", timeout=20000)
     hand.rest()

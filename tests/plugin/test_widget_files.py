@@ -10,7 +10,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from widget_phantoms import add_bag, press, rest, stage_with, states
+from widget_phantoms import add_bag, controller_with, press, rest, states
 
 import napari_unpack as nu
 from napari_unpack.widgets import notifications
@@ -24,8 +24,8 @@ Viewers = Callable[..., Any]
 @pytest.fixture
 def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
     _, expert = add_bag(viewer)
-    stage_with(panel, qtbot, expert)
-    panel.workbench.stage.seconds = 0.15
+    controller_with(panel, qtbot, expert)
+    panel.workspace.controller.seconds = 0.15
     panel.color.at_rest.setChecked(False)
     rest(panel, qtbot)
     return panel
@@ -50,14 +50,14 @@ def assert_same_picture(seen: Any, wanted: Any, most: int) -> None:
 
 
 def out(panel: UnpackingWidget) -> list[int]:
-    return [i for i, state in states(panel.workbench.session).items() if state == "UNPACKED"]
+    return [i for i, state in states(panel.workspace.session).items() if state == "UNPACKED"]
 
 
 def test_the_bar_runs_the_unpacking_forwards_and_backwards(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot
 ) -> None:
     panel, scrub = staged, staged.unpack.scrub
-    session = panel.workbench.session
+    session = panel.workspace.session
     # Outlines of who is free come when a worker knows, before this picture or after it.
     panel.unpack.marked.setChecked(False)
     rest(panel, qtbot)
@@ -91,7 +91,7 @@ def test_the_bar_runs_the_unpacking_forwards_and_backwards(
     assert scrub.words.text() == "Everything packed, 6 steps known"
 
     # All of the dragging was one step; the bar follows other commands.
-    panel.workbench.undo()
+    panel.workspace.undo()
     rest(panel, qtbot)
     assert session.step == 0
     assert session.steps == ()
@@ -107,7 +107,7 @@ def test_play_flies_one_object_after_another_and_stops_when_asked(
     staged: UnpackingWidget, qtbot: QtBot
 ) -> None:
     panel, scrub = staged, staged.unpack.scrub
-    session = panel.workbench.session
+    session = panel.workspace.session
     scrub.play.click()
     assert scrub.playing
     qtbot.waitUntil(lambda: session.step >= 2, timeout=20000)
@@ -116,7 +116,7 @@ def test_play_flies_one_object_after_another_and_stops_when_asked(
     reached = session.step
     rest(panel, qtbot)
     assert session.step == reached < 6
-    panel.workbench.stage.seconds = 0.05
+    panel.workspace.controller.seconds = 0.05
     scrub.play.click()
     qtbot.waitUntil(lambda: not scrub.play.isChecked(), timeout=30000)
     rest(panel, qtbot)
@@ -126,7 +126,7 @@ def test_play_flies_one_object_after_another_and_stops_when_asked(
     assert session.step <= 1
     scrub.bar.setValue(3)
     assert not scrub.playing
-    panel.workbench.close()
+    panel.workspace.close()
     assert not scrub.isEnabled()
 
 
@@ -134,7 +134,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = staged
-    session = panel.workbench.session
+    session = panel.workspace.session
     panel.color.at_rest.setChecked(True)
     panel.unpack.scrub.bar.setValue(3)
     session.rename(session.ids[0], "first")
@@ -152,7 +152,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     assert panel.files.status == "bag.unpack written"
     assert path.exists()
 
-    panel.workbench.close()
+    panel.workspace.close()
     assert not panel.files.save.isEnabled()
     # What can be done next is open to see, and folded away once it is done.
     assert panel.segment.start.isVisibleTo(panel)
@@ -160,7 +160,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
         viewer.layers.remove(layer.name)
     panel.files.open_from(path)
     done(panel, qtbot)
-    again = panel.workbench.session
+    again = panel.workspace.session
     assert again is not session
     assert not panel.segment.start.isVisibleTo(panel)
     rest(panel, qtbot)
@@ -186,7 +186,7 @@ def test_faults_of_files_are_told_and_change_nothing(
     panel = staged
     said: list[str] = []
     monkeypatch.setattr(notifications, "warn", said.append)
-    session, names = panel.workbench.session, [layer.name for layer in viewer.layers]
+    session, names = panel.workspace.session, [layer.name for layer in viewer.layers]
     whole = nu.save_session(session, tmp_path / "whole.unpack").read_bytes()
     (tmp_path / "cut.unpack").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "empty.unpack").touch()
@@ -199,7 +199,7 @@ def test_faults_of_files_are_told_and_change_nothing(
     panel.files.save_to(tmp_path / "nowhere" / "s.unpack")
     done(panel, qtbot)
     assert "No folder" in said[3]
-    assert panel.workbench.session is session
+    assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == names
     # Cancelled before it was done, nothing is written.
     panel.files.save_to(tmp_path / "late.unpack")
@@ -213,19 +213,19 @@ def test_a_dropped_session_opens_in_the_panel(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = staged
-    panel.workbench.session.unpack(2)
+    panel.workspace.session.unpack(2)
     rest(panel, qtbot)
-    path = nu.save_session(panel.workbench.session, tmp_path / "dropped.unpack")
+    path = nu.save_session(panel.workspace.session, tmp_path / "dropped.unpack")
     assert get_session_reader(str(path)) is open_dropped
     assert get_session_reader([str(path)]) is open_dropped
     assert get_session_reader([str(path), str(path)]) is None
     assert get_session_reader(str(tmp_path)) is None
-    folder = nu.save_session(panel.workbench.session, tmp_path / "folder")
+    folder = nu.save_session(panel.workspace.session, tmp_path / "folder")
     assert get_session_reader(str(folder)) is open_dropped
-    panel.workbench.close()
+    panel.workspace.close()
     viewer.open(str(path), plugin="napari-unpack")
     _, other = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
-    qtbot.waitUntil(lambda: other.workbench.session is not None, timeout=30000)
+    qtbot.waitUntil(lambda: other.workspace.session is not None, timeout=30000)
     assert len(out(other)) == 2
     other.end()
 
@@ -236,7 +236,7 @@ def test_exports_are_written_and_the_view_is_not_disturbed(
     panel = staged
     panel.unpack.scrub.bar.setValue(2)
     rest(panel, qtbot)
-    before, seen = states(panel.workbench.session), shot(viewer)
+    before, seen = states(panel.workspace.session), shot(viewer)
     panel.files.width_px.setValue(96)
     panel.files.height_px.setValue(64)
     panel.files.fps.setValue(2)
@@ -248,7 +248,7 @@ def test_exports_are_written_and_the_view_is_not_disturbed(
         assert path.stat().st_size > 100
         if kind.suffixes[0] in (".png", ".mp4"):
             assert iio.imread(path).shape[-3:-1] == (64, 96)
-    assert states(panel.workbench.session) == before
+    assert states(panel.workspace.session) == before
     np.testing.assert_array_equal(shot(viewer), seen)
 
 
@@ -271,14 +271,14 @@ def test_a_session_opens_where_its_layers_stood(
         layer.affine = tilted
     points = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9], [3, 8, 5]])
     wanted = [image.data_to_world(p) for p in points]
-    stage_with(panel, qtbot, expert)
+    controller_with(panel, qtbot, expert)
     rest(panel, qtbot)
-    camera = panel.workbench.session.camera
+    camera = panel.workspace.session.camera
     assert np.linalg.det(camera.stretch) < 0
     path = tmp_path / "bent.unpack"
     panel.files.save_to(path)
     done(panel, qtbot)
-    panel.workbench.close()
+    panel.workspace.close()
     for layer in list(viewer.layers):
         viewer.layers.remove(layer.name)
     panel.files.open_from(path)
@@ -287,6 +287,6 @@ def test_a_session_opens_where_its_layers_stood(
     np.testing.assert_allclose(
         [viewer.layers["bent"].data_to_world(p) for p in points], wanted, atol=1e-6
     )
-    again = panel.workbench.session.camera
+    again = panel.workspace.session.camera
     np.testing.assert_allclose(again.linear, camera.linear, atol=1e-5)
     np.testing.assert_allclose(again.center, camera.center, atol=1e-4)

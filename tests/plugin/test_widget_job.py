@@ -5,11 +5,11 @@ import threading
 import pytest
 from pytestqt.qtbot import QtBot
 
-from napari_unpack.widgets.job import Cancelled, Job, Outcome, Progress
-from napari_unpack.widgets.task_progress import Waiting
+from napari_unpack.widgets.job import Cancelled, Job, Progress, TaskResult
+from napari_unpack.widgets.task_progress import TaskProgress
 
 
-def _run(qtbot: QtBot, job: Job, work: object) -> Outcome:
+def _run(qtbot: QtBot, job: Job, work: object) -> TaskResult:
     with qtbot.waitSignal(job.ended, timeout=20000) as heard:
         job.start(work)
     return heard.args[0]
@@ -65,7 +65,7 @@ def test_cancelling_stops_the_work_at_its_next_report(qtbot: QtBot) -> None:
 
 
 def test_waiting_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> None:
-    waiting, started = Waiting("Nothing changes."), threading.Event()
+    waiting, started = TaskProgress("Nothing changes."), threading.Event()
     qtbot.addWidget(waiting)
     assert waiting.isHidden()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from widget_phantoms import SMALL, add_bag, open_panel, pile_of_balls, press, stage_with
+from widget_phantoms import SMALL, add_bag, controller_with, open_panel, pile_of_balls, press
 
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -135,7 +135,7 @@ def test_a_volume_that_cannot_be_used_gets_one_sentence(
     assert said.endswith(".")
     assert "\n" not in said
     assert [layer.name for layer in viewer.layers] == ["bad"]
-    assert panel.workbench.stage is None
+    assert panel.workspace.controller is None
     assert panel.segment.start.isEnabled()
 
 
@@ -147,7 +147,7 @@ def test_labels_of_another_shape_than_the_volume_say_why_it_is_not_shown(
     half = (image.data[:20] > 100).astype(np.uint8)
     viewer.add_labels(half, name="half", scale=image.scale, units=image.units)
     before = len(notification_manager.records)
-    stage_with(panel, qtbot, panel.segment.labels_box.layer)
+    controller_with(panel, qtbot, panel.segment.labels_box.layer)
     (said,) = _said(before)
     assert said.startswith("'half' has another shape than 'bag'")
     assert panel.segment.status == "1 object"
@@ -161,19 +161,19 @@ def test_nothing_found_is_a_sentence(viewer: Any, panel: UnpackingWidget, qtbot:
     assert "no objects" in said.lower()
 
 
-def test_a_refusal_leaves_the_open_stage_alone(
+def test_a_refusal_leaves_the_open_controller_alone(
     make_napari_viewer_proxy: Viewers, qtbot: QtBot
 ) -> None:
     viewer = make_napari_viewer_proxy(show=True)
     viewer.window.resize(*SMALL)
     panel = open_panel(viewer, qtbot)
     _, labels = add_bag(viewer)
-    session = stage_with(panel, qtbot, labels)
+    session = controller_with(panel, qtbot, labels)
     names = [layer.name for layer in viewer.layers]
     bad = viewer.add_image(np.full((8, 8, 8), 7.0), name="bad", contrast_limits=(0, 1))
     panel.segment.volume_box.choose(bad)
     assert len(_refused(panel, qtbot)) == 1
-    assert panel.workbench.session is session
+    assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == [*names, "bad"]
     panel.end()
 
@@ -196,7 +196,7 @@ def test_cancelling_leaves_everything_as_it_was(
     press(qtbot, panel.segment.waiting.cancel)
     qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
     assert panel.segment.waiting.isHidden()
-    assert panel.workbench.stage is None
+    assert panel.workspace.controller is None
     assert [layer.name for layer in viewer.layers] == ["expert", "bag"]
 
 
@@ -265,8 +265,8 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
     assert options.isHidden()
 
 
-def test_verbs_without_a_stage_say_what_to_do_first(panel: UnpackingWidget) -> None:
-    for verb in (panel.workbench.unpack, panel.workbench.undo):
+def test_verbs_without_a_controller_say_what_to_do_first(panel: UnpackingWidget) -> None:
+    for verb in (panel.workspace.unpack, panel.workspace.undo):
         notification_manager.records.clear()
         verb()
         assert len(_said(0)) == 1

@@ -5,20 +5,20 @@ from __future__ import annotations
 import pytest
 
 from napari_unpack.appearance import Surroundings
-from napari_unpack.widgets.background_options import DARK, OWN, PictureOptions
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.background_options import DARK, OWN, BackgroundOptions
+from napari_unpack.widgets.workspace import Workspace
 
 
 @pytest.fixture
 def options(make_napari_viewer_proxy, session, qtbot):
     viewer = make_napari_viewer_proxy()
-    bench = Workbench(viewer)
-    made = PictureOptions(bench)
+    workspace = Workspace(viewer)
+    made = BackgroundOptions(workspace)
     qtbot.addWidget(made)
-    bench.open(session)
+    workspace.open(session)
     yield made
     made.end()
-    bench.close()
+    workspace.close()
 
 
 def test_choices_become_the_sessions_surroundings(options, session) -> None:
@@ -29,7 +29,7 @@ def test_choices_become_the_sessions_surroundings(options, session) -> None:
     assert (around.background.name, around.box, around.scale) == ("light", True, True)
     options.choose(OWN)
     assert session.surroundings.background.name == "napari"
-    viewer = options._bench.viewer
+    viewer = options._workspace.viewer
     assert viewer.canvas.background_color_override is None
     dark = session.surroundings.background.colors
     viewer.theme = "light"
@@ -53,10 +53,10 @@ def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypa
 
 
 def test_a_sessions_own_surroundings_are_shown(options, session) -> None:
-    bench = options._bench
-    bench.close()
+    workspace = options._workspace
+    workspace.close()
     session.surroundings = Surroundings.of("daylight", ["box"])
-    bench.open(session)
+    workspace.open(session)
     assert options.background.currentText() == "Daylight, a gradient"
     assert options.box.isChecked()
     assert not options.scale.isChecked()

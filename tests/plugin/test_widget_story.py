@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
-from widget_phantoms import SMALL, add_bag, open_panel, press, rest, stage_with, states
+from widget_phantoms import SMALL, add_bag, controller_with, open_panel, press, rest, states
 
 from napari_unpack.layers import compat
 from napari_unpack.widgets.object_model import ID
@@ -21,8 +21,12 @@ Box = tuple[int, int, int, int]
 
 def _pictures(viewer: Any, panel: UnpackingWidget) -> dict[str, NDArray[np.int16]]:
     """Take a picture of each of the three layers alone, (H, W, 3)."""
-    stage = panel.workbench.stage
-    layers = {"packed": stage.packed, "transition": stage.transition, "sprites": stage.sprites}
+    controller = panel.workspace.controller
+    layers = {
+        "packed": controller.packed,
+        "transition": controller.transition,
+        "sprites": controller.sprites,
+    }
     taken = {}
     for name, layer in layers.items():
         for other in layers.values():
@@ -58,11 +62,11 @@ def test_segment_unpack_three_restore_one(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     image, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot)
-    stage = panel.workbench.stage
-    stage.seconds = 0.2
+    session = controller_with(panel, qtbot)
+    controller = panel.workspace.controller
+    controller.seconds = 0.2
     panel.color.at_rest.setChecked(False)
-    assert stage.recolor_at_rest is False
+    assert controller.recolor_at_rest is False
     # Outlines of who is free are drawn on the transition layer; here it is to be empty at rest.
     panel.unpack.marked.setChecked(False)
 
@@ -71,7 +75,7 @@ def test_segment_unpack_three_restore_one(
     assert [layer.visible for layer in (image, expert)] == [False, False]
     assert viewer.layers["bag objects"].data.max() == 6
     names = [layer.name for layer in viewer.layers]
-    assert [layer.name for layer in stage.layers] == names[-3:]
+    assert [layer.name for layer in controller.layers] == names[-3:]
     assert all(step.reason == "" for step in (panel.color, panel.unpack, panel.objects))
     assert panel.segment.status == "6 objects"
 
@@ -120,7 +124,7 @@ def test_segment_unpack_three_restore_one(
         # Windows of the packed picture that are cast anew may round a pixel otherwise.
         assert np.abs(start[name] - again[name]).max() <= (name == "packed"), name
 
-    panel.workbench.close()
+    panel.workspace.close()
     assert [layer.name for layer in viewer.layers] == ["expert", "bag", "bag objects"]
     assert image.visible
     assert not expert.visible
@@ -132,7 +136,7 @@ def test_labels_that_are_there_already_are_used_as_they_are(
     image, expert = add_bag(viewer)
     expert.visible = True
     before = expert.data.copy()
-    session = stage_with(panel, qtbot, expert)
+    session = controller_with(panel, qtbot, expert)
     assert sorted(states(session)) == [1, 2, 3, 4, 5, 6]
     assert not expert.visible
     assert session.spacing == pytest.approx((2.0, 1.0, 1.0))
@@ -164,7 +168,7 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     assert set(states(piled).values()) == {"PACKED"}
     table.swatch_clicked.emit(4)
     assert [i for i, s in states(piled).items() if s == "PACKED"] == [4]
-    panel.workbench.undo()
+    panel.workspace.undo()
     assert set(states(piled).values()) == {"PACKED"}
 
     menu = panel.objects.menu()
@@ -175,7 +179,7 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     menu.close()
 
 
-def test_keys_act_while_there_is_a_stage_and_are_given_back(
+def test_keys_act_while_there_is_a_controller_and_are_given_back(
     make_napari_viewer: Viewers, qtbot: QtBot
 ) -> None:
     from napari.utils.key_bindings import coerce_keybinding
@@ -186,19 +190,19 @@ def test_keys_act_while_there_is_a_stage_and_are_given_back(
     viewer.bind_key("N", lambda _: mine.append("N"), overwrite=True)
     panel = open_panel(viewer, qtbot)
     _, expert = add_bag(viewer)
-    session = stage_with(panel, qtbot, expert)
-    stage = panel.workbench.stage
-    stage.seconds = 0.2
+    session = controller_with(panel, qtbot, expert)
+    controller = panel.workspace.controller
+    controller.seconds = 0.2
 
     def hit(owner: Any, key: str) -> None:
         owner.keymap[coerce_keybinding(key)](owner)
 
     hit(viewer, "N")
-    hit(stage.packed, "N")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    hit(controller.packed, "N")
+    qtbot.waitUntil(lambda: not controller.flying, timeout=20000)
     assert list(states(session).values()).count("UNPACKED") == 2
-    hit(stage.sprites, "B")
-    qtbot.waitUntil(lambda: not stage.flying, timeout=20000)
+    hit(controller.sprites, "B")
+    qtbot.waitUntil(lambda: not controller.flying, timeout=20000)
     assert list(states(session).values()).count("UNPACKED") == 1
     packed = [i for i, state in states(session).items() if state == "PACKED"]
     session.select(packed[:1])
@@ -220,19 +224,19 @@ def test_objects_found_once_more_take_the_place_of_those_found_before(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     add_bag(viewer)
-    stage_with(panel, qtbot)
-    stage_with(panel, qtbot)
+    controller_with(panel, qtbot)
+    controller_with(panel, qtbot)
     own = ["expert", "bag", "bag objects", "bag objects [1]"]
     assert [layer.name for layer in viewer.layers if layer.visible and layer.name in own] == []
-    panel.workbench.close()
+    panel.workspace.close()
     assert [viewer.layers[name].visible for name in own] == [False, True, True, True]
 
 
-def test_closing_the_dock_takes_the_stage_down(
+def test_closing_the_dock_takes_the_controller_down(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     image, expert = add_bag(viewer)
-    stage_with(panel, qtbot, expert)
+    controller_with(panel, qtbot, expert)
     assert len(viewer.layers) == 5
     viewer.window.remove_dock_widget(panel)
     qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=20000)
@@ -265,10 +269,10 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
     assert not fits()
 
 
-def test_settings_reach_the_stage(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
-    stage = panel.workbench.stage
+def test_settings_reach_the_controller(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
+    controller = panel.workspace.controller
     panel.unpack.speed.setValue(20)
-    assert stage.seconds == 2.0
+    assert controller.seconds == 2.0
     panel.unpack.direction.setCurrentText("Up (−y)")
     assert tuple(piled.direction) == (0.0, -1.0, 0.0)
     panel.unpack.direction.setCurrentText("Towards me")
@@ -294,7 +298,7 @@ def test_table_and_slices_select_the_same(
     expert.visible = True
     viewer.reset_view()
     # Slices are the user's for a moment after a scroll; here the last one was long ago.
-    panel.workbench.stage._steps._clock = lambda: monotonic() + 60.0
+    panel.workspace.controller._steps._clock = lambda: monotonic() + 60.0
     table = panel.objects.table
     rows = [table.model().index(row, 1) for row in range(table.model().rowCount())]
     table.selectRow(next(row for row, at in enumerate(rows) if at.data(ID) == 3))

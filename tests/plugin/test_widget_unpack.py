@@ -7,7 +7,7 @@ import numpy as np
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from widget_phantoms import press, stage_with, states
+from widget_phantoms import controller_with, press, states
 
 from napari_unpack.demo import await_answers
 from napari_unpack.widgets.object_model import Column
@@ -42,8 +42,8 @@ def test_the_free_objects_are_counted_and_marked_for_every_direction(
 
     # The queue is used up before it is asked anew, but what the step says is always true: with
     # 5 gone, 1 and 3 are free; 2 and 4 still lie under the rim of 6.
-    panel.workbench.stage.seconds = 0.1
-    panel.workbench.unpack([5])
+    panel.workspace.controller.seconds = 0.1
+    panel.workspace.unpack([5])
     qtbot.waitUntil(lambda: _marked_free(panel) == {1, 3, 6}, timeout=10000)
     assert states(piled)[5] == "UNPACKED"
     assert panel.unpack.news.text() == "3 of 5 are free now."
@@ -56,7 +56,7 @@ def test_unpacking_what_is_blocked_says_who_stands_in_front(
     piled.rename(1, "Bottle")
     piled.rename(2, "Shoe")
     before = len(notification_manager.records)
-    panel.workbench.unpack([2])
+    panel.workspace.unpack([2])
     (notice,) = notification_manager.records[before:]
     assert "Shoe cannot leave" in notice.message
     assert "Bottle" in notice.message
@@ -70,7 +70,7 @@ def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
     viewer.add_image(1000.0 * (labels > 0), name="knot")
     expert = viewer.add_labels(labels, name="expert", visible=False)
-    return stage_with(panel, qtbot, expert)
+    return controller_with(panel, qtbot, expert)
 
 
 def test_a_step_names_all_who_leave_together(
@@ -78,7 +78,7 @@ def test_a_step_names_all_who_leave_together(
 ) -> None:
     _knot(viewer, panel, qtbot)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    panel.workbench.unpack(1)
+    panel.workspace.unpack(1)
     said = "Step 1 of 1: Object 1 and Object 2"
     qtbot.waitUntil(lambda: panel.unpack.scrub.words.text() == said, timeout=20000)
 
@@ -87,7 +87,7 @@ def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     session = _knot(viewer, panel, qtbot)
-    session.most_in_group = 1
+    session.max_group_size = 1
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(lambda: "Looking" in panel.unpack.news.text(), timeout=10000)
     assert not panel.unpack.answered
@@ -100,7 +100,7 @@ def test_where_nobody_is_free_the_setting_decides(
     viewer: Any, panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     session = _knot(viewer, panel, qtbot)
-    session.most_in_group = 1
+    session.max_group_size = 1
     panel.unpack.least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(
@@ -123,8 +123,8 @@ def test_where_nobody_is_free_the_setting_decides(
     press(qtbot, panel.unpack.force)
     assert set(states(session).values()) == {"PACKED", "FLYING_OUT"}
     assert not session.take_least_occluded
-    panel.workbench.undo()
-    panel.workbench.stage.finish()
+    panel.workspace.undo()
+    panel.workspace.controller.finish()
     assert set(states(session).values()) == {"PACKED"}
 
     notification_manager.records.clear()
@@ -138,11 +138,11 @@ def test_where_nobody_is_free_the_setting_decides(
 
 
 def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
-    panel.workbench.stage.seconds = 0.1
+    panel.workspace.controller.seconds = 0.1
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(panel.unpack.inspect.isEnabled, timeout=10000)
     (out,) = [i for i, state in states(piled).items() if state != "PACKED"]
-    qtbot.waitUntil(lambda: not panel.workbench.stage.flying, timeout=10000)
+    qtbot.waitUntil(lambda: not panel.workspace.controller.flying, timeout=10000)
     press(qtbot, panel.unpack.inspect)
     assert states(piled)[out] == "INSPECTED"
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=20000)
@@ -155,7 +155,7 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
 def test_restore_all_brings_everything_back(
     panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    panel.workbench.stage.seconds = 0.1
+    panel.workspace.controller.seconds = 0.1
     panel.unpack.count.setValue(4)
     assert panel.unpack.several.text() == "Unpack 4"
     press(qtbot, panel.unpack.several)

@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QToolTip
-from widget_phantoms import press, stage_with, states
+from widget_phantoms import controller_with, press, states
 
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
@@ -40,67 +40,69 @@ def panel(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
     volume, labels = nested()
     expert = viewer.add_labels(labels, name="expert")
     viewer.add_image(volume, name="bag")
-    stage_with(panel, qtbot, expert)
-    stage = panel.workbench.stage
-    stage.seconds, stage.recolor_at_rest = 0.2, False
+    controller_with(panel, qtbot, expert)
+    controller = panel.workspace.controller
+    controller.seconds, controller.recolor_at_rest = 0.2, False
     return panel
 
 
 def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    session, stage = panel.workbench.session, panel.workbench.stage
+    session, controller = panel.workspace.session, panel.workspace.controller
     session.direction = "+z"
     session.select([1])
     panel.unpack.reveal_selected()
     box = panel.unpack.box
     qtbot.waitUntil(box.isVisible, timeout=60000)
     assert "Object 2 must leave first or with it, towards you and up." in box.news.text()
-    assert stage.overlays._marks.buried == 1
-    assert stage.overlays._marks.leaving == {2}
+    assert controller.overlays._marks.buried == 1
+    assert controller.overlays._marks.leaving == {2}
     row = panel.objects.model.row_of(2)
     state = panel.objects.model.index(row, 3)
     qtbot.waitUntil(lambda: state.data() == "first", timeout=10000)
-    qtbot.waitUntil(lambda: len(stage.overlays.painter.cards_at(stage.frame)) == 1, timeout=60000)
-    assert len(stage.overlays.painter.cards_at(stage.frame)) == 1
+    qtbot.waitUntil(
+        lambda: len(controller.overlays.painter.cards_at(controller.frame)) == 1, timeout=60000
+    )
+    assert len(controller.overlays.painter.cards_at(controller.frame)) == 1
     press(qtbot, box.take)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=60000)
+    qtbot.waitUntil(lambda: not controller.flying, timeout=60000)
     assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
     assert not box.isVisible()
     assert session.direction == (1.0, 0.0, 0.0)
-    panel.workbench.undo()
+    panel.workspace.undo()
     assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
 
 
 def test_an_arrow_drawn_in_the_picture_is_the_direction(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    session, stage = panel.workbench.session, panel.workbench.stage
-    viewer = stage.viewer
+    session, controller = panel.workspace.session, panel.workspace.controller
+    viewer = controller.viewer
     widget = compat.native_canvas(viewer).native
     angles = viewer.scene.camera.angles
     panel.unpack.draw.setChecked(True)
-    assert stage.drawing
-    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0
+    assert controller.drawing
+    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 0
     start = QPoint(200, 200)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
     for part in (20, 50, 90):
         move(widget, start + QPoint(part, 0), LEFT)
         qtbot.wait(20)
-    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 6
+    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 6
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + QPoint(90, 0))
     qtbot.waitUntil(lambda: session.direction is not None, timeout=10000)
     np.testing.assert_allclose(session.unpack_direction, session.camera.right, atol=1e-6)
     assert viewer.scene.camera.angles == angles
     assert not panel.unpack.draw.isChecked()
-    assert not stage.drawing
+    assert not controller.drawing
     qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along arrow", timeout=10000)
     panel.unpack.direction.setCurrentText("Towards me")
     assert session.direction is None
-    assert len(stage.overlays.arrow.cards_at(stage.frame)) == 0
+    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 0
 
     # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
-    depth = stage._projector.depth
+    depth = controller._renderer.depth
     qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
     panel.unpack.draw.setChecked(True)
     height, width = viewer.canvas.size
@@ -115,7 +117,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
 def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    session = panel.workbench.session
+    session = panel.workspace.session
     # Somebody is free in this bag: the watch must not say so in between.
     panel._watch.end()
     panel._watch.known.disconnect()
@@ -135,46 +137,52 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
 def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    session, stage = panel.workbench.session, panel.workbench.stage
-    widget = compat.native_canvas(stage.viewer).native
-    (out,) = stage.unpack(1)
-    qtbot.waitUntil(lambda: not stage.flying, timeout=60000)
-    assert stage.settle(60)
+    session, controller = panel.workspace.session, panel.workspace.controller
+    widget = compat.native_canvas(controller.viewer).native
+    (out,) = controller.unpack(1)
+    qtbot.waitUntil(lambda: not controller.flying, timeout=60000)
+    assert controller.settle(60)
     before, slot = session.poses[out], session._situation.out[out].slot
-    row, col = stage.frame.camera.pixels(before.center, stage.frame.size)
+    row, col = controller.frame.camera.pixels(before.center, controller.frame.size)
     at = QPoint(round(col), round(row))
     move(widget, at + QPoint(1, 1))
     move(widget, at)
-    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
+    qtbot.waitUntil(
+        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 3, timeout=100000
+    )
     assert QToolTip.text().startswith(str(session.objects["name"][out]))
-    home = session.camera.project(session.boxes.center(out, session.spacing), stage.frame.size)
-    patch = stage.overlays.ghost._seen.shot.patch
+    home = session.camera.project(session.boxes.center(out, session.spacing), controller.frame.size)
+    patch = controller.overlays.ghost._seen.shot.patch
     assert patch.row < home[0] < patch.row + patch.size[0]
     assert patch.col < home[1] < patch.col + patch.size[1]
     assert patch.rgba[..., 3].max() < 0.5
 
-    angles, casts = stage.viewer.scene.camera.angles, stage._projector._small.casts
+    angles, casts = controller.viewer.scene.camera.angles, controller._renderer._small.casts
     shift = Qt.KeyboardModifier.ShiftModifier
     drag(widget, at, QPoint(-30, 40), qtbot, shift)
     qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
-    moved = stage.frame.camera.pixels(session.poses[out].center, stage.frame.size)
+    moved = controller.frame.camera.pixels(session.poses[out].center, controller.frame.size)
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
     assert session._situation.out[out].slot == slot
-    assert stage.viewer.scene.camera.angles == angles
-    assert stage._projector._small.casts == casts
-    panel.workbench.undo()
+    assert controller.viewer.scene.camera.angles == angles
+    assert controller._renderer._small.casts == casts
+    panel.workspace.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
     move(widget, QPoint(3, 3))
-    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 0, timeout=100000)
+    qtbot.waitUntil(
+        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 0, timeout=100000
+    )
     qtbot.waitUntil(lambda: not QToolTip.isVisible(), timeout=20000)
 
     move(widget, at)
-    qtbot.waitUntil(lambda: len(stage.overlays.ghost.cards_at(stage.frame)) == 3, timeout=100000)
+    qtbot.waitUntil(
+        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 3, timeout=100000
+    )
     # Sent home by a key while the mouse lies still: nothing is left of the ghost.
-    panel.workbench.restore()
-    assert stage.settle(60)
+    panel.workspace.restore()
+    assert controller.settle(60)
     assert session.states[out].name == "PACKED"
-    assert not stage.overlays.ghost.cards_at(stage.frame)
+    assert not controller.overlays.ghost.cards_at(controller.frame)
 
 
 @pytest.mark.parametrize(

@@ -52,25 +52,25 @@ def press(qtbot: QtBot, button: Any) -> None:
     button.click()
 
 
-def stage_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
+def controller_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
     """Press the first step's button and wait for the stage; return its session."""
     panel.segment.labels_box.choose(labels)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: panel.workbench.stage is not None, timeout=90000)
+    qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=90000)
     qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
-    return panel.workbench.session
+    return panel.workspace.session
 
 
-def at_rest(stage: Any, qtbot: QtBot) -> None:
+def at_rest(controller: Any, qtbot: QtBot) -> None:
     """Wait until nothing moves by itself any more and every picture is right."""
-    qtbot.waitUntil(lambda: not stage._projector._clock.running, timeout=60000)
-    assert stage.settle(120)
+    qtbot.waitUntil(lambda: not controller._renderer._clock.running, timeout=60000)
+    assert controller.settle(120)
 
 
 def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
     """Wait until the stage is at rest and the sections have heard of all that changed."""
-    at_rest(panel.workbench.stage, qtbot)
-    qtbot.waitUntil(lambda: not panel.workbench._timer.isActive(), timeout=20000)
+    at_rest(panel.workspace.controller, qtbot)
+    qtbot.waitUntil(lambda: not panel.workspace._timer.isActive(), timeout=20000)
 
 
 def states(session: Any) -> dict[int, str]:

@@ -15,7 +15,7 @@ from napari_unpack.segmentation.learned.border_classifier import (
     find_rivals,
 )
 from napari_unpack.segmentation.learned.border_refinement import find_inside
-from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
 SHAPE = (20, 20, 40)
 SCALE = MaterialScale(0.0, 200.0)
@@ -52,7 +52,7 @@ def judge_of(**gains):
     # Small into the hyperbolic tangents and large out of them, which leaves them straight.
     layers = (eye * 1e-3, np.ones((1, 1)) * 1e-3, np.ones((1, 1)) * 1e6)
     nothing = (np.zeros(1), np.zeros(1), np.zeros(1))
-    return Affinity(np.zeros(width), np.ones(width), layers, nothing, BORDER_FEATURES)
+    return PairClassifier(np.zeros(width), np.ones(width), layers, nothing, BORDER_FEATURES)
 
 
 def random_judge(seed):
@@ -62,7 +62,7 @@ def random_judge(seed):
     layers = (*layers[:2], 4 * layers[2])
     offsets = tuple(generator.normal(size=n) for n in widths[1:])
     center = generator.normal(size=widths[0]) / 4
-    return Affinity(center, np.ones(widths[0]) / 2, layers, offsets, BORDER_FEATURES)
+    return PairClassifier(center, np.ones(widths[0]) / 2, layers, offsets, BORDER_FEATURES)
 
 
 def rows_at(labels, scene, place):

@@ -8,7 +8,7 @@ from napari_unpack.segmentation import score, segment
 from napari_unpack.segmentation.common.density_regions import MaterialScale
 from napari_unpack.segmentation.learned import boundary_network
 from napari_unpack.segmentation.learned.affinity_linkage import Bar, link
-from napari_unpack.segmentation.learned.boundary_network import Boundaries, default_boundaries
+from napari_unpack.segmentation.learned.boundary_network import BoundaryNetwork, default_boundaries
 from napari_unpack.segmentation.learned.fragments import Ties, tie
 from napari_unpack.simulation import simulate_bag
 
@@ -70,7 +70,7 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
             return [said[None]]
 
     volume = np.random.default_rng(0).integers(0, 250, (37, 50, 21)).astype(np.uint8)
-    said = Boundaries(Echo()).predict(volume, MaterialScale(0.0, 100.0), silent, tile=8)
+    said = BoundaryNetwork(Echo()).predict(volume, MaterialScale(0.0, 100.0), silent, tile=8)
     np.testing.assert_array_equal(said.matter, volume)
 
 
@@ -80,9 +80,9 @@ def test_a_damaged_or_foreign_network_is_refused(tmp_path):
         path = tmp_path / "net.onnx"
         path.write_bytes(content)
         with pytest.raises(ValueError, match="not a network of boundaries"):
-            Boundaries.load(path)
+            BoundaryNetwork.load(path)
     with pytest.raises(FileNotFoundError):
-        Boundaries.load(tmp_path / "none.onnx")
+        BoundaryNetwork.load(tmp_path / "none.onnx")
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 2), (3, 5, 4), (1, 40, 40)])

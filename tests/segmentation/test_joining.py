@@ -5,7 +5,7 @@ from phantoms import box
 from napari_unpack.segmentation.common.density_regions import MaterialScale
 from napari_unpack.segmentation.learned import part_merging
 from napari_unpack.segmentation.learned.fragments import Ties
-from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_merging import (
     FEATURES,
     default_judge,
@@ -76,7 +76,9 @@ def judge_of_belonging(bias):
     width = len(FEATURES)
     weight = np.zeros((width, 1))
     weight[FEATURES.index("belonging")] = 20.0
-    return Affinity(np.full(width, 0.5), np.ones(width), (weight,), (np.array([bias]),), FEATURES)
+    return PairClassifier(
+        np.full(width, 0.5), np.ones(width), (weight,), (np.array([bias]),), FEATURES
+    )
 
 
 def test_the_judge_decides_who_is_joined(monkeypatch):

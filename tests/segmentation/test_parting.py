@@ -8,7 +8,11 @@ from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.learned import part_splitting
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.segmentation.learned.fragments import cells_of, tie_within
-from napari_unpack.segmentation.learned.pair_classifier import PAIR_FEATURES, Affinity, committee
+from napari_unpack.segmentation.learned.pair_classifier import (
+    PAIR_FEATURES,
+    PairClassifier,
+    committee,
+)
 from napari_unpack.segmentation.learned.part_splitting import (
     PIECE_FEATURES,
     default_piece_judge,
@@ -40,7 +44,9 @@ def judge_of(feature, gain, bias=0.0):
     width = len(PIECE_FEATURES)
     weight = np.zeros((width, 1))
     weight[PIECE_FEATURES.index(feature)] = gain
-    return Affinity(np.zeros(width), np.ones(width), (weight,), (np.array([bias]),), PIECE_FEATURES)
+    return PairClassifier(
+        np.zeros(width), np.ones(width), (weight,), (np.array([bias]),), PIECE_FEATURES
+    )
 
 
 def names_in(labels, mask):
@@ -121,7 +127,7 @@ def test_a_committee_says_the_mean_of_its_members_before_the_logistic():
 
     def member():
         sizes = ((width, 5), (5, 4), (4, 1))
-        return Affinity(
+        return PairClassifier(
             center,
             scale,
             tuple(rng.normal(size=s) for s in sizes),

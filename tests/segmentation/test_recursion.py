@@ -10,7 +10,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     best_rule,
     grow,
     kept,
-    take_apart,
+    split_recursively,
 )
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import refine_by_oracle
 
@@ -61,7 +61,7 @@ def test_the_rule_with_the_most_liked_segmentation_is_chosen_and_the_first_of_eq
 def test_three_touching_balls_come_apart_though_the_first_cut_gains_little():
     truth = chain()
     count = np.bincount(truth.ravel())[1]
-    found = take_apart([region_of(truth > 0)], sizes_near(count), 500.0)
+    found = split_recursively([region_of(truth > 0)], sizes_near(count), 500.0)
     labels = np.zeros(truth.shape, np.int32)
     for name, region in enumerate(found, 1):
         labels[region.box][region.mask] = name
@@ -78,7 +78,7 @@ def test_a_sure_region_is_not_cut_and_every_split_can_be_cancelled():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        take_apart([region], lambda r: 0.1, 500.0, cancel)
+        split_recursively([region], lambda r: 0.1, 500.0, cancel)
 
 
 def test_refining_splits_what_is_doubted_and_joins_what_was_cut_too_soon():

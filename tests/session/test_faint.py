@@ -8,7 +8,7 @@ from napari_unpack import Session, TransferFunction
 from napari_unpack.appearance.minimum_opacity import FAINT, VEILED, surely_seen, veil
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.compose import sprite_patch
-from napari_unpack.rendering.object_style import Study
+from napari_unpack.rendering.object_style import ObjectStyle
 
 FAINT_SHEET, SOLID = 1, 2
 SHOWN = TransferFunction([(0, 0.0), (100, 0.0), (1000, 0.5)])
@@ -42,7 +42,7 @@ def test_what_is_hardly_seen_leaves_under_a_veil_and_nothing_else_changes() -> N
 
 def test_an_opacity_of_its_own_is_left_alone() -> None:
     session = bag()
-    session.set_study(FAINT_SHEET, Study(SHOWN))
+    session.set_study(FAINT_SHEET, ObjectStyle(SHOWN))
     assert session.transfer_function_of(FAINT_SHEET) == SHOWN
     assert seen(session, FAINT_SHEET) < 0.05
 

@@ -12,7 +12,7 @@ import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.compose import object_patch, sprite_patch
-from napari_unpack.rendering.subvolumes import PictureCache
+from napari_unpack.rendering.subvolumes import SubvolumeCache
 from napari_unpack.rendering.upsampling import MOST_VOXELS, divisions, refined
 
 TURN = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
@@ -87,7 +87,7 @@ def test_densities_stay_at_their_places_in_the_world() -> None:
     volume = 500 + 30 * z - 4 * y + 7 * x
     labels = np.zeros(volume.shape, np.uint16)
     labels[6:14, 8:16, 8:18] = 1
-    cache = PictureCache(session_of(labels, volume, tuple(spacing)))
+    cache = SubvolumeCache(session_of(labels, volume, tuple(spacing)))
     fine = refined(cache.crop(1), 1, spacing, float(volume.min()))
     assert fine.finer[0] == 2 * fine.finer[1] == 2 * fine.finer[2] > 2
 
@@ -137,7 +137,7 @@ def test_large_objects_are_left_and_no_crop_grows_beyond_bounds() -> None:
     labels = np.zeros((20, 20, 200), np.uint16)
     labels[5:15, 5:15, 5:195] = 1
     volume = np.where(labels == 1, 1000, 0).astype(np.uint16)
-    cache = PictureCache(session_of(labels, volume))
+    cache = SubvolumeCache(session_of(labels, volume))
     crop = cache.crop(1)
     assert refined(crop, 1, np.ones(3), 0.0) is crop
 

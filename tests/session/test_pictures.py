@@ -13,7 +13,7 @@ from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering import compose
-from napari_unpack.rendering.object_style import Study
+from napari_unpack.rendering.object_style import ObjectStyle
 
 object_patch = partial(compose.object_patch, backend="cpu")
 packed_patch = partial(compose.packed_patch, backend="cpu")
@@ -40,8 +40,8 @@ class FakeSession(SimpleNamespace):
         tints[object_id] = COLORS[object_id]
         return tints
 
-    def study(self, object_id: int) -> Study:
-        return Study()
+    def study(self, object_id: int) -> ObjectStyle:
+        return ObjectStyle()
 
     def transfer_function_of(self, object_id: int) -> Any:
         return self.transfer_function

@@ -5,15 +5,17 @@ import pytest
 
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.image_patch import Patch, compose, window_of
+from napari_unpack.rendering.image_patch import ImagePatch, compose, window_of
 
 INF = np.inf
 
 
-def patch(color: tuple[float, ...], depth: list[list[float]], **where: float) -> Patch:
+def patch(color: tuple[float, ...], depth: list[list[float]], **where: float) -> ImagePatch:
     d = np.array(depth, np.float32)
     rgba = np.broadcast_to(np.array(color, np.float32), (*d.shape, 4)).copy()
-    return Patch(rgba, d, int(where.get("row", 0)), int(where.get("col", 0)), where.get("plane", 0))
+    return ImagePatch(
+        rgba, d, int(where.get("row", 0)), int(where.get("col", 0)), where.get("plane", 0)
+    )
 
 
 RED, GREEN = (1, 0, 0, 1), (0, 1, 0, 1)
@@ -63,9 +65,9 @@ def test_patches_are_cut_off_at_the_border() -> None:
 def test_trimming_keeps_just_what_can_be_seen() -> None:
     rgba = np.zeros((5, 6, 4), np.float32)
     rgba[1, 4] = rgba[3, 2] = 0.5
-    trimmed = Patch(rgba, np.zeros((5, 6), np.float32), 10, 20, 1.0).trimmed()
+    trimmed = ImagePatch(rgba, np.zeros((5, 6), np.float32), 10, 20, 1.0).trimmed()
     assert (trimmed.row, trimmed.col, trimmed.size, trimmed.plane) == (11, 22, (3, 3), 1.0)
-    assert Patch(0 * rgba, np.zeros((5, 6), np.float32), 0, 0).trimmed().is_empty
+    assert ImagePatch(0 * rgba, np.zeros((5, 6), np.float32), 0, 0).trimmed().is_empty
 
 
 def test_moving_a_patch_moves_its_depths() -> None:

@@ -122,9 +122,9 @@ def test_a_glimpse_of_another_direction_bag_or_rule_is_refused() -> None:
     session.hide([session.ids[0]])
     assert not session.accept_glimpse(glimpse)
     session.show([session.ids[0]])
-    session.most_in_group = 2
+    session.max_group_size = 2
     assert not session.accept_glimpse(glimpse)
-    session.most_in_group = 4
+    session.max_group_size = 4
     assert session.accept_glimpse(glimpse)
 
 

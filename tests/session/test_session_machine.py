@@ -163,8 +163,8 @@ class AnyCommands(RuleBasedStateMachine):
         self.attempt(lambda: self.session.turn(*self.ids([pick]), turn))
 
     @rule(pick=PICK)
-    def take_off(self, pick):
-        self.attempt(lambda: self.session.take_off(*self.ids([pick])))
+    def force_unpack(self, pick):
+        self.attempt(lambda: self.session.force_unpack(*self.ids([pick])))
 
     @rule(size=st.sampled_from([(300, 400), (900, 200), (60, 80)]))
     def resize(self, size):

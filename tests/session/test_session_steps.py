@@ -120,7 +120,7 @@ def test_hidden_objects_that_were_out_are_packed_at_the_start():
 
 def test_where_nobody_is_free_scrubbing_stops_and_says_so():
     session = session_of(hooked())
-    session.take_least_occluded, session.most_in_group = False, 1
+    session.take_least_occluded, session.max_group_size = False, 1
     heard = []
     session.events.message.connect(heard.append)
     assert session.go_to(3) == 0
@@ -145,7 +145,7 @@ def test_other_rules_make_the_old_answer_worthless():
     assert not session.queue.serves(
         session.unpack_direction, frozenset(session.ids), session._terms
     )
-    for name, bad in (("rule", "best"), ("tolerance", 1.5), ("most_in_group", 0)):
+    for name, bad in (("rule", "best"), ("tolerance", 1.5), ("max_group_size", 0)):
         with pytest.raises(ValueError, match=name):
             setattr(session, name, bad)
 

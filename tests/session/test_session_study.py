@@ -14,7 +14,7 @@ from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.rendering.compose import object_patch, packed_patch
-from napari_unpack.rendering.object_style import Study, cut_open, facts_of
+from napari_unpack.rendering.object_style import ObjectStyle, cut_open, facts_of
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.containers import opened, parts_by_density, surrounded
 from tin import tin
@@ -53,7 +53,7 @@ def test_an_opacity_of_its_own_changes_the_object_alone_and_is_undone(session):
     before, master, packed = alone(), session.transfer_function, bag()
     told = []
     session.events.states.connect(told.append)
-    session.set_study(1, Study(TransferFunction([(0, 0), (2500, 0), (2600, 0.5)])))
+    session.set_study(1, ObjectStyle(TransferFunction([(0, 0), (2500, 0), (2600, 0.5)])))
     assert told == [frozenset({1})]
     assert session.transfer_function is master
     assert np.abs(alone() - before).max() > 0.1
@@ -67,12 +67,12 @@ def test_a_cut_takes_away_what_lies_behind_its_plane(session):
     pose = packed_pose(session.boxes.center(2, session.spacing), camera)
     whole = object_patch(session, 2, pose, camera, size)
     middle = np.asarray(session.boxes.center(2, session.spacing))
-    session.set_study(2, Study(cut=(middle, camera.right)))
+    session.set_study(2, ObjectStyle(cut=(middle, camera.right)))
     half = object_patch(session, 2, pose, camera, size)
     seen = [(p.rgba[..., 3] > 0.3).sum() for p in (whole, half)]
     assert seen[1] == pytest.approx(seen[0] / 2, rel=0.15)
     # Oblique in millimetres, also where voxels are not cubes.
-    point, normal = Study(cut=(middle, np.array([0.6, 0.8, 0.0]))).planes(
+    point, normal = ObjectStyle(cut=(middle, np.array([0.6, 0.8, 0.0]))).planes(
         np.diag([0.5, 1.0, 1.0, 1.0])
     )[0]
     inside = middle + 3 * np.array([0.8, -0.6, 0.0])
@@ -130,11 +130,13 @@ def test_what_stands_in_a_cup_is_its_contents_and_leaves_it_piece_by_piece(lid):
     assert inner.unpack() == (1,)
     assert inner.states[4] is ObjectState.PACKED
     with pytest.raises(ValueError, match="is not in the bag: put it back"):
-        inner.take_off(1)
+        inner.force_unpack(1)
 
 
 def test_what_an_object_has_of_its_own_is_kept_in_sessions(session):
-    session.set_study(1, Study(TransferFunction([(0, 0), (500, 0.4)]), (np.ones(3), np.eye(3)[1])))
+    session.set_study(
+        1, ObjectStyle(TransferFunction([(0, 0), (500, 0.4)]), (np.ones(3), np.eye(3)[1]))
+    )
     record = json.loads(json.dumps(record_of(session)))
     again = session_from(record, *tin())
     study = again.study(1)

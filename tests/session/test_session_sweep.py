@@ -64,7 +64,7 @@ def test_free_is_what_a_sweep_of_the_voxels_says(name, least, record_property) -
 def test_a_whole_bag_leaves_group_by_group_and_nobody_meets_anybody(seed) -> None:
     session = bag(seed)
     session.rule, session.take_least_occluded = "exact", False
-    session.most_in_group = COUNT
+    session.max_group_size = COUNT
     session.direction = tuple(oblique(10)[seed]) if seed % 2 else "-y"
     labels = session.labels.copy()
     while (labels > 0).any():

@@ -124,7 +124,7 @@ def test_objects_that_hold_each_other_leave_and_return_together():
 
 def test_a_knot_that_is_too_large_counts_as_nobody_free():
     session = session_of(hooked())
-    session.most_in_group = 1
+    session.max_group_size = 1
     told: list[str] = []
     session.events.message.connect(told.append)
     # By first hit 1 has 8 rays in front and 8 behind 2, 2 has 8 of 16 behind 1: 0.5 each.
@@ -147,7 +147,7 @@ def test_of_the_least_blocked_leaving_one_after_another_is_told_once():
         for k, i in enumerate(order):
             labels[2 * k + 1, 1, place] = i
     session = session_of(labels)
-    session.most_in_group = 1
+    session.max_group_size = 1
     told: list[str] = []
     session.events.message.connect(told.append)
     assert session.unpack() == (1,)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking import Blocking, groups, reveal
+from napari_unpack.unpacking import BlockingGraph, groups, reveal
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 
 IDS = [2, 3, 5, 7, 9]
@@ -19,8 +19,8 @@ def table(*pairs: tuple[int, int]) -> np.ndarray:
     return blocks
 
 
-def blocking(*pairs: tuple[int, int]) -> Blocking:
-    return Blocking(blocking_graph(table(*pairs), IDS))
+def blocking(*pairs: tuple[int, int]) -> BlockingGraph:
+    return BlockingGraph(blocking_graph(table(*pairs), IDS))
 
 
 def test_a_chain_leaves_one_by_one_blockers_first():
@@ -60,9 +60,9 @@ def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
         exact_samples=np.array([0, 0, 2]),
         blocks=np.array([[False, True], [False, False]]),
     )
-    assert Blocking.of(counts).free_groups() == [(1,)]
-    assert Blocking.of(counts, tolerance=0.002).free_groups() == [(1,), (2,)]
-    assert Blocking.of(counts, rule="first_hit") is None
+    assert BlockingGraph.of(counts).free_groups() == [(1,)]
+    assert BlockingGraph.of(counts, tolerance=0.002).free_groups() == [(1,), (2,)]
+    assert BlockingGraph.of(counts, rule="first_hit") is None
 
 
 def test_a_table_of_another_size_is_refused():
@@ -116,7 +116,7 @@ def test_who_is_free_among_those_left_is_what_a_search_by_hand_finds(seed, densi
     rng = np.random.default_rng(seed)
     ids = np.sort(rng.choice(40, 9, replace=False))
     blocks = rng.random((9, 9)) < density
-    whole = Blocking(blocking_graph(blocks, ids))
+    whole = BlockingGraph(blocking_graph(blocks, ids))
     left = [int(i) for i in ids if rng.random() < 0.7]
     reach = {(int(a), int(b)) for a in ids for b in ids if a != b and blocks[ids == a, ids == b][0]}
     before = {i: {i} for i in left}

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.unpacking.direction_survey import (
-    COMPASS,
-    Outlook,
-    best_way_out,
+    DIRECTIONS_26,
+    DirectionalBlocking,
+    best_direction,
     least_unearthing,
 )
 
@@ -24,14 +24,14 @@ def outlook(direction, ids, *pairs):
     table = np.zeros((len(ids), len(ids)), bool)
     for front, behind in pairs:
         table[ids.index(front), ids.index(behind)] = True
-    return Outlook(np.asarray(direction), np.array(ids), table)
+    return DirectionalBlocking(np.asarray(direction), np.array(ids), table)
 
 
 def test_the_compass_holds_26_directions_with_their_opposites():
-    assert COMPASS.shape == (26, 3)
-    assert len({tuple(np.sign(d).astype(int)) for d in COMPASS}) == 26
-    np.testing.assert_allclose(np.linalg.norm(COMPASS, axis=1), 1)
-    np.testing.assert_array_equal(COMPASS, -COMPASS[::-1])
+    assert DIRECTIONS_26.shape == (26, 3)
+    assert len({tuple(np.sign(d).astype(int)) for d in DIRECTIONS_26}) == 26
+    np.testing.assert_allclose(np.linalg.norm(DIRECTIONS_26, axis=1), 1)
+    np.testing.assert_array_equal(DIRECTIONS_26, -DIRECTIONS_26[::-1])
 
 
 def test_what_hangs_together_is_one_group_and_what_it_blocks_is_not_free():
@@ -48,16 +48,16 @@ def test_the_best_way_frees_most_and_ties_go_to_the_nearest():
         outlook(SIDE, ids, (1, 2)),
         outlook(DOWN, ids, (3, 2)),
     ]
-    assert best_way_out(looks, ids, 4, UP).ids == {1, 3}
-    assert best_way_out(looks, ids, 4, -SIDE).direction @ DOWN == 1
-    assert best_way_out(looks, ids, 4, SIDE).direction @ SIDE == 1
-    assert best_way_out(looks, {2, 3}, 4, DOWN).ids == {2, 3}
+    assert best_direction(looks, ids, 4, UP).ids == {1, 3}
+    assert best_direction(looks, ids, 4, -SIDE).direction @ DOWN == 1
+    assert best_direction(looks, ids, 4, SIDE).direction @ SIDE == 1
+    assert best_direction(looks, {2, 3}, 4, DOWN).ids == {2, 3}
 
 
 def test_nobody_is_free_where_all_hang_together_and_groups_are_to_be_small():
     looks = [outlook(UP, [1, 2, 3], (1, 2), (2, 3), (3, 1))]
-    assert best_way_out(looks, [1, 2, 3], 2, UP) is None
-    assert best_way_out(looks, [1, 2, 3], 3, UP).groups == ((1, 2, 3),)
+    assert best_direction(looks, [1, 2, 3], 2, UP) is None
+    assert best_direction(looks, [1, 2, 3], 3, UP).groups == ((1, 2, 3),)
 
 
 def test_the_least_unearthing_names_direction_and_objects():
@@ -101,7 +101,11 @@ def test_objects_no_ray_met_block_nobody_and_the_tolerance_frees():
     counts[4, 7] = 1
     blocks = np.array([[False, True], [False, False]])
     met = OcclusionCounts(np.array([2, 7]), *counts, blocks=blocks)
-    strict = Outlook.of(UP, met, {2, 5, 7}, 0.0)
+    strict = DirectionalBlocking.of(UP, met, {2, 5, 7}, 0.0)
     assert sorted(strict.free_groups()) == [(2,), (5,)]
     assert strict.needed(7) == {2, 7}
-    assert sorted(Outlook.of(UP, met, {2, 5, 7}, 0.02).free_groups()) == [(2,), (5,), (7,)]
+    assert sorted(DirectionalBlocking.of(UP, met, {2, 5, 7}, 0.02).free_groups()) == [
+        (2,),
+        (5,),
+        (7,),
+    ]

@@ -126,7 +126,7 @@ def twin(session: Any, packed: bool = True) -> Any:
     other.show_unlabelled, other.clipping = session.show_unlabelled, session.clipping
     other.surroundings = session.surroundings
     other.away_from_table = session.away_from_table
-    other.most_in_group, other.backend = session.most_in_group, session.backend
+    other.max_group_size, other.backend = session.max_group_size, session.backend
     if session.direction is not None:
         other.direction = session.direction
     hidden = [i for i, state in session.states.items() if state is ObjectState.HIDDEN]

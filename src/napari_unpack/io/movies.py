@@ -220,14 +220,14 @@ def movie(
             filmed = twin(session, packed=False)
             filmed.surroundings = around
             camera = framed(filmed, even) if filmed.step else _close(filmed, even)
-            stage = _Stage(filmed, camera, even, fps, backend, tell)
-            frames = _turning(stage, turn_seconds)
+            controller = _Stage(filmed, camera, even, fps, backend, tell)
+            frames = _turning(controller, turn_seconds)
         else:
             filmed = twin(session)
             filmed.surroundings = around
             camera = framed(filmed, even)
-            stage = _Stage(filmed, camera, even, fps, backend, tell)
-            frames = _unpacking(stage, count, seconds)
+            controller = _Stage(filmed, camera, even, fps, backend, tell)
+            frames = _unpacking(controller, count, seconds)
         for frame in frames:
             write(frame)
     return target

@@ -246,12 +246,12 @@ def _amount(volume: float) -> str:
 
 
 def _picture(session: Any, object_id: int, backend: str) -> str:
-    berth = session._situation.out.get(object_id) or session.bag.berth(
+    placement = session._situation.out.get(object_id) or session.bag.placement(
         object_id, 0, (object_id,), session.unpack_direction, session.camera
     )
-    held = berth.rotation if berth.placed is None else berth.placed.rotation
+    held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
-    pixels = 2 * SIDE / max(berth.turned_mm or berth.picture_mm)
+    pixels = 2 * SIDE / max(placement.turned_mm or placement.picture_mm)
     patch = sprite_patch(session, object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
 

@@ -29,10 +29,10 @@ from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.json_fields import Fields
-from napari_unpack.rendering.object_style import Study
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
 from napari_unpack.session.session import Session
-from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -124,7 +124,7 @@ def densities_from(fields: Fields) -> TransferFunction:
         raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
 
 
-def studies_record(studies: Mapping[int, Study]) -> dict[str, Any]:
+def studies_record(studies: Mapping[int, ObjectStyle]) -> dict[str, Any]:
     """Return by ID what objects have of their own."""
     return {
         str(i): {
@@ -137,7 +137,7 @@ def studies_record(studies: Mapping[int, Study]) -> dict[str, Any]:
     }
 
 
-def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, Study]:
+def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
     """Make what `studies_record` was made of; nothing where older files say nothing of it.
 
     Raises
@@ -156,7 +156,7 @@ def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, Study]:
         cut = one.array("cut", (2, 3)) if one.has("cut") else None
         if cut is not None and not np.linalg.norm(cut[1]) > 0:
             raise ValueError(f"session.situation.studies.{i}.cut must have a normal that is not 0")
-        studies[i] = Study(own, None if cut is None else (cut[0], cut[1]))
+        studies[i] = ObjectStyle(own, None if cut is None else (cut[0], cut[1]))
     return studies
 
 
@@ -169,8 +169,8 @@ def situation_record(session: Session) -> dict[str, Any]:
         "studies": studies_record(now.studies),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
-        "out": [_berth(i, berth) for i, berth in now.out.items()],
-        "ahead": [[_berth(i, b) for i, b in departure.items()] for departure in now.ahead],
+        "out": [_placement(i, placement) for i, placement in now.out.items()],
+        "ahead": [[_placement(i, b) for i, b in departure.items()] for departure in now.ahead],
         "hidden": sorted(now.hidden),
         "good": sorted(session.good),
         "inspected": now.inspected,
@@ -186,7 +186,7 @@ def situation_record(session: Session) -> dict[str, Any]:
     }
 
 
-def situation_from(fields: Fields, session: Session, known: frozenset[int]) -> Situation:
+def situation_from(fields: Fields, session: Session, known: frozenset[int]) -> SessionState:
     """Make the situation a record was made of.
 
     Parameters
@@ -208,8 +208,8 @@ def situation_from(fields: Fields, session: Session, known: frozenset[int]) -> S
             raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
         hues[i] = float(hue)
     names = {i: str(name) for i, name in fields.by_id("names", known).items()}
-    out = dict(_read_berth(part, known, session._most) for part in fields.parts("out"))
-    slots = [berth.slot for berth in out.values()]
+    out = dict(_read_placement(part, known, session._most) for part in fields.parts("out"))
+    slots = [placement.slot for placement in out.values()]
     if len(set(slots)) != len(slots):
         raise ValueError("session.situation.out must give every object a slot of its own")
     hidden = frozenset(fields.ids("hidden", known))
@@ -232,15 +232,15 @@ def situation_from(fields: Fields, session: Session, known: frozenset[int]) -> S
     )
 
 
-def _berth(object_id: int, berth: Berth) -> dict[str, Any]:
-    placed = berth.placed
+def _placement(object_id: int, placement: Placement) -> dict[str, Any]:
+    placed = placement.placed
     return {
         "id": object_id,
-        "slot": berth.slot,
-        "rotation": berth.rotation.tolist(),
-        "picture_mm": list(berth.picture_mm),
-        "direction": np.asarray(berth.direction).tolist(),
-        "group": list(berth.group),
+        "slot": placement.slot,
+        "rotation": placement.rotation.tolist(),
+        "picture_mm": list(placement.picture_mm),
+        "direction": np.asarray(placement.direction).tolist(),
+        "group": list(placement.group),
         "placed": None
         if placed is None
         else {
@@ -248,12 +248,12 @@ def _berth(object_id: int, berth: Berth) -> dict[str, Any]:
             "rotation": np.asarray(placed.rotation).tolist(),
             "scale": float(placed.scale),
         },
-        "within": None if berth.within is None else list(berth.within),
-        "turned_mm": None if berth.turned_mm is None else list(berth.turned_mm),
+        "within": None if placement.within is None else list(placement.within),
+        "turned_mm": None if placement.turned_mm is None else list(placement.turned_mm),
     }
 
 
-def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int, Berth]:
+def _read_placement(fields: Fields, known: frozenset[int], count: int) -> tuple[int, Placement]:
     object_id, slot = fields.integer("id"), fields.integer("slot")
     group = fields.ids("group", known)
     if object_id not in group or slot >= count:
@@ -266,7 +266,7 @@ def _read_berth(fields: Fields, known: frozenset[int], count: int) -> tuple[int,
         part = fields.part("placed")
         placed = Pose(part.array("center", (3,)), part.rotation(), part.positive("scale"))
     direction = fields.array("direction", (3,))
-    return object_id, Berth(
+    return object_id, Placement(
         slot,
         fields.rotation(),
         _lengths(fields, "picture_mm"),
@@ -286,16 +286,16 @@ def _lengths(fields: Fields, name: str) -> tuple[float, float]:
 
 
 def _read_ahead(
-    fields: Fields, known: frozenset[int], slots: int, out: Mapping[int, Berth]
-) -> list[dict[int, Berth]]:
+    fields: Fields, known: frozenset[int], slots: int, out: Mapping[int, Placement]
+) -> list[dict[int, Placement]]:
     found, seen = [], set(out)
     for k, _ in enumerate(fields.items("ahead")):
         departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
-        berths = dict(_read_berth(part, known, slots) for part in departure.parts("ahead"))
-        if seen.intersection(berths):
+        placements = dict(_read_placement(part, known, slots) for part in departure.parts("ahead"))
+        if seen.intersection(placements):
             raise ValueError("session.situation.ahead must name nobody who is out already")
-        seen.update(berths)
-        found.append(berths)
+        seen.update(placements)
+        found.append(placements)
     return found
 
 
@@ -458,7 +458,7 @@ def record_of(session: Session) -> dict[str, Any]:
         "rules": {
             "rule": session.rule,
             "tolerance": session.tolerance,
-            "most_in_group": session.most_in_group,
+            "most_in_group": session.max_group_size,
             "take_least_occluded": session.take_least_occluded,
         },
         "look": {
@@ -519,7 +519,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     rules, look = fields.part("rules"), fields.part("look")
     session.rule = rules.text("rule", get_args(Rule))  # type: ignore[assignment]
     session.tolerance = rules.number("tolerance")
-    session.most_in_group = rules.integer("most_in_group", 1)
+    session.max_group_size = rules.integer("most_in_group", 1)
     session.take_least_occluded = rules.flag("take_least_occluded")
     session.tint_mode = look.text("tint_mode", get_args(Mode))  # type: ignore[assignment]
     session.show_unlabelled = look.flag("show_unlabelled")

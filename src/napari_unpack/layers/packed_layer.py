@@ -17,10 +17,10 @@ from napari_unpack.appearance import Surroundings
 from napari_unpack.appearance.decorations import box_edges
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.compat import PictureLayer, register
-from napari_unpack.layers.rendered_image import LiveShot, Shot, to_bytes
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage, to_bytes
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.layers.vispy_adapter import CardsAdapter
-from napari_unpack.rendering.gl.depth_quads import Card, Picture, ScreenPlace
+from napari_unpack.layers.vispy_adapter import QuadsAdapter
+from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
 from napari_unpack.rendering.gl.lines import Stroke
 
 OWN = "napari"
@@ -42,9 +42,9 @@ class Backdrop:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     around: Surroundings = field(default_factory=Surroundings.of)
-    _ground: tuple[object, Picture] | None = None
+    _ground: tuple[object, ImageTexture] | None = None
     _strokes: list[Stroke] = field(default_factory=list)
-    _edges: tuple[Frame, list[Card]] | None = None
+    _edges: tuple[Frame, list[Quad]] | None = None
 
     @classmethod
     def of(cls, session: Any) -> Backdrop:
@@ -59,17 +59,17 @@ class Backdrop:
         self.around, self._ground, self._edges = around, None, None
         self._strokes = []
 
-    def behind(self, frame: Frame) -> list[Card]:
+    def behind(self, frame: Frame) -> list[Quad]:
         """Return the background's card; none where one colour of the canvas will do."""
         ground = self.around.background
         if ground.is_plain:
             return []
         size = frame.size if ground.picture is not None else (frame.size[0], 2)
         if self._ground is None or self._ground[0] != size:
-            self._ground = size, Picture(to_bytes(ground.paint(size)))
-        return [Card(self._ground[1], FARTHEST)]
+            self._ground = size, ImageTexture(to_bytes(ground.paint(size)))
+        return [Quad(self._ground[1], FARTHEST)]
 
-    def edges(self, frame: Frame, opacity: float) -> list[Card]:
+    def edges(self, frame: Frame, opacity: float) -> list[Quad]:
         """Return the cards of the box's edges."""
         if not self.around.box:
             return []
@@ -114,24 +114,27 @@ class PackedLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shot: Shot | LiveShot | None = None
-        self._before: Shot | None = None
+        self._shot: RenderedImage | CanvasImage | None = None
+        self._before: RenderedImage | None = None
         self._mix = 1.0
         self.drawn, self.drawn_at = False, 0.0
         self.backdrop: Backdrop | None = None
-        self._cards: tuple[Card, ...] = ()
+        self._cards: tuple[Quad, ...] = ()
         self._cards_for: Camera | None = None
         self.dimming = 1.0
         self.on_draw: Callable[[], None] = _nothing
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shot(self) -> Shot | LiveShot | None:
+    def shot(self) -> RenderedImage | CanvasImage | None:
         """What is shown."""
         return self._shot
 
     def show(
-        self, shot: Shot | LiveShot | None, before: Shot | None = None, resting: bool = True
+        self,
+        shot: RenderedImage | CanvasImage | None,
+        before: RenderedImage | None = None,
+        resting: bool = True,
     ) -> None:
         """Show another picture, at once or with `mix` from one that it covers.
 
@@ -163,7 +166,7 @@ class PackedLayer(PictureLayer):
         self.dimming, self._cards_for = factor, None
         self.repaint()
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the picture's card and what is around it.
 
         The picture moves with the camera while a new one is cast.
@@ -177,7 +180,7 @@ class PackedLayer(PictureLayer):
         edges = self.backdrop.edges(self.frame, self.dimming)
         return [*self.backdrop.behind(frame), *cards, *edges]
 
-    def _bag_cards(self, frame: Frame) -> Sequence[Card]:
+    def _bag_cards(self, frame: Frame) -> Sequence[Quad]:
         if self._shot is None:
             return ()
         if self._cards_for is not self.frame.camera:
@@ -195,7 +198,7 @@ def _nothing() -> None:
 
 register(
     PackedLayer,
-    CardsAdapter,
+    QuadsAdapter,
     "The objects that are still packed. The picture is cast again only when the view, a colour or "
     "the opacity of densities changes. Use the Virtual Unpacking panel to change those.",
 )

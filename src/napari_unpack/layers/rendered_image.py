@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.gl.depth_quads import Card, Picture, PivotPlace
-from napari_unpack.rendering.image_patch import Patch
+from napari_unpack.rendering.gl.depth_quads import ImageTexture, PivotPlace, Quad
+from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Silhouette, decorated
 
 
@@ -48,7 +48,7 @@ class PicturePlace(PivotPlace):
 
 
 class Placed(Protocol):
-    """A rectangle of a picture: a `Patch`, or one that is still to be cast."""
+    """A rectangle of a picture: a `ImagePatch`, or one that is still to be cast."""
 
     @property
     def row(self) -> int:
@@ -74,7 +74,7 @@ def picture_place(
 
     Parameters
     ----------
-    patch : Patch or Window
+    patch : ImagePatch or Window
         Where the pixels are in the whole picture.
     made_for : Camera
         The camera the picture was cast for.
@@ -106,12 +106,12 @@ def picture_place(
     )
 
 
-def sprite_place(patch: Patch, center: tuple[float, float, float], mm: float) -> PivotPlace:
+def sprite_place(patch: ImagePatch, center: tuple[float, float, float], mm: float) -> PivotPlace:
     """Place a sprite's patch in pivot space.
 
     Parameters
     ----------
-    patch : Patch
+    patch : ImagePatch
         Of `session.pictures.sprite_patch`: row and col count from the object's centre.
     center : (float, float, float)
         Where that centre is, pivot space mm.
@@ -147,14 +147,14 @@ FRONT = -0.999
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class RenderedImage:
     """A patch of a picture cast for one camera.
 
     Parameters
     ----------
-    patch : Patch
+    patch : ImagePatch
         Pixels, depths, window.
-    picture : Picture
+    picture : ImageTexture
         The same, for the graphics card.
     camera : Camera
         The camera it was cast for.
@@ -164,18 +164,18 @@ class Shot:
         Draw it before everything else instead of where it is.
     """
 
-    patch: Patch
-    picture: Picture
+    patch: ImagePatch
+    picture: ImageTexture
     camera: Camera
     size: tuple[int, int]
     in_front: bool = False
 
     @classmethod
-    def of(cls, patch: Patch, camera: Camera, size: tuple[int, int]) -> Shot | None:
+    def of(cls, patch: ImagePatch, camera: Camera, size: tuple[int, int]) -> RenderedImage | None:
         """Return the shot of a patch; None where it has no pixels. For worker threads too."""
         if patch.is_empty:
             return None
-        return cls(patch, Picture(to_bytes(patch.rgba), patch.depth), camera, size)
+        return cls(patch, ImageTexture(to_bytes(patch.rgba), patch.depth), camera, size)
 
     @property
     def thumbnail(self) -> NDArray[np.float32]:
@@ -187,7 +187,7 @@ class Shot:
         """Whether it is cast; it always is."""
         return True
 
-    def covers(self, other: Shot) -> bool:
+    def covers(self, other: RenderedImage) -> bool:
         """Return whether pixels of both show the same rays."""
         mine, theirs = self.patch, other.patch
         return self.camera is other.camera and (self.size, mine.row, mine.col, mine.size) == (
@@ -197,18 +197,18 @@ class Shot:
             theirs.size,
         )
 
-    def mixed(self, before: Shot, part: float) -> Shot:
+    def mixed(self, before: RenderedImage, part: float) -> RenderedImage:
         """Return the shot that is so far on the way from another, which it must cover."""
         rgba = before.patch.rgba + np.float32(part) * (self.patch.rgba - before.patch.rgba)
         patch = replace(self.patch, rgba=rgba)
-        return replace(self, patch=patch, picture=Picture(to_bytes(rgba), patch.depth))
+        return replace(self, patch=patch, picture=ImageTexture(to_bytes(rgba), patch.depth))
 
-    def card(self, seen_by: Camera, opacity: float = 1.0) -> Card:
+    def card(self, seen_by: Camera, opacity: float = 1.0) -> Quad:
         """Return the card that shows it where it belongs under a camera."""
         place = picture_place(self.patch, self.camera, self.size, seen_by)
         if self.in_front:
             place = replace(place, ndc_depth=FRONT)
-        return Card(self.picture, place, opacity)
+        return Quad(self.picture, place, opacity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ class Sprite:
 
     Parameters
     ----------
-    patch : Patch
+    patch : ImagePatch
         Of `session.pictures.sprite_patch`, its colours as float16.
     pose : Pose
         Where it waits and how it is turned.
@@ -227,13 +227,13 @@ class Sprite:
         The same for the graphics card, by the silhouette laid under it.
     """
 
-    patch: Patch
+    patch: ImagePatch
     pose: Pose
     mm: float
-    pictures: dict[Silhouette, Picture] = field(default_factory=dict)
+    pictures: dict[Silhouette, ImageTexture] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, patch: Patch, pose: Pose, mm: float) -> Sprite | None:
+    def of(cls, patch: ImagePatch, pose: Pose, mm: float) -> Sprite | None:
         """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
         if patch.is_empty:
             return None
@@ -253,22 +253,22 @@ class Sprite:
         """Return the same picture elsewhere."""
         return replace(self, pose=pose)
 
-    def picture(self, silhouette: Silhouette) -> Picture:
+    def picture(self, silhouette: Silhouette) -> ImageTexture:
         """Return its picture with a silhouette, made at the first call (some milliseconds)."""
         if silhouette not in self.pictures:
             m = silhouette.margin
             depth = np.pad(self.patch.depth, m, constant_values=np.inf)
             rgba = to_bytes(decorated(self.patch.rgba.astype(np.float32), silhouette))
-            self.pictures[silhouette] = Picture(rgba, depth)
+            self.pictures[silhouette] = ImageTexture(rgba, depth)
         return self.pictures[silhouette]
 
-    def card(self, silhouette: Silhouette, opacity: float = 1.0) -> Card:
+    def card(self, silhouette: Silhouette, opacity: float = 1.0) -> Quad:
         """Return its card."""
         z, y, x = (float(v) for v in self.pose.center)
         place = sprite_place(self.patch, (z, y, x), self.mm)
         margin = silhouette.margin * self.mm
         half = place.half[0] + margin, place.half[1] + margin
-        return Card(self.picture(silhouette), replace(place, half=half), opacity)
+        return Quad(self.picture(silhouette), replace(place, half=half), opacity)
 
     def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Return whether a point of its plane lies on its rectangle, widened by mm."""
@@ -288,7 +288,7 @@ WIDEN = 64
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of a picture, placed as a `Patch` is.
+    """A rectangle of a picture, placed as a `ImagePatch` is.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ class Window:
 
 
 @dataclass(eq=False)
-class LiveShot:
+class CanvasImage:
     """A picture for one camera, cast when it is first drawn.
 
     Parameters
@@ -333,15 +333,15 @@ class LiveShot:
     window: Window
     camera: Camera
     size: tuple[int, int]
-    develop: Callable[[], Picture | None]
+    develop: Callable[[], ImageTexture | None]
     in_front: bool = False
     ready: bool = field(default=False, init=False)
-    _picture: Picture | None = field(default=None, init=False)
+    _picture: ImageTexture | None = field(default=None, init=False)
 
     thumbnail: None = field(default=None, init=False)
     """Nothing is read back from the graphics card for the layer list."""
 
-    def card(self, seen_by: Camera, opacity: float = 1.0) -> Card | None:
+    def card(self, seen_by: Camera, opacity: float = 1.0) -> Quad | None:
         """Return the card that shows it under a camera; None where it could not be cast."""
         if not self.ready:
             self._picture, self.ready = self.develop(), True
@@ -350,4 +350,4 @@ class LiveShot:
         place = picture_place(self.window, self.camera, self.size, seen_by)
         if self.in_front:
             place = replace(place, ndc_depth=FRONT)
-        return Card(self._picture, place, opacity)
+        return Quad(self._picture, place, opacity)

@@ -16,8 +16,8 @@ from napari_unpack.layers.rendered_image import (
     Sprite,
 )
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.layers.vispy_adapter import CardsAdapter
-from napari_unpack.rendering.gl.depth_quads import Card
+from napari_unpack.layers.vispy_adapter import QuadsAdapter
+from napari_unpack.rendering.gl.depth_quads import Quad
 
 
 class SpriteLayer(PictureLayer):
@@ -31,7 +31,7 @@ class SpriteLayer(PictureLayer):
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._sprites: dict[int, Sprite] = {}
-        self._cards: dict[int, Card] = {}
+        self._cards: dict[int, Quad] = {}
         self._chosen: frozenset[int] = frozenset()
         self.dimming = 1.0
         self._edges = RESTING, CHOSEN
@@ -104,7 +104,7 @@ class SpriteLayer(PictureLayer):
                 return object_id
         return 0
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return a card for each sprite."""
         super().cards_at(frame)
         for object_id, sprite in self._sprites.items():
@@ -116,7 +116,7 @@ class SpriteLayer(PictureLayer):
 
 register(
     SpriteLayer,
-    CardsAdapter,
+    QuadsAdapter,
     "The unpacked objects, one small picture each. Double click one to inspect it, drag it to "
     "turn it.",
 )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from napari_unpack.layers.compat import PictureLayer, register
-from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.layers.vispy_adapter import CardsAdapter
-from napari_unpack.rendering.gl.depth_quads import Card
+from napari_unpack.layers.vispy_adapter import QuadsAdapter
+from napari_unpack.rendering.gl.depth_quads import Quad
 
 
 class TransitionLayer(PictureLayer):
@@ -21,16 +21,16 @@ class TransitionLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shots: dict[int, Shot | LiveShot] = {}
-        self.overlays: Callable[[Frame], Sequence[Card]] | None = None
+        self._shots: dict[int, RenderedImage | CanvasImage] = {}
+        self.overlays: Callable[[Frame], Sequence[Quad]] | None = None
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shots(self) -> dict[int, Shot | LiveShot]:
+    def shots(self) -> dict[int, RenderedImage | CanvasImage]:
         """What is shown, by object."""
         return dict(self._shots)
 
-    def show(self, shots: Mapping[int, Shot | LiveShot]) -> None:
+    def show(self, shots: Mapping[int, RenderedImage | CanvasImage]) -> None:
         """Show these and nothing else."""
         fresh = shots.keys() - self._shots.keys()
         self._shots = dict(shots)
@@ -38,7 +38,7 @@ class TransitionLayer(PictureLayer):
             self.set_picture(shots[object_id].thumbnail)
         self.repaint()
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return a card for each object in the air, over what is drawn upon the bag."""
         super().cards_at(frame)
         under = () if self.overlays is None else self.overlays(frame)
@@ -48,7 +48,7 @@ class TransitionLayer(PictureLayer):
 
 register(
     TransitionLayer,
-    CardsAdapter,
+    QuadsAdapter,
     "Objects on their way out of the bag or back, and the one being inspected. Empty while "
     "nothing moves.",
 )

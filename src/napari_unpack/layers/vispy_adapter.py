@@ -12,11 +12,11 @@ from napari_unpack.geometry.axes import Matrix, flip, flip_matrix
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.compat import PictureAdapter, PictureLayer
 from napari_unpack.layers.view_camera import Frame, camera_from_render, camera_in_session
-from napari_unpack.rendering.gl.depth_quads import CardsVisual, clip_from_pivot
+from napari_unpack.rendering.gl.depth_quads import QuadsVisual, clip_from_pivot
 from napari_unpack.rendering.gl.matrices import matrix_of
 
 
-class CardsNode(create_visual_node(CardsVisual)):  # type: ignore[misc]
+class QuadsNode(create_visual_node(QuadsVisual)):  # type: ignore[misc]
     """Cards in a napari canvas, whose depth function is not GL's default."""
 
     def draw(self) -> None:
@@ -25,7 +25,7 @@ class CardsNode(create_visual_node(CardsVisual)):  # type: ignore[misc]
         gloo.set_depth_func("lequal")
 
 
-class CardsAdapter(PictureAdapter):
+class QuadsAdapter(PictureAdapter):
     """Draws a picture layer as cards and tells the layer what the canvas showed.
 
     Parameters
@@ -37,7 +37,7 @@ class CardsAdapter(PictureAdapter):
     """
 
     def __init__(self, layer: PictureLayer, **kwargs: Any) -> None:
-        super().__init__(layer, CardsNode(), **kwargs)
+        super().__init__(layer, QuadsNode(), **kwargs)
         self.node.before_draw = self._before_draw
         self.node.refused = layer.refused.emit
         layer.frame_now = self._frame

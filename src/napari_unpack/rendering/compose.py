@@ -18,9 +18,9 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.image_patch import Image, Patch, compose, nothing
+from napari_unpack.rendering.image_patch import Image, ImagePatch, compose, nothing
 from napari_unpack.rendering.object_casting import cast_crop
-from napari_unpack.rendering.scene import BOOK, LIGHT, Depicted, packed_look, solo_look
+from napari_unpack.rendering.scene import BOOK, LIGHT, Scene, packed_look, solo_look
 from napari_unpack.rendering.upsampling import refined
 
 SAMPLES_AT_REST = 3
@@ -28,18 +28,18 @@ SAMPLES_AT_REST = 3
 
 
 def packed_patch(
-    session: Depicted,
+    session: Scene,
     camera: Camera,
     size: tuple[int, int],
     step_scale: float = 1.0,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
-) -> Patch:
+) -> ImagePatch:
     """Cast what is packed.
 
     Parameters
     ----------
-    session : Depicted
+    session : Scene
         Whose bag.
     camera : Camera
         Where one looks from.
@@ -54,7 +54,7 @@ def packed_patch(
 
     Returns
     -------
-    Patch
+    ImagePatch
         The window of the picture that the volume's box covers.
     """
     # The crop first: tints may be of more objects than the labels have, never of fewer.
@@ -63,7 +63,7 @@ def packed_patch(
 
 
 def object_patch(
-    session: Depicted,
+    session: Scene,
     object_id: int,
     pose: Pose,
     camera: Camera,
@@ -73,12 +73,12 @@ def object_patch(
     shading: Shading | None = LIGHT,
     *,
     smooth: bool = False,
-) -> Patch:
+) -> ImagePatch:
     """Cast one object alone where a pose places it; only its projected box is cast.
 
     Parameters
     ----------
-    session : Depicted
+    session : Scene
         Whose object.
     object_id : int
         Which.
@@ -99,7 +99,7 @@ def object_patch(
 
     Returns
     -------
-    Patch
+    ImagePatch
         Without pixels where the object is out of the picture.
 
     Raises
@@ -126,19 +126,19 @@ def object_patch(
 
 
 def sprite_patch(
-    session: Depicted,
+    session: Scene,
     object_id: int,
     pose: Pose,
     pixels_per_mm: float,
     step_scale: float = 1.0,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
-) -> Patch:
+) -> ImagePatch:
     """Cast the small picture of an unpacked object.
 
     Parameters
     ----------
-    session : Depicted
+    session : Scene
         Whose object.
     object_id : int
         Which.
@@ -152,7 +152,7 @@ def sprite_patch(
 
     Returns
     -------
-    Patch
+    ImagePatch
         Orthographic, on a transparent ground, no row or column empty at its border. `row` and
         `col` count from the pixel whose centre is the object's box centre, so the card's top
         left corner is (row - 0.5, col - 0.5) / pixels_per_mm from `pose.center` along the
@@ -190,7 +190,7 @@ SHARE_OF_VIEW = 0.72
 
 
 def scene(
-    session: Depicted,
+    session: Scene,
     camera: Camera,
     size: tuple[int, int],
     time: float | None = None,
@@ -202,7 +202,7 @@ def scene(
 
     Parameters
     ----------
-    session : Depicted
+    session : Scene
         What is packed, in the air and unpacked.
     camera : Camera
         Where one looks from.
@@ -244,7 +244,9 @@ def scene(
         patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
     if not inspected:
         return _surrounded(compose(size, patches), camera, around)
-    dimmed = Patch(DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf)
+    dimmed = ImagePatch(
+        DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
+    )
     posed = [_inspected_pose(session, i, camera, size) for i in inspected]
     fine = 1.0 / SAMPLES_AT_REST
     alone = [
@@ -255,28 +257,26 @@ def scene(
 
 
 def _box_patch(
-    session: Depicted, camera: Camera, size: tuple[int, int], around: Surroundings
-) -> Patch:
+    session: Scene, camera: Camera, size: tuple[int, int], around: Surroundings
+) -> ImagePatch:
     boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
     lower = (boxes.lower.min(axis=0) - 0.5) * spacing
     upper = (boxes.upper.max(axis=0) - 0.5) * spacing
     rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
-    return Patch(rgba, depth, 0, 0)
+    return ImagePatch(rgba, depth, 0, 0)
 
 
 def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
     """Lay a picture over the background, and the scale bar over both."""
     size = image.shape[0], image.shape[1]
     far = np.full(size, np.inf, np.float32)
-    patches = [Patch(image, far, 0, 0)]
+    patches = [ImagePatch(image, far, 0, 0)]
     if around.scale:
-        patches.append(Patch(draw_scale(camera, size, around.ink), far, 0, 0))
+        patches.append(ImagePatch(draw_scale(camera, size, around.ink), far, 0, 0))
     return compose(size, patches, around.background)
 
 
-def _inspected_pose(
-    session: Depicted, object_id: int, camera: Camera, size: tuple[int, int]
-) -> Pose:
+def _inspected_pose(session: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:
     spacing = np.asarray(session.spacing, dtype=np.float64)
     diameter = 2 * session.boxes.radius(object_id, spacing, camera.stretch)
     height = camera.height * min(1.0, size[1] / size[0])
@@ -286,14 +286,14 @@ def _inspected_pose(
 
 
 def _placed_sprite(
-    session: Depicted,
+    session: Scene,
     object_id: int,
     pose: Pose,
     camera: Camera,
     size: tuple[int, int],
     backend: str,
     shading: Shading | None,
-) -> Patch:
+) -> ImagePatch:
     nearness = 1.0 - pose.center[0] / camera.distance
     if nearness <= 0.0:
         return nothing()
@@ -302,7 +302,7 @@ def _placed_sprite(
     look = solo_look(session, object_id, crop, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     key = ("sprite", look.key, *held, round(resolution, 6))
-    patch: Patch = BOOK.of(session).keep(
+    patch: ImagePatch = BOOK.of(session).keep(
         key,
         lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
     )

@@ -21,7 +21,7 @@ Image = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class ImagePatch:
     """A rectangle of a picture.
 
     Parameters
@@ -57,19 +57,19 @@ class Patch:
         """Whether it has no pixels, its object being out of the picture."""
         return self.depth.size == 0
 
-    def at(self, row: int, col: int, plane: float) -> Patch:
+    def at(self, row: int, col: int, plane: float) -> ImagePatch:
         """Return the same patch elsewhere, its depths moved along with its plane."""
         moved = self.depth + np.float32(plane - self.plane)
-        return Patch(self.rgba, moved, row, col, plane)
+        return ImagePatch(self.rgba, moved, row, col, plane)
 
-    def trimmed(self) -> Patch:
+    def trimmed(self) -> ImagePatch:
         """Return the smallest patch that keeps every pixel which is not fully transparent."""
         seen = self.rgba[..., 3] > 0
         rows, cols = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
         if not len(rows):
             return nothing(self.plane)
         window = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
-        return Patch(
+        return ImagePatch(
             np.ascontiguousarray(self.rgba[window]),
             np.ascontiguousarray(self.depth[window]),
             self.row + int(rows[0]),
@@ -78,9 +78,9 @@ class Patch:
         )
 
 
-def nothing(plane: float = 0.0) -> Patch:
+def nothing(plane: float = 0.0) -> ImagePatch:
     """Return a patch without pixels."""
-    return Patch(np.zeros((0, 0, 4), np.float32), np.zeros((0, 0), np.float32), 0, 0, plane)
+    return ImagePatch(np.zeros((0, 0, 4), np.float32), np.zeros((0, 0), np.float32), 0, 0, plane)
 
 
 def window_of(
@@ -123,7 +123,7 @@ def window_of(
 
 def compose(
     size: tuple[int, int],
-    patches: Iterable[Patch],
+    patches: Iterable[ImagePatch],
     background: Background | Sequence[float] = (0.0, 0.0, 0.0, 0.0),
 ) -> Image:
     """Lay patches over each other by depth, pixel by pixel.
@@ -132,7 +132,7 @@ def compose(
     ----------
     size : (int, int)
         Height and width of the picture, pixels.
-    patches : iterable of Patch
+    patches : iterable of ImagePatch
         What lies outside the picture is cut off.
     background : Background, or what `Background.of` takes
         Behind everything.

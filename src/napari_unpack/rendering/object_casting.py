@@ -12,12 +12,12 @@ from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import TransferFunctionLike, cast_tinted
-from napari_unpack.rendering.image_patch import Patch, nothing, window_of
-from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.rendering.image_patch import ImagePatch, nothing, window_of
+from napari_unpack.rendering.subvolumes import Subvolume
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Appearance:
     """How densities and objects appear, and who casts.
 
     Parameters
@@ -61,13 +61,13 @@ class Look:
 
 
 def cast_crop(
-    crop: Crop, moved: Matrix | None, camera: Camera, size: tuple[int, int], look: Look
-) -> Patch:
+    crop: Subvolume, moved: Matrix | None, camera: Camera, size: tuple[int, int], look: Appearance
+) -> ImagePatch:
     """Cast a crop where it appears in a picture.
 
     Parameters
     ----------
-    crop : Crop
+    crop : Subvolume
         What.
     moved : (4, 4) ndarray of float64, optional
         The T of eq. 3, world to world; None where the crop stays at its place.
@@ -75,12 +75,12 @@ def cast_crop(
         Where one looks from.
     size : (int, int)
         Height and width of the whole picture, pixels.
-    look : Look
+    look : Appearance
         How it appears.
 
     Returns
     -------
-    Patch
+    ImagePatch
         Without pixels where the crop is out of the picture.
     """
     pivot, voxel_from_world = camera.pivot_from_world(), crop.voxel_from_world
@@ -106,4 +106,4 @@ def cast_crop(
         clipping=look.clipping,
         backend=look.backend,
     )
-    return Patch(rgba, depth, window[0], window[1], plane)
+    return ImagePatch(rgba, depth, window[0], window[1], plane)

@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class ObjectStyle:
     """How an object is shown when it is not in the bag.
 
     Parameters
@@ -51,7 +51,7 @@ def cut_open(session: Any, object_id: int, rotation: Matrix, depth: float) -> tu
     Returns
     -------
     point, normal : (3,) ndarray of float64
-        Straight across the view; see `Study.cut`.
+        Straight across the view; see `ObjectStyle.cut`.
     """
     # Depths are taken by the map to pivot space, which a mirror turns round.
     towards = unit(rotation[0] @ session.camera.stretch)

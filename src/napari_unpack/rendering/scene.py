@@ -13,9 +13,9 @@ from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering import TransferFunctionLike
-from napari_unpack.rendering.object_casting import Look
-from napari_unpack.rendering.object_style import Study
-from napari_unpack.rendering.subvolumes import CacheBook, Crop, Pictured
+from napari_unpack.rendering.object_casting import Appearance
+from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.rendering.subvolumes import CacheBook, Pictured, Subvolume
 from napari_unpack.rendering.upsampling import look_at
 
 LIGHT = Shading()
@@ -24,7 +24,7 @@ BOOK = CacheBook()
 """What was cast of every session, by what it depends on."""
 
 
-class Depicted(Pictured, Protocol):
+class Scene(Pictured, Protocol):
     """What pictures ask of a session; `session.Session` is one."""
 
     @property
@@ -57,7 +57,7 @@ class Depicted(Pictured, Protocol):
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
         """(M, 4) tints, zero but for one object."""
 
-    def study(self, object_id: int) -> Study:
+    def study(self, object_id: int) -> ObjectStyle:
         """Opacity and cut of an object's own."""
 
     def transfer_function_of(self, object_id: int) -> TransferFunctionLike:
@@ -65,21 +65,21 @@ class Depicted(Pictured, Protocol):
 
 
 def packed_look(
-    session: Depicted, shading: Shading | None, step_scale: float, backend: str
-) -> Look:
+    session: Scene, shading: Shading | None, step_scale: float, backend: str
+) -> Appearance:
     """Return how what is packed is cast, but for the camera."""
     look = _look(session, session.packed_tints(), shading, step_scale, backend)
     return replace(look, clipping=session.clipping)
 
 
 def solo_look(
-    session: Depicted,
+    session: Scene,
     object_id: int,
-    crop: Crop,
+    crop: Subvolume,
     shading: Shading | None,
     step_scale: float,
     backend: str,
-) -> Look:
+) -> Appearance:
     """Return how one object's crop is cast, but for where it is and the camera."""
     look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
     function, cut = session.transfer_function_of(object_id), session.study(object_id)
@@ -88,11 +88,11 @@ def solo_look(
 
 
 def _look(
-    session: Depicted,
+    session: Scene,
     tints: NDArray[np.float32],
     shading: Shading | None,
     step_scale: float,
     backend: str,
-) -> Look:
+) -> Appearance:
     spacing = np.asarray(session.spacing, dtype=np.float64)
-    return Look(session.transfer_function, tints, shading, spacing, step_scale, backend)
+    return Appearance(session.transfer_function, tints, shading, spacing, step_scale, backend)

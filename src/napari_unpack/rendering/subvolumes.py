@@ -60,18 +60,18 @@ class Edit:
 
     Parameters
     ----------
-    of : weakref to Crop
+    of : weakref to Subvolume
         The one before.
     box : (slice, slice, slice) or None
         Voxels outside which the labels are the same; None where all are.
     """
 
-    of: ReferenceType[Crop]
+    of: ReferenceType[Subvolume]
     box: Box | None
 
 
 @dataclass(frozen=True, eq=False)
-class Crop:
+class Subvolume:
     """A box of a volume, ready to be cast.
 
     Parameters
@@ -109,7 +109,7 @@ class Crop:
         return self.volume.nbytes + self.labels.nbytes
 
 
-class PictureCache:
+class SubvolumeCache:
     """Crops and pictures of one session, the least recently used thrown away first.
 
     Parameters
@@ -130,10 +130,10 @@ class PictureCache:
         self._lock = Lock()
         self._density: Density | None = None
         self._air: float | None = None
-        self._whole: Crop | None = None
-        self._whole_before: Crop | None = None
+        self._whole: Subvolume | None = None
+        self._whole_before: Subvolume | None = None
 
-    def taking_over(self, earlier: PictureCache) -> PictureCache:
+    def taking_over(self, earlier: SubvolumeCache) -> SubvolumeCache:
         """Keep what other labels leave as it is of a cache of the same volume; return self."""
         self._density, self._air = earlier._density, earlier._air
         if np.array_equal(self._spacing, earlier._spacing):
@@ -141,7 +141,7 @@ class PictureCache:
         with earlier._lock:
             kept = list(earlier._kept.items())
         for key, made in kept:
-            if not (isinstance(made, Crop) and isinstance(key, tuple) and key[0] == "crop"):
+            if not (isinstance(made, Subvolume) and isinstance(key, tuple) and key[0] == "crop"):
                 continue
             try:
                 box = self._boxes.slices(key[1], MARGIN)
@@ -153,7 +153,7 @@ class PictureCache:
                 self.keep(key, lambda made=made: made)  # type: ignore[misc]
         return self
 
-    def whole(self) -> Crop:
+    def whole(self) -> Subvolume:
         """Return the whole volume as a crop; only bricks of changed labels are made anew."""
         before, self._whole_before = self._whole_before, None
         if self._whole is None and before is not None:
@@ -175,10 +175,10 @@ class PictureCache:
             self._air = float(self._checked().min())
         return self._air
 
-    def crop(self, object_id: int) -> Crop:
+    def crop(self, object_id: int) -> Subvolume:
         """Return an object's crop; raise `KeyError` where there is no such object."""
 
-        def make() -> Crop:
+        def make() -> Subvolume:
             row = self._boxes.index(object_id)
             low = np.maximum(self._boxes.lower[row] - 2, 0)
             high = np.minimum(self._boxes.upper[row] + 2, self.volume.shape)
@@ -217,11 +217,11 @@ class PictureCache:
         center: Vector,
         low: NDArray[np.int64],
         high: NDArray[np.int64],
-    ) -> Crop:
+    ) -> Subvolume:
         volume: Density = np.ascontiguousarray(self._checked()[box])  # type: ignore[assignment]
         labels = np.ascontiguousarray(self.labels[box])
         first = np.array([s.start for s in box], dtype=np.float64)
-        return Crop(
+        return Subvolume(
             volume,
             labels,
             Bricks.of(labels, volume),
@@ -240,13 +240,13 @@ class PictureCache:
 class CacheBook:
     """The cache of every living session, begun anew when its volume or labels are exchanged."""
 
-    _caches: WeakKeyDictionary[Any, PictureCache] = field(default_factory=WeakKeyDictionary)
+    _caches: WeakKeyDictionary[Any, SubvolumeCache] = field(default_factory=WeakKeyDictionary)
 
-    def of(self, session: Pictured) -> PictureCache:
+    def of(self, session: Pictured) -> SubvolumeCache:
         """Return a session's cache."""
         cache = self._caches.get(session)
         if cache is None or cache.volume is not session.volume:
-            cache = self._caches[session] = PictureCache(session)
+            cache = self._caches[session] = SubvolumeCache(session)
         elif cache.labels is not session.display_labels:
-            cache = self._caches[session] = PictureCache(session).taking_over(cache)
+            cache = self._caches[session] = SubvolumeCache(session).taking_over(cache)
         return cache

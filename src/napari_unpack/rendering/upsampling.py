@@ -11,8 +11,8 @@ from scipy.interpolate import BSpline, PchipInterpolator
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.rendering import TransferFunctionLike
 from napari_unpack.rendering.cpu import Bricks
-from napari_unpack.rendering.object_casting import Look
-from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.rendering.object_casting import Appearance
+from napari_unpack.rendering.subvolumes import Subvolume
 
 Array = NDArray[np.float32]
 
@@ -31,12 +31,12 @@ REACH = 0.02
 where density ends and not where labels do."""
 
 
-def refined(crop: Crop, object_id: int, spacing: NDArray[np.float64], air: float) -> Crop:
+def refined(crop: Subvolume, object_id: int, spacing: NDArray[np.float64], air: float) -> Subvolume:
     """Divide the voxels of an object's crop, and let density end smoothly at the object's edge.
 
     Parameters
     ----------
-    crop : Crop
+    crop : Subvolume
         Of the object.
     object_id : int
         Which.
@@ -47,7 +47,7 @@ def refined(crop: Crop, object_id: int, spacing: NDArray[np.float64], air: float
 
     Returns
     -------
-    Crop
+    Subvolume
         The one given where the object is large; else one of no more than `MOST_VOXELS`, all of
         whose labels but the object's are 0.
 
@@ -86,13 +86,13 @@ def refined(crop: Crop, object_id: int, spacing: NDArray[np.float64], air: float
     )
 
 
-def look_at(crop: Crop, look: Look) -> Look:
+def look_at(crop: Subvolume, look: Appearance) -> Appearance:
     """Return the look that shows a crop of finer voxels as bright, dense and lit as before.
 
     Parameters
     ----------
-    crop : Crop
-    look : Look
+    crop : Subvolume
+    look : Appearance
         Made for the voxels of the volume: steps, opacity and gradient count in their edges.
     """
     fine = look.spacing / crop.finer

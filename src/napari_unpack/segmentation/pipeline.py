@@ -32,7 +32,7 @@ from napari_unpack.segmentation.isoperimetric.oracle_refinement import RefineRul
 from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress, SplitRule
 from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.learned.method import seen_objects
-from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.object_table import object_table, rank_labels
 from napari_unpack.segmentation.postprocessing.cables import gather_wires
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
@@ -74,7 +74,7 @@ def segment(
     grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
-    judge: Affinity | None = None,
+    judge: PairClassifier | None = None,
     working: int = MOST,
     out: Any = None,
 ) -> Segmentation:
@@ -115,7 +115,7 @@ def segment(
         Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
         When to cut.
-    judge : Affinity, optional
+    judge : PairClassifier, optional
         Decides with method "affinity" which parts are joined again; by default the one that
         ships with the package.
     working : int
@@ -199,7 +199,7 @@ def segment_grid(
     grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
-    judge: Affinity | None = None,
+    judge: PairClassifier | None = None,
     oracle: Oracle | None = None,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume that is small enough to be worked on whole.

@@ -20,7 +20,7 @@ from napari_unpack.segmentation.evaluation import contingency
 from napari_unpack.segmentation.isoperimetric.initial_parts import split_parts
 from napari_unpack.segmentation.isoperimetric.splitting import Progress
 from napari_unpack.segmentation.learned.pair_classifier import (
-    Affinity,
+    PairClassifier,
     Parts,
     agglomerate,
     measure_parts,
@@ -233,7 +233,7 @@ def pair_examples(
     density: NDArray[np.generic],
     truth: NDArray[np.integer],
     spacing: Spacing,
-    affinity: Affinity | None = None,
+    affinity: PairClassifier | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return pairs of parts to learn from: their features, and whether they are one object.
 
@@ -241,7 +241,7 @@ def pair_examples(
     ----------
     density, truth, spacing
         A labelled volume.
-    affinity : Affinity, optional
+    affinity : PairClassifier, optional
         A judge to follow, so that it learns from the states its own mistakes lead to; without
         one the truth is followed.
 
@@ -267,7 +267,7 @@ def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np
 def examples_of(
     measured: Parts,
     shared: NDArray[np.float64],
-    affinity: Affinity | None = None,
+    affinity: PairClassifier | None = None,
     described: Callable[[int, int, NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the pairs that joining parts meets: their features, and whether they are one object.
@@ -278,7 +278,7 @@ def examples_of(
         Used up.
     shared : (M, T) ndarray of float64
         See `overlaps`.
-    affinity : Affinity, optional
+    affinity : PairClassifier, optional
         As for `pair_examples`.
     described : callable, optional
         `described(one, two, features) -> features` that the judge goes by.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
-from napari_unpack.unpacking import Blocking, free_ids, ratios
+from napari_unpack.unpacking import BlockingGraph, free_ids, ratios
 from napari_unpack.unpacking.blocking_graph import blocking_graph
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -118,14 +118,14 @@ def imaging_casters(
         )  # fmt: skip
 
     def pull(direction: Vector, visible: Mask, pulled: Mask) -> Table | None:
-        from napari_unpack.rendering.cpu.sweep import met_when_pulled
+        from napari_unpack.rendering.cpu.sweep import sweep_blockers
 
-        return met_when_pulled(labels, spacing, direction, visible, bricks(), pulled)
+        return sweep_blockers(labels, spacing, direction, visible, bricks(), pulled)
 
     def probe(direction: Vector, visible: Mask) -> Prober:
-        from napari_unpack.rendering.cpu.sweep import Pulling
+        from napari_unpack.rendering.cpu.sweep import SweepTest
 
-        return Pulling.of(labels, spacing, direction, visible, bricks()).blockers
+        return SweepTest.of(labels, spacing, direction, visible, bricks()).blockers
 
     return Casters(occlusion, ids, pull, probe)
 
@@ -143,7 +143,7 @@ class OcclusionAnswer:
     free : frozenset of int
         Those that nothing blocked. What no ray meets counts as free: nothing is known to be in
         front of it.
-    blocking : Blocking, optional
+    blocking : BlockingGraph, optional
         Who blocks whom; None where there is no table.
     first_hit : mapping of int to float
         The paper's ratio, by which objects are ranked when nobody is free.
@@ -158,7 +158,7 @@ class OcclusionAnswer:
     direction: Vector
     packed: frozenset[int]
     free: frozenset[int]
-    blocking: Blocking | None
+    blocking: BlockingGraph | None
     first_hit: Mapping[int, float]
     seconds: float
     criterion: tuple[str, float] = ("exact", 0.0)
@@ -230,11 +230,11 @@ class OcclusionQuestion:
         free = frozenset(free_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
         table = self._table(counts)
         if table is None:
-            blocking = Blocking.of(counts, self.rule, self.tolerance)
+            blocking = BlockingGraph.of(counts, self.rule, self.tolerance)
         else:
             ids, blocks = table
             exempt = free if self.tolerance > 0 else frozenset()
-            blocking = Blocking(blocking_graph(blocks, ids, exempt))
+            blocking = BlockingGraph(blocking_graph(blocks, ids, exempt))
             free = frozenset(i for i, before in blocking.graph.in_degree() if not before)
         if blocking is not None:
             blocking.graph.add_nodes_from(self.packed - met)

@@ -88,11 +88,11 @@ def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
     inner.look(replace(camera, rotation=camera.rotation if rotation is None else rotation))
     inner.look(inner.overview())
     # One by one: by the rule a nest would leave as the group it came as.
-    inner.most_in_group, inner.take_least_occluded = 1, True
+    inner.max_group_size, inner.take_least_occluded = 1, True
     inner.rule, inner.tolerance = session.rule, session.tolerance
     shell = object_id if object_id in ids else _shell(parts, ids)
     if shell:
-        inner.take_off(shell)
+        inner.force_unpack(shell)
     inner.history.clear()
     return inner
 

@@ -18,9 +18,9 @@ from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session.asking import Casters, imaging_casters
 from napari_unpack.session.events import SessionEvents
 from napari_unpack.session.history import History, Step
-from napari_unpack.session.labels import Contents, object_table, touched_between
+from napari_unpack.session.labels import LabelData, object_table, touched_between
 from napari_unpack.session.placement import Bag, launch
-from napari_unpack.session.state import Berth, ObjectState, Situation
+from napari_unpack.session.state import ObjectState, Placement, SessionState
 from napari_unpack.session.validation import (
     checked_labels,
     checked_planes,
@@ -98,11 +98,11 @@ class SessionCore:
         # Tables by ID and slots grow with the labels and never shrink: a worker may still cast
         # labels that have been repaired since.
         self._top, self._most = 0, 0
-        self._hold(Contents(checked, boxes, facts))
-        self._situation = Situation(
+        self._hold(LabelData(checked, boxes, facts))
+        self._situation = SessionState(
             TransferFunction.default_for(self.volume), {i: golden_hue(i) for i in self._ids}
         )
-        self._prepared: Contents | None = None
+        self._prepared: LabelData | None = None
         self._edition = 0
         self._history = History()
         self._flights: dict[int, Flight] = {}
@@ -118,7 +118,7 @@ class SessionCore:
         self._tints_alone: tuple[int, dict[int, NDArray[np.float32]]] = (-1, {})
         self._slots: tuple[object, Slots] | None = None
 
-    def _hold(self, contents: Contents) -> None:
+    def _hold(self, contents: LabelData) -> None:
         """Take over labels, and all that follows from them."""
         self._contents = contents
         self.labels, self.boxes, self._facts = contents.labels, contents.boxes, contents.facts
@@ -172,8 +172,8 @@ class SessionCore:
         """Poses in pivot space of unpacked objects that are in sight and not in the air."""
         slots = self.slots
         return {
-            i: berth.pose(slots, self._camera.stretch)
-            for i, berth in self._situation.out.items()
+            i: placement.pose(slots, self._camera.stretch)
+            for i, placement in self._situation.out.items()
             if i not in self._flights and i not in self._situation.hidden
         }
 
@@ -203,7 +203,7 @@ class SessionCore:
     def look(self, camera: Camera) -> None:
         """Take over a camera from whoever draws."""
         if np.linalg.det(camera.stretch @ self._camera.stretch) < 0:
-            out = {i: berth.mirrored() for i, berth in self._situation.out.items()}
+            out = {i: placement.mirrored() for i, placement in self._situation.out.items()}
             self._situation = replace(self._situation, out=out)
         self._camera = camera
         z, y, x = (float(v) for v in camera.center)
@@ -233,9 +233,9 @@ class SessionCore:
         if (height, width) == self._canvas_size:
             return
         self._canvas_size = height, width
-        for i, berth in self._situation.out.items():
+        for i, placement in self._situation.out.items():
             if i in self._flights:
-                self._flights[i] = self._flights[i].toward(self._pose(berth))
+                self._flights[i] = self._flights[i].toward(self._pose(placement))
         self._tell_states(self._situation.out)
 
     @property
@@ -265,7 +265,7 @@ class SessionCore:
         if self._flights.pop(object_id, None) is not None:
             self._tell_states([object_id])
 
-    def _travel(self, found: tuple[Step, Situation] | None, way: str) -> str | None:
+    def _travel(self, found: tuple[Step, SessionState] | None, way: str) -> str | None:
         if found is None:
             self.events.message.emit(f"There is nothing to {way}.")
             return None
@@ -273,7 +273,7 @@ class SessionCore:
         self._enter(replace(situation, inspected=None))
         return step.verb
 
-    def _do(self, verb: str, situation: Situation, merge: bool = False) -> None:
+    def _do(self, verb: str, situation: SessionState, merge: bool = False) -> None:
         """Enter a situation by a command that can be undone.
 
         Looking at an object alone is no part of it: like turning the bag it changes nothing.
@@ -282,7 +282,7 @@ class SessionCore:
         self._history.push(Step(verb, before, after), merge)
         self._enter(situation)
 
-    def _enter(self, situation: Situation) -> None:
+    def _enter(self, situation: SessionState) -> None:
         """Pass to another situation: start flights, and tell what has changed."""
         before, states = self._situation, self.states
         self._situation = situation
@@ -290,7 +290,9 @@ class SessionCore:
         self._refly(before, situation)
         self._changes += 1
         changed = {i for i, state in self.states.items() if state is not states.get(i)}
-        changed |= {i for i, berth in situation.out.items() if before.out.get(i) is not berth}
+        changed |= {
+            i for i, placement in situation.out.items() if before.out.get(i) is not placement
+        }
         changed |= {i for i, _ in situation.names.items() ^ before.names.items()}
         changed |= situation.good ^ before.good
         changed |= {i for i, _ in situation.studies.items() ^ before.studies.items()}
@@ -306,7 +308,7 @@ class SessionCore:
         if situation.queue is not before.queue or situation.direction != before.direction:
             self.events.queue.emit(situation.queue.ids)
 
-    def _follow_labels(self, before: Situation, after: Situation) -> frozenset[int]:
+    def _follow_labels(self, before: SessionState, after: SessionState) -> frozenset[int]:
         """Make the labels those of a situation; return the objects touched."""
         if after.edit is before.edit:
             return frozenset()
@@ -329,7 +331,7 @@ class SessionCore:
         """Forget what was found out about other labels."""
         self._edition += 1
 
-    def _refly(self, before: Situation, after: Situation) -> None:
+    def _refly(self, before: SessionState, after: SessionState) -> None:
         for i in list(self._flights):
             if i in after.hidden or i == after.inspected:
                 del self._flights[i]
@@ -339,24 +341,24 @@ class SessionCore:
                 self._flights.pop(i, None)
             return
         now = self.clock()
-        starting: dict[bool, dict[int, Berth]] = {False: {}, True: {}}
+        starting: dict[bool, dict[int, Placement]] = {False: {}, True: {}}
         for i in moved:
             if i in before.hidden or i in after.hidden:
                 continue
             back = i in before.out
-            berth = (before if back else after).out[i]
+            placement = (before if back else after).out[i]
             if i not in self._flights:
-                starting[back][i] = berth
+                starting[back][i] = placement
             elif self._flights[i].back != back:
-                self._flights[i] = self._flights[i].reversed(now).toward(self._pose(berth))
-        for back, berths in starting.items():
-            order = reversed(list(berths.items())) if back else berths.items()
+                self._flights[i] = self._flights[i].reversed(now).toward(self._pose(placement))
+        for back, placements in starting.items():
+            order = reversed(list(placements.items())) if back else placements.items()
             stretch = self._camera.stretch
             flights = launch(self.bag, dict(order), self.slots, stretch, now, self.seconds, back)
             self._flights.update(flights)
 
-    def _pose(self, berth: Berth) -> Pose:
-        return berth.pose(self.slots, self._camera.stretch)
+    def _pose(self, placement: Placement) -> Pose:
+        return placement.pose(self.slots, self._camera.stretch)
 
     def _state(self, object_id: int) -> ObjectState:
         flight = self._flights.get(object_id)

@@ -49,14 +49,14 @@ class SessionCriteria(SessionRepair):
             self._ask_anew()
 
     @property
-    def most_in_group(self) -> int:
+    def max_group_size(self) -> int:
         """Interlocked groups of up to so many leave together; a larger knot is nobody."""
         return self._most_in_group
 
-    @most_in_group.setter
-    def most_in_group(self, most: int) -> None:
+    @max_group_size.setter
+    def max_group_size(self, most: int) -> None:
         if most < 1:
-            raise ValueError(f"most_in_group must be at least 1, got {most!r}")
+            raise ValueError(f"max_group_size must be at least 1, got {most!r}")
         if most != self._most_in_group:
             self._most_in_group = int(most)
             self._ask_anew()

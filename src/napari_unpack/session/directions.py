@@ -14,13 +14,13 @@ from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import GRAVITY_UP
 from napari_unpack.session.asking import view_along
 from napari_unpack.session.criteria import SessionCriteria
-from napari_unpack.session.state import Situation
+from napari_unpack.session.state import SessionState
 from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.direction_survey import (
-    COMPASS,
-    Outlook,
-    WayOut,
-    best_way_out,
+    DIRECTIONS_26,
+    BestDirection,
+    DirectionalBlocking,
+    best_direction,
 )
 
 MOST_SURVEY_RAYS = 512
@@ -30,14 +30,14 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class DirectionSurvey:
     """Who blocks whom along every direction of the compass.
 
     Parameters
     ----------
     packed : frozenset of int
         Objects that were in the bag.
-    outlooks : tuple of Outlook
+    outlooks : tuple of DirectionalBlocking
         Empty where there are too many objects for a table.
     seconds : float
         What it took.
@@ -48,7 +48,7 @@ class Survey:
     """
 
     packed: frozenset[int]
-    outlooks: tuple[Outlook, ...]
+    outlooks: tuple[DirectionalBlocking, ...]
     seconds: float
     tolerance: float = 0.0
     edition: int = 0
@@ -75,7 +75,7 @@ class SurveyQuestion:
     cast: Callable[[Vector], OcclusionCounts]
     edition: int = 0
 
-    def answer(self, progress: Progress | None = None) -> Survey:
+    def answer(self, progress: Progress | None = None) -> DirectionSurvey:
         """Cast the rays; may run on any thread.
 
         Notes
@@ -86,17 +86,17 @@ class SurveyQuestion:
         """
         start = perf_counter()
         halved = self.tolerance == 0.0
-        directions = COMPASS[: len(COMPASS) // 2] if halved else COMPASS
-        found: list[Outlook] = []
+        directions = DIRECTIONS_26[: len(DIRECTIONS_26) // 2] if halved else DIRECTIONS_26
+        found: list[DirectionalBlocking] = []
         for k, direction in enumerate(directions):
             if progress is not None:
                 progress(k / len(directions), "Looking for a way out")
             counts = self.cast(direction)
-            outlook = Outlook.of(direction, counts, self.packed, self.tolerance)
+            outlook = DirectionalBlocking.of(direction, counts, self.packed, self.tolerance)
             if outlook is None:
                 break
             found += [outlook, outlook.opposite()] if halved else [outlook]
-        return Survey(
+        return DirectionSurvey(
             self.packed, tuple(found), perf_counter() - start, self.tolerance, self.edition
         )
 
@@ -111,7 +111,7 @@ class SessionDirections(SessionCriteria):
     view, so that turning the bag asks nothing anew.
     """
 
-    _survey: Survey | None = None
+    _survey: DirectionSurvey | None = None
     _away_from_table: Vector = np.array(GRAVITY_UP)
 
     @property
@@ -159,7 +159,7 @@ class SessionDirections(SessionCriteria):
         z, y, x = (float(v) for v in self._away_from_table)
         return bag_up(oriented_box(self.bag.outer_points(), self.spacing), (z, y, x))
 
-    def _packed(self, situation: Situation) -> frozenset[int]:
+    def _packed(self, situation: SessionState) -> frozenset[int]:
         """Return who stands in the way.
 
         What is on its way back counts as being there, and so does what is looked at alone: it
@@ -188,14 +188,14 @@ class SessionDirections(SessionCriteria):
 
         return SurveyQuestion(packed, self.tolerance, counts, self._edition)
 
-    def accept_survey(self, survey: Survey) -> bool:
+    def accept_survey(self, survey: DirectionSurvey) -> bool:
         """Take over a survey; return False where somebody has come back meanwhile."""
         if not (self._packed(self._situation) <= survey.packed and self._asked_so(survey)):
             return False
         self._survey = survey
         return True
 
-    def way_out(self, ask: bool = False) -> WayOut | None:
+    def way_out(self, ask: bool = False) -> BestDirection | None:
         """Return the direction of 26 along which the most objects can leave now.
 
         Parameters
@@ -205,19 +205,19 @@ class SessionDirections(SessionCriteria):
 
         Returns
         -------
-        WayOut or None
+        BestDirection or None
             None also where nobody is free along any of them. Ties go to the one nearest D.
         """
         survey = self._known_survey(ask)
         if survey is None:
             return None
         packed = self._packed(self._situation)
-        return best_way_out(survey.outlooks, packed, self.most_in_group, self.unpack_direction)
+        return best_direction(survey.outlooks, packed, self.max_group_size, self.unpack_direction)
 
-    def _asked_so(self, survey: Survey) -> bool:
+    def _asked_so(self, survey: DirectionSurvey) -> bool:
         return survey.tolerance == self.tolerance and survey.edition == self._edition
 
-    def _known_survey(self, ask: bool) -> Survey | None:
+    def _known_survey(self, ask: bool) -> DirectionSurvey | None:
         question = self.survey_question()
         if question is not None and ask:
             self._survey = question.answer()

@@ -8,7 +8,7 @@ from time import perf_counter
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.inquiry import SessionInquiry
-from napari_unpack.session.state import Situation
+from napari_unpack.session.state import SessionState
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.unpacking.blocking_graph import leading_groups
 
@@ -16,7 +16,7 @@ Group = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Glimpse:
+class NextUnpackable:
     """Enough of the answer who is free to carry out one command.
 
     Parameters
@@ -72,7 +72,7 @@ class GlimpseQuestion:
 
     def answer(
         self, seconds: float = float("inf"), clock: Callable[[], float] = perf_counter
-    ) -> Glimpse | None:
+    ) -> NextUnpackable | None:
         """Move objects, foremost first, until enough are found; may run on any thread.
 
         Parameters
@@ -84,7 +84,7 @@ class GlimpseQuestion:
 
         Returns
         -------
-        Glimpse or None
+        NextUnpackable or None
             None where the time did not suffice or fewer can leave than are to.
         """
         start = clock()
@@ -102,7 +102,7 @@ class GlimpseQuestion:
                 found.append(next(groups))
         except (StopIteration, TimeoutError):
             return None
-        return Glimpse(self, tuple(found), clock() - start)
+        return NextUnpackable(self, tuple(found), clock() - start)
 
 
 class SessionGlimpses(SessionInquiry):
@@ -115,7 +115,7 @@ class SessionGlimpses(SessionInquiry):
     first is the one that stands first in the queue of the whole answer.
     """
 
-    _glimpse: Glimpse | None = None
+    _glimpse: NextUnpackable | None = None
 
     def glimpse_question(self, n_or_ids: int | Iterable[int] = 1) -> GlimpseQuestion | None:
         """Return the question that is enough to unpack so many or these.
@@ -135,7 +135,7 @@ class SessionGlimpses(SessionInquiry):
         if self._answer is not None and self._answer.serves(direction, packed):
             return None
         key = queue.precedence(self.bag.depths(direction))
-        wanted, count, most = None, 1, self.most_in_group
+        wanted, count, most = None, 1, self.max_group_size
         if isinstance(n_or_ids, int):
             if queue.serves(direction, packed, self._terms):
                 return None
@@ -155,7 +155,7 @@ class SessionGlimpses(SessionInquiry):
             direction, packed, wanted, tuple(order), count, most, ready, self._terms, self._edition
         )
 
-    def accept_glimpse(self, glimpse: Glimpse) -> bool:
+    def accept_glimpse(self, glimpse: NextUnpackable) -> bool:
         """Keep an answer for the command that follows; return False where it is out of date."""
         asked = glimpse.question
         fits = asked.edition == self._edition and asked.terms == self._terms
@@ -164,21 +164,21 @@ class SessionGlimpses(SessionInquiry):
         self._glimpse = glimpse
         return True
 
-    def _seen(self, situation: Situation, count: int) -> Glimpse | None:
+    def _seen(self, situation: SessionState, count: int) -> NextUnpackable | None:
         """Return the glimpse of who is next, if it holds and so many are in it."""
         known = self._glimpse
         if known is None or known.question.wanted is not None or not self._shows(known, situation):
             return None
         return known if sum(map(len, known.groups)) >= count else None
 
-    def _seen_free(self, situation: Situation, wanted: frozenset[int]) -> Glimpse | None:
+    def _seen_free(self, situation: SessionState, wanted: frozenset[int]) -> NextUnpackable | None:
         """Return the glimpse that tells of chosen objects that each of them is free."""
         known = self._glimpse
         if known is None or known.question.wanted != wanted or not self._shows(known, situation):
             return None
         return known
 
-    def _shows(self, glimpse: Glimpse, situation: Situation) -> bool:
+    def _shows(self, glimpse: NextUnpackable, situation: SessionState) -> bool:
         asked = glimpse.question
         same = abs(asked.direction - self.unpack_direction).max() <= 1e-6
         return bool(same) and asked.packed == self._packed(situation)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from napari_unpack.session.labels import Edit
-from napari_unpack.session.state import Situation
+from napari_unpack.session.state import SessionState
 
 MOST_STEPS = 500
 
@@ -19,12 +19,12 @@ class Step:
     ----------
     verb : str
         What was done, for people.
-    before, after : Situation
+    before, after : SessionState
     """
 
     verb: str
-    before: Situation
-    after: Situation
+    before: SessionState
+    after: SessionState
 
 
 class History:
@@ -73,7 +73,7 @@ class History:
         self._done.append(step)
         del self._done[:-MOST_STEPS]
 
-    def undo(self, current: Situation) -> tuple[Step, Situation] | None:
+    def undo(self, current: SessionState) -> tuple[Step, SessionState] | None:
         """Return the step taken back and the situation then, None where there is none."""
         if not self._done:
             return None
@@ -81,7 +81,7 @@ class History:
         self._undone.append(step)
         return step, current.with_changes_of(step.after, step.before)
 
-    def redo(self, current: Situation) -> tuple[Step, Situation] | None:
+    def redo(self, current: SessionState) -> tuple[Step, SessionState] | None:
         """Return the step done again and the situation then, None where there is none."""
         if not self._undone:
             return None

@@ -12,7 +12,7 @@ from napari_unpack.session.directions import SessionDirections
 from napari_unpack.session.errors import listed
 from napari_unpack.session.revealing import RevealAnswer, RevealQuestion
 from napari_unpack.session.validation import checked_ids
-from napari_unpack.unpacking.direction_survey import Unearthing
+from napari_unpack.unpacking.direction_survey import RevealPlan
 
 
 class SessionInquiry(SessionDirections):
@@ -28,7 +28,7 @@ class SessionInquiry(SessionDirections):
         least = known.least_occluded(packed)
         return least, float(known.first_hit.get(least, 0.0))
 
-    def unearthing(self, object_id: int) -> Unearthing:
+    def unearthing(self, object_id: int) -> RevealPlan:
         """Return the least that must leave for a buried object to leave, and along which way.
 
         Of D and 26 directions; ties go to D. Casts rays where that is not known yet.

@@ -153,7 +153,7 @@ class Edit:
 
 
 @dataclass(eq=False)
-class Contents:
+class LabelData:
     """Labels and all that follows from them.
 
     Parameters
@@ -177,7 +177,7 @@ class Contents:
     facts: pd.DataFrame
     edit: Edit | None = None
     _display: NDArray[np.uint16] | None = field(default=None, repr=False)
-    _kept: Contents | None = field(default=None, repr=False)
+    _kept: LabelData | None = field(default=None, repr=False)
 
     @property
     def display(self) -> NDArray[np.uint16]:
@@ -186,7 +186,7 @@ class Contents:
             self._display = grow_labels(self.labels, FRINGE)
         return self._display
 
-    def at(self, edit: Edit | None) -> Contents:
+    def at(self, edit: Edit | None) -> LabelData:
         """Return the contents at another place of the chain of edits; exact both ways."""
         found = self
         back, forth = _way(self.edit, edit)
@@ -201,7 +201,7 @@ class Contents:
         """Return whether `at` that place copies no volume."""
         return edit is self.edit or self._arrays_at(edit) is not None
 
-    def keep(self, before: Contents) -> None:
+    def keep(self, before: LabelData) -> None:
         """Keep the arrays of other contents, and of no others."""
         self._kept, before._kept = before, None
 
@@ -225,7 +225,7 @@ class Contents:
         spacing: NDArray[np.float64],
         judge: Judge,
         given_ids: NDArray[np.int64] | None = None,
-    ) -> Contents:
+    ) -> LabelData:
         """Return the contents after a change of voxels; the touched objects are measured anew.
 
         Parameters
@@ -275,7 +275,7 @@ class Contents:
         target: int,
         edit: Edit | None,
         arrays: tuple[NDArray[np.uint16], NDArray[np.uint16] | None] | None = None,
-    ) -> Contents:
+    ) -> LabelData:
         import pandas as pd
 
         change = step.change if target else step.change.reverse()
@@ -298,7 +298,7 @@ class Contents:
         facts = pd.concat(rows).sort_index().rename_axis("id") if rows else rest
         if display is None and self._display is not None:
             display = _regrown(self._display, labels, change.box)
-        return Contents(labels, boxes, facts, edit, display)
+        return LabelData(labels, boxes, facts, edit, display)
 
 
 def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:

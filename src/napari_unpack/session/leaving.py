@@ -8,8 +8,8 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.errors import NobodyFreeError, share_of
 from napari_unpack.session.events import LogEntry
-from napari_unpack.session.glimpse import Glimpse, SessionGlimpses
-from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.glimpse import NextUnpackable, SessionGlimpses
+from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.unpacking import Queue
 
 Group = tuple[int, ...]
@@ -18,7 +18,7 @@ Group = tuple[int, ...]
 class SessionLeaving(SessionGlimpses):
     """The queue, filled from what the ray casters answer, and the departures from its head."""
 
-    _credited: OcclusionAnswer | Glimpse | None = None
+    _credited: OcclusionAnswer | NextUnpackable | None = None
     _told_stuck: tuple[object, object] | None = None
 
     @property
@@ -50,7 +50,7 @@ class SessionLeaving(SessionGlimpses):
         packed, answer = self._packed(self._situation), self._answer
         fits = answer is not None and answer.criterion == self.criterion
         if answer is not None and fits and answer.serves(self.unpack_direction, packed):
-            return tuple(answer.groups(packed, self.most_in_group))
+            return tuple(answer.groups(packed, self.max_group_size))
         queue = self._situation.queue
         known = queue.along(self.unpack_direction) and not queue.least_occluded
         return queue.groups if known else ()
@@ -73,7 +73,7 @@ class SessionLeaving(SessionGlimpses):
         self.unpackable()
         return True
 
-    def _filled_queue(self, situation: Situation) -> tuple[Queue, OcclusionAnswer | None]:
+    def _filled_queue(self, situation: SessionState) -> tuple[Queue, OcclusionAnswer | None]:
         """Return the queue, filled where it was dry or for another D, and the answer used."""
         packed, direction = self._packed(situation), self.unpack_direction
         if situation.queue.serves(direction, packed, self._terms):
@@ -81,10 +81,10 @@ class SessionLeaving(SessionGlimpses):
         if not packed:
             return situation.queue.refilled((), direction, packed, terms=self._terms), self._answer
         answer = self._known_answer(packed)
-        groups = answer.groups(packed, self.most_in_group)
+        groups = answer.groups(packed, self.max_group_size)
         if not groups:
             answer = self._known_answer(packed, afresh=True)
-            groups = answer.groups(packed, self.most_in_group)
+            groups = answer.groups(packed, self.max_group_size)
         least = not groups and self.take_least_occluded
         if least:
             groups = [(answer.least_occluded(packed),)]
@@ -92,7 +92,7 @@ class SessionLeaving(SessionGlimpses):
         queue = situation.queue.refilled(groups, direction, packed, depths, least, self._terms)
         return queue, answer
 
-    def _take_next(self, count: int, situation: Situation) -> tuple[Situation, Group]:
+    def _take_next(self, count: int, situation: SessionState) -> tuple[SessionState, Group]:
         """Return the situation after the next so many have left, and who they were."""
         left: list[int] = []
         glimpse = self._seen(situation, count)
@@ -126,17 +126,17 @@ class SessionLeaving(SessionGlimpses):
 
     def _leave(
         self,
-        situation: Situation,
+        situation: SessionState,
         group: Group,
         along: Vector | None = None,
-        answer: OcclusionAnswer | Glimpse | None = None,
-    ) -> Situation:
-        taken = {berth.slot for berth in situation.out.values()}
+        answer: OcclusionAnswer | NextUnpackable | None = None,
+    ) -> SessionState:
+        taken = {placement.slot for placement in situation.out.values()}
         places = iter(k for k in range(self._most) if k not in taken)
         camera = self._camera
         direction = self.unpack_direction if along is None else along
-        berths: dict[int, Berth] = {
-            i: self.bag.berth(i, next(places), group, direction, camera) for i in group
+        placements: dict[int, Placement] = {
+            i: self.bag.placement(i, next(places), group, direction, camera) for i in group
         }
         answer, ratio = answer or self._answer, 0.0
         # The first to leave by an answer stands for its rays, wherever they were cast.
@@ -152,10 +152,10 @@ class SessionLeaving(SessionGlimpses):
                 answer.seconds if asked and answer else 0.0,
             )
         )
-        return situation.with_out(berths)
+        return situation.with_out(placements)
 
     def _tell_stuck(
-        self, answer: OcclusionAnswer | None, packed: frozenset[int], situation: Situation
+        self, answer: OcclusionAnswer | None, packed: frozenset[int], situation: SessionState
     ) -> None:
         """Say that the least blocked leaves; once, while one such after another does."""
         told = self._told_stuck

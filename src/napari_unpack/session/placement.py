@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session.state import Berth
+from napari_unpack.session.state import Placement
 from napari_unpack.unpacking import (
     Ball,
     Flight,
@@ -140,19 +140,19 @@ class Bag:
             self._hulls[object_id] = hull_vertices(self.points(object_id))
         return picture_size(self._hulls[object_id], rotation @ stretch, self.spacing)
 
-    def berth(
+    def placement(
         self, object_id: int, slot: int, group: Sequence[int], direction: Vector, camera: Camera
-    ) -> Berth:
+    ) -> Placement:
         """Choose how an unpacked object is held."""
         points = self.points(object_id)
         rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
         picture = picture_size(points, rotation @ camera.stretch, self.spacing)
-        return Berth(slot, rotation, picture, direction, tuple(group))
+        return Placement(slot, rotation, picture, direction, tuple(group))
 
 
 def launch(
     bag: Bag,
-    berths: Mapping[int, Berth],
+    placements: Mapping[int, Placement],
     slots: Slots,
     stretch: Matrix,
     now: float,
@@ -164,7 +164,7 @@ def launch(
     Parameters
     ----------
     bag : Bag
-    berths : mapping of int to Berth
+    placements : mapping of int to Placement
         Who flies, the first to leave first.
     slots : Slots
         Where they wait.
@@ -183,17 +183,17 @@ def launch(
         Members of a group depart at once and go the same first leg; groups follow each other.
     """
     flights: dict[int, Flight] = {}
-    departures: dict[tuple[int, ...], tuple[float, float]] = {}
-    for object_id, berth in berths.items():
-        if berth.group not in departures:
-            start = now + len(departures) * STAGGER * seconds
-            departures[berth.group] = start, bag.clear_way(berth.group, berth.direction)
-        start, clear = departures[berth.group]
-        pose = berth.pose(slots, stretch)
+    removals: dict[tuple[int, ...], tuple[float, float]] = {}
+    for object_id, placement in placements.items():
+        if placement.group not in removals:
+            start = now + len(removals) * STAGGER * seconds
+            removals[placement.group] = start, bag.clear_way(placement.group, placement.direction)
+        start, clear = removals[placement.group]
+        pose = placement.pose(slots, stretch)
         flights[object_id] = Flight(
             object_id,
             bag.boxes.center(object_id, bag.spacing),
-            berth.direction,
+            placement.direction,
             clear,
             pose,
             start,

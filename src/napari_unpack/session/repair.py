@@ -18,7 +18,7 @@ from napari_unpack.segmentation.repair import (
     split_between,
 )
 from napari_unpack.session.errors import listed
-from napari_unpack.session.labels import Contents, Edit, Judge
+from napari_unpack.session.labels import Edit, Judge, LabelData
 from napari_unpack.session.sight import SessionSight
 from napari_unpack.session.validation import MOST_ID, checked_ids
 from napari_unpack.unpacking import Queue
@@ -32,13 +32,13 @@ class Repair:
     ----------
     verb : str
         What was done.
-    source, contents : Contents
+    source, contents : LabelData
         What it was done to, and the result.
     """
 
     verb: str
-    source: Contents
-    contents: Contents
+    source: LabelData
+    contents: LabelData
 
     @property
     def new(self) -> tuple[int, ...]:
@@ -65,16 +65,16 @@ class LabelsQuestion:
 
     Parameters
     ----------
-    source : Contents
+    source : LabelData
         The labels of now.
     edit : Edit or None
         The last change made to those asked for.
     """
 
-    source: Contents
+    source: LabelData
     edit: Edit | None
 
-    def answer(self) -> Contents:
+    def answer(self) -> LabelData:
         """Work it out, on any thread."""
         return self.source.at(self.edit)
 
@@ -251,12 +251,12 @@ class SessionRepair(SessionSight):
         edit = self.history.edit_after(way, self._situation.edit)
         return None if source.knows(edit) else LabelsQuestion(source, edit)
 
-    def accept_labels(self, answer: Contents | None) -> None:
+    def accept_labels(self, answer: LabelData | None) -> None:
         """Take note of what labels will be; of no use where another step is taken."""
         self._prepared = answer
 
     def _question_of(
-        self, verb: str, change: Callable[[Contents], LabelEdit | None]
+        self, verb: str, change: Callable[[LabelData], LabelEdit | None]
     ) -> RepairQuestion:
         source, judge = self._contents, self._judge()
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
-from napari_unpack.session.directions import Progress, Survey, SurveyQuestion
+from napari_unpack.session.directions import DirectionSurvey, Progress, SurveyQuestion
 from napari_unpack.session.errors import NoTableError
-from napari_unpack.unpacking.direction_survey import Unearthing, least_unearthing
+from napari_unpack.unpacking.direction_survey import RevealPlan, least_unearthing
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,16 +18,16 @@ class RevealAnswer:
 
     Parameters
     ----------
-    unearthing : Unearthing
+    unearthing : RevealPlan
         Who must leave along which direction, as the voxels say.
-    survey : Survey
+    survey : DirectionSurvey
         Of all directions.
     along : OcclusionAnswer
         Who blocks whom along that one.
     """
 
-    unearthing: Unearthing
-    survey: Survey
+    unearthing: RevealPlan
+    survey: DirectionSurvey
     along: OcclusionAnswer
 
 
@@ -43,7 +43,7 @@ class RevealQuestion:
         Objects in the bag.
     near : (3,) ndarray of float64
         D, which takes part and wins ties.
-    known : Survey, optional
+    known : DirectionSurvey, optional
         A survey that serves.
     survey : SurveyQuestion, optional
         The question where there is none.
@@ -54,7 +54,7 @@ class RevealQuestion:
     target: int
     packed: frozenset[int]
     near: Vector
-    known: Survey | None
+    known: DirectionSurvey | None
     survey: SurveyQuestion | None
     along: Callable[[Vector], OcclusionQuestion]
 

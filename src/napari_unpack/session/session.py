@@ -11,7 +11,7 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer
 from napari_unpack.session.errors import BlockedError, NoTableError
-from napari_unpack.session.state import Berth, Situation
+from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.session.steps import SessionSteps
 from napari_unpack.session.validation import checked_count, checked_ids
 from napari_unpack.unpacking import named
@@ -100,13 +100,13 @@ class Session(SessionSteps):
             raise NoTableError.of(len(packed))
         graph = answer.blocking.among(packed)
         left: list[int] = []
-        for group in graph.departures(graph.needed(object_id)):
+        for group in graph.removals(graph.needed(object_id)):
             situation = self._leave(situation, group, along, answer)
             left.extend(group)
         self._do("reveal", situation)
         return tuple(left)
 
-    def take_off(self, object_id: int) -> None:
+    def force_unpack(self, object_id: int) -> None:
         """Take an object out whatever it meets, as the lid of a container is taken off.
 
         Raises
@@ -184,11 +184,11 @@ class Session(SessionSteps):
         ValueError
             If it is not outside the bag.
         """
-        berth = replace(self._outside(object_id), placed=pose, within=self.slots.window_mm)
-        if not np.array_equal(berth.rotation, pose.rotation):
+        placement = replace(self._outside(object_id), placed=pose, within=self.slots.window_mm)
+        if not np.array_equal(placement.rotation, pose.rotation):
             picture = self.bag.picture(object_id, pose.rotation, self._camera.stretch)
-            berth = berth.turned(pose.rotation, picture)
-        out = {**self._situation.out, object_id: berth}
+            placement = placement.turned(pose.rotation, picture)
+        out = {**self._situation.out, object_id: placement}
         self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
 
     def pose_turned(self, object_id: int, rotation: Matrix) -> Pose:
@@ -217,16 +217,16 @@ class Session(SessionSteps):
         ValueError
             If it is not outside the bag.
         """
-        berth = self._turned(object_id, rotation)
-        out = {**self._situation.out, object_id: berth}
+        placement = self._turned(object_id, rotation)
+        out = {**self._situation.out, object_id: placement}
         self._do(f"move {object_id}", replace(self._situation, out=out), merge=True)
 
-    def _turned(self, object_id: int, rotation: Matrix) -> Berth:
-        berth = self._outside(object_id)
+    def _turned(self, object_id: int, rotation: Matrix) -> Placement:
+        placement = self._outside(object_id)
         picture = self.bag.picture(object_id, rotation, self._camera.stretch)
-        return berth.turned(rotation, picture)
+        return placement.turned(rotation, picture)
 
-    def _outside(self, object_id: int) -> Berth:
+    def _outside(self, object_id: int) -> Placement:
         (object_id,) = checked_ids(object_id, self._known, "object_id")
         if object_id not in self._situation.out:
             raise ValueError(f"{self._names([object_id])} is not unpacked: unpack it first")
@@ -238,7 +238,7 @@ class Session(SessionSteps):
         self._glimpse = None
         self.__dict__.pop("bag_up", None)
 
-    def _take_chosen(self, ids: list[int]) -> tuple[Situation, Group]:
+    def _take_chosen(self, ids: list[int]) -> tuple[SessionState, Group]:
         situation = replace(self._situation, inspected=None)
         packed = self._packed(situation)
         wanted = packed.intersection(ids)
@@ -259,8 +259,8 @@ class Session(SessionSteps):
             groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = answer.blocking.among(packed)
-            whole = [set(g) for g in graph.departures(packed) if wanted.intersection(g)]
-            wanted = wanted.union(*(g for g in whole if len(g) <= self.most_in_group))
+            whole = [set(g) for g in graph.removals(packed) if wanted.intersection(g)]
+            wanted = wanted.union(*(g for g in whole if len(g) <= self.max_group_size))
             blockers = graph.blockers(wanted)
             if blockers and wanted != {*self._least_if_stuck(packed, answer)}:
                 raise BlockedError(
@@ -268,12 +268,12 @@ class Session(SessionSteps):
                     f"{self._names(blockers)}: unpack those first, reveal it, or choose another "
                     "direction."
                 )
-            groups = graph.departures(wanted)
+            groups = graph.removals(wanted)
         for group in groups:
             situation = self._leave(situation, group)
         return situation, tuple(i for group in groups for i in group)
 
     def _least_if_stuck(self, packed: frozenset[int], answer: OcclusionAnswer) -> Group:
-        if not self.take_least_occluded or answer.groups(packed, self.most_in_group):
+        if not self.take_least_occluded or answer.groups(packed, self.max_group_size):
             return ()
         return (self._known_answer(packed, afresh=True).least_occluded(packed),)

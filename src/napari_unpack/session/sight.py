@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
 from napari_unpack.appearance.minimum_opacity import surely_seen, veil, veiled
 from napari_unpack.rendering import interference_in
-from napari_unpack.rendering.object_style import Study
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.state import ObjectState
 from napari_unpack.session.tinting import SessionTints
 from napari_unpack.session.validation import checked_ids, checked_planes
@@ -25,7 +25,7 @@ LAYERS = 2
 MOST_PIXELS = 640
 """Longer side of the object-ID image hues are chosen from; larger canvases are scaled down."""
 
-_NO_STUDY = Study()
+_NO_STUDY = ObjectStyle()
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class SessionSight(SessionTints):
         self._surroundings = surroundings
         self.events.surroundings.emit(surroundings)
 
-    def study(self, object_id: int) -> Study:
+    def study(self, object_id: int) -> ObjectStyle:
         """Return the opacity and the cut an object has of its own."""
         return self._situation.studies.get(object_id, _NO_STUDY)
 
@@ -130,7 +130,7 @@ class SessionSight(SessionTints):
             known[object_id] = veiled(shown, least) if least else shown
         return known[object_id]
 
-    def set_study(self, object_id: int, study: Study | None) -> None:
+    def set_study(self, object_id: int, study: ObjectStyle | None) -> None:
         """Give an object an opacity or a cut of its own; None takes both away.
 
         Successive changes are one step of undo. The bag shows nothing of it.

@@ -11,7 +11,7 @@ import numpy as np
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.rendering.object_style import Study
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.labels import Edit
 from napari_unpack.unpacking import Queue, Slots
 
@@ -32,7 +32,7 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Berth:
+class Placement:
     """How an unpacked object is kept.
 
     Parameters
@@ -78,12 +78,12 @@ class Berth:
         share = np.divide(slots.window_mm, self.within)
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
-    def turned(self, rotation: Matrix, picture_mm: tuple[float, float]) -> Berth:
+    def turned(self, rotation: Matrix, picture_mm: tuple[float, float]) -> Placement:
         """Return it held another way, with that picture: it stays in its place and fits there."""
         placed = None if self.placed is None else replace(self.placed, rotation=rotation)
         return replace(self, rotation=rotation, placed=placed, turned_mm=picture_mm)
 
-    def mirrored(self) -> Berth:
+    def mirrored(self) -> Placement:
         """Return it for a bag that is mirrored from now on, its picture mirrored likewise."""
         placed = self.placed
         if placed is not None:
@@ -92,12 +92,12 @@ class Berth:
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class SessionState:
     """All that undo brings back.
 
     Parameters
     ----------
-    out : dict of int to Berth
+    out : dict of int to Placement
         Objects outside the bag, in the order in which they left.
     hidden : frozenset of int
         Objects put out of sight, in the bag or outside.
@@ -111,10 +111,10 @@ class Situation:
         By ID, where a person gave one.
     direction : str or (3,) tuple of float, optional
         D as it was asked for; None is the opposite of the view.
-    ahead : tuple of dict of int to Berth
+    ahead : tuple of dict of int to Placement
         Departures that `at_step` has taken back, the next one first: going forward again
         repeats them. Any other command that moves, hides or shows objects forgets them.
-    studies : mapping of int to Study
+    studies : mapping of int to ObjectStyle
         By ID, how those are shown alone that have an opacity or a cut of their own.
     edit : Edit, optional
         The last repair of the labels; None as they were given.
@@ -125,32 +125,32 @@ class Situation:
 
     transfer_function: TransferFunction
     hues: Mapping[int, float]
-    out: dict[int, Berth] = field(default_factory=dict)
+    out: dict[int, Placement] = field(default_factory=dict)
     hidden: frozenset[int] = frozenset()
     inspected: int | None = None
     queue: Queue = field(default_factory=Queue)
     names: Mapping[int, str] = field(default_factory=dict)
     direction: str | tuple[float, float, float] | None = None
-    ahead: tuple[Mapping[int, Berth], ...] = ()
+    ahead: tuple[Mapping[int, Placement], ...] = ()
     edit: Edit | None = None
     good: frozenset[int] = frozenset()
-    studies: Mapping[int, Study] = field(default_factory=dict)
+    studies: Mapping[int, ObjectStyle] = field(default_factory=dict)
 
     @property
-    def departures(self) -> tuple[tuple[int, ...], ...]:
+    def removals(self) -> tuple[tuple[int, ...], ...]:
         """Who is out, group by group in the order in which they left."""
-        return tuple(dict.fromkeys(berth.group for berth in self.out.values()))
+        return tuple(dict.fromkeys(placement.group for placement in self.out.values()))
 
-    def at_step(self, step: int) -> Situation:
+    def at_step(self, step: int) -> SessionState:
         """Return the situation with so many departures done, as far as they are known.
 
         Hidden objects go too: the start of an unpacking is a packed bag.
         """
-        done = self.departures
+        done = self.removals
         if step >= len(done):
             known = self.ahead[: step - len(done)]
-            berths = {i: berth for departure in known for i, berth in departure.items()}
-            return replace(self.with_out(berths), ahead=self.ahead[len(known) :])
+            placements = {i: placement for departure in known for i, placement in departure.items()}
+            return replace(self.with_out(placements), ahead=self.ahead[len(known) :])
         gone = [{i: self.out[i] for i in group if i in self.out} for group in done[step:]]
         back = [i for departure in gone for i in departure]
         return replace(self.with_back(back), ahead=(*gone, *self.ahead))
@@ -163,26 +163,26 @@ class Situation:
             return ObjectState.INSPECTED
         return ObjectState.UNPACKED if object_id in self.out else ObjectState.PACKED
 
-    def with_out(self, berths: Mapping[int, Berth]) -> Situation:
+    def with_out(self, placements: Mapping[int, Placement]) -> SessionState:
         """Return the situation after objects have left the bag."""
-        queue = self.queue.without(berths)
-        return replace(self, out={**self.out, **berths}, queue=queue, ahead=())
+        queue = self.queue.without(placements)
+        return replace(self, out={**self.out, **placements}, queue=queue, ahead=())
 
-    def with_back(self, ids: Iterable[int]) -> Situation:
+    def with_back(self, ids: Iterable[int]) -> SessionState:
         """Return the situation after objects have gone back, the first given at the head."""
         back = tuple(ids)
         returned = set(back)
-        kept = {i: berth for i, berth in self.out.items() if i not in returned}
+        kept = {i: placement for i, placement in self.out.items() if i not in returned}
         return replace(self, out=kept, queue=self.queue.put_back(back), ahead=())
 
-    def with_hidden(self, ids: Iterable[int]) -> Situation:
+    def with_hidden(self, ids: Iterable[int]) -> SessionState:
         """Return the situation after objects have been put out of sight."""
         gone = frozenset(ids)
         inspected = None if self.inspected in gone else self.inspected
         queue = self.queue.without(gone)
         return replace(self, hidden=self.hidden | gone, inspected=inspected, queue=queue, ahead=())
 
-    def with_shown(self, ids: Iterable[int]) -> Situation:
+    def with_shown(self, ids: Iterable[int]) -> SessionState:
         """Return the situation after objects have come into sight again.
 
         The queue is emptied where one of them is in the bag: it may block others.
@@ -192,7 +192,7 @@ class Situation:
         queue = replace(self.queue, groups=()) if blocking else self.queue
         return replace(self, hidden=self.hidden - back, queue=queue, ahead=())
 
-    def with_changes_of(self, source: Situation, target: Situation) -> Situation:
+    def with_changes_of(self, source: SessionState, target: SessionState) -> SessionState:
         """Return this situation with what differs from `source` to `target` set as in `target`.
 
         Undoing a step takes back what that step changed and leaves alone what has changed

@@ -15,12 +15,12 @@ class SessionSteps(SessionLeaving):
     def steps(self) -> tuple[Group, ...]:
         """Departures known: those done, then those `go_to` has taken back."""
         situation = self._situation
-        return (*situation.departures, *(tuple(ahead) for ahead in situation.ahead))
+        return (*situation.removals, *(tuple(ahead) for ahead in situation.ahead))
 
     @property
     def step(self) -> int:
         """How many departures are done."""
-        return len(self._situation.departures)
+        return len(self._situation.removals)
 
     def go_to(self, step: int) -> int:
         """Take back or repeat departures until so many are done; 0 is the packed bag.
@@ -49,10 +49,10 @@ class SessionSteps(SessionLeaving):
             raise ValueError(f"step must not be negative, got {step!r}")
         situation = replace(self._situation.at_step(int(step)), inspected=None)
         try:
-            while len(situation.departures) < step and self._packed(situation):
+            while len(situation.removals) < step and self._packed(situation):
                 situation = self._take_next(1, situation)[0]
         except NobodyFreeError as error:
             self.events.message.emit(str(error))
-        if situation.departures != self._situation.departures:
+        if situation.removals != self._situation.removals:
             self._do("scrub", situation, merge=True)
         return self.step

@@ -1,6 +1,6 @@
 """What may leave, in which order, along which path, and where it waits."""
 
-from napari_unpack.unpacking.blocking_graph import Blocking, groups, reveal
+from napari_unpack.unpacking.blocking_graph import BlockingGraph, groups, reveal
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
 from napari_unpack.unpacking.flight_path import Ball, Flight, clearance
 from napari_unpack.unpacking.occlusion import free_ids, ratios
@@ -18,7 +18,7 @@ from napari_unpack.unpacking.slots import Slots, arrange
 __all__ = [
     "AXES",
     "Ball",
-    "Blocking",
+    "BlockingGraph",
     "Flight",
     "OrientedBox",
     "Queue",

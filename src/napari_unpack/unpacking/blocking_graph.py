@@ -19,7 +19,7 @@ Ids = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Blocking:
+class BlockingGraph:
     """The directional blocking graph of the objects that were in the bag when it was asked.
 
     An edge from i to j says that i stands in front of j along D. Taking objects away takes their
@@ -33,7 +33,7 @@ class Blocking:
     """
 
     graph: nx.DiGraph
-    _whole: Blocking | None = field(default=None, repr=False)
+    _whole: BlockingGraph | None = field(default=None, repr=False)
 
     @cached_property
     def _edges(self) -> tuple[Ids, Ids, Ids]:
@@ -46,7 +46,7 @@ class Blocking:
     @classmethod
     def of(
         cls, counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
-    ) -> Blocking | None:
+    ) -> BlockingGraph | None:
         """Make the graph from counts, or return None where there is no table of blockers.
 
         Objects that are free within the tolerance lose their incoming edges. The table is the
@@ -57,9 +57,9 @@ class Blocking:
         free = free_ids(counts, rule, tolerance)
         return cls(blocking_graph(counts.blocks, counts.ids, free))
 
-    def among(self, packed: Iterable[int]) -> Blocking:
+    def among(self, packed: Iterable[int]) -> BlockingGraph:
         """Return the graph of those still packed."""
-        return Blocking(self.graph.subgraph(packed), self._whole or self)
+        return BlockingGraph(self.graph.subgraph(packed), self._whole or self)
 
     def free_groups(self) -> list[tuple[int, ...]]:
         """Return the groups that nobody outside them blocks, smallest first, then by ID.
@@ -92,7 +92,7 @@ class Blocking:
         """Return the smallest set, the target included, that must leave to get at the target."""
         return reveal(self.graph, target)
 
-    def departures(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
+    def removals(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
         """Order objects into groups so that none leaves before what blocks it."""
         part = self.graph.subgraph(ids)
         condensed = nx.condensation(part)
@@ -161,7 +161,7 @@ def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...
     "group-by-group" (section 5) leaves open which groups.
     """
     names = list(ids)
-    return Blocking(blocking_graph(blocks, names)).departures(names)
+    return BlockingGraph(blocking_graph(blocks, names)).removals(names)
 
 
 def leading_groups(
@@ -182,8 +182,8 @@ def leading_groups(
     Yields
     ------
     tuple of int
-        Of those that `Blocking.free_groups` finds in the whole graph the ones with at most so many
-        members, each as soon as its first member in the order is come to.
+        Of those that `BlockingGraph.free_groups` finds in the whole graph the ones with at most so
+        many members, each as soon as its first member in the order is come to.
 
     Notes
     -----

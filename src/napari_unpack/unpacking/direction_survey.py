@@ -18,7 +18,7 @@ from napari_unpack.unpacking.occlusion import free_ids
 Group = tuple[int, ...]
 Mask = NDArray[np.bool_]
 
-COMPASS: NDArray[np.float64] = np.array(
+DIRECTIONS_26: NDArray[np.float64] = np.array(
     [
         np.array(steps) / np.linalg.norm(steps)
         for steps in product((-1.0, 0.0, 1.0), repeat=3)
@@ -29,7 +29,7 @@ COMPASS: NDArray[np.float64] = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class DirectionalBlocking:
     """Who stands in front of whom along one direction.
 
     Parameters
@@ -49,7 +49,7 @@ class Outlook:
     @classmethod
     def of(
         cls, direction: Vector, counts: OcclusionCounts, packed: Collection[int], tolerance: float
-    ) -> Outlook | None:
+    ) -> DirectionalBlocking | None:
         """Make it from counts along -D; None where they hold no table.
 
         Objects that no ray meets block nobody; objects free within the tolerance are blocked by
@@ -66,14 +66,14 @@ class Outlook:
         np.fill_diagonal(blocks, False)
         return cls(direction, ids, blocks)
 
-    def opposite(self) -> Outlook:
+    def opposite(self) -> DirectionalBlocking:
         """Return the outlook along -D: what was in front is behind. Holds at tolerance 0."""
-        return Outlook(-self.direction, self.ids, self.blocks.T)
+        return DirectionalBlocking(-self.direction, self.ids, self.blocks.T)
 
-    def among(self, packed: Collection[int]) -> Outlook:
+    def among(self, packed: Collection[int]) -> DirectionalBlocking:
         """Return the outlook of those still packed."""
         keep = np.isin(self.ids, list(packed))
-        return Outlook(self.direction, self.ids[keep], self.blocks[np.ix_(keep, keep)])
+        return DirectionalBlocking(self.direction, self.ids[keep], self.blocks[np.ix_(keep, keep)])
 
     def free_groups(self) -> list[Group]:
         """Return the objects, and groups that hold together, that nobody else blocks."""
@@ -102,7 +102,7 @@ class Outlook:
 
 
 @dataclass(frozen=True, eq=False)
-class WayOut:
+class BestDirection:
     """A direction and what could leave along it.
 
     Parameters
@@ -122,14 +122,14 @@ class WayOut:
         return frozenset(i for group in self.groups for i in group)
 
 
-def best_way_out(
-    outlooks: Sequence[Outlook], packed: Collection[int], most: int, near: Vector
-) -> WayOut | None:
+def best_direction(
+    outlooks: Sequence[DirectionalBlocking], packed: Collection[int], most: int, near: Vector
+) -> BestDirection | None:
     """Return the direction along which the most objects could leave.
 
     Parameters
     ----------
-    outlooks : sequence of Outlook
+    outlooks : sequence of DirectionalBlocking
         Of objects among which the packed ones are.
     packed : collection of int
         Who is in the bag now.
@@ -140,13 +140,13 @@ def best_way_out(
 
     Returns
     -------
-    WayOut or None
+    BestDirection or None
         None where nobody is free along any of them.
     """
     ways = []
     for outlook in outlooks:
         groups = [g for g in outlook.among(packed).free_groups() if len(g) <= most]
-        ways.append(WayOut(outlook.direction, tuple(sorted(groups))))
+        ways.append(BestDirection(outlook.direction, tuple(sorted(groups))))
     ways = [way for way in ways if way.groups]
     if not ways:
         return None
@@ -154,7 +154,7 @@ def best_way_out(
 
 
 @dataclass(frozen=True, eq=False)
-class Unearthing:
+class RevealPlan:
     """The least that must leave for an object to leave.
 
     Parameters
@@ -177,8 +177,8 @@ class Unearthing:
 
 
 def least_unearthing(
-    outlooks: Sequence[Outlook], packed: Collection[int], target: int, near: Vector
-) -> Unearthing:
+    outlooks: Sequence[DirectionalBlocking], packed: Collection[int], target: int, near: Vector
+) -> RevealPlan:
     """Return the direction along which the fewest must leave for a buried object to leave.
 
     Ties go to the direction nearest `near`.
@@ -191,7 +191,7 @@ def least_unearthing(
     if not outlooks or target not in packed:
         raise ValueError(f"target must be a packed object and an outlook known, got {target!r}")
     found = [
-        Unearthing(target, outlook.direction, outlook.among(packed).needed(target))
+        RevealPlan(target, outlook.direction, outlook.among(packed).needed(target))
         for outlook in outlooks
     ]
     return min(found, key=lambda one: (len(one.ids), -round(float(one.direction @ near), 6)))

@@ -180,7 +180,7 @@ class Moving:
     sharp: bool = False
 
 
-class Director:
+class Animator:
     """Keeps track of everything that is neither packed nor a sprite.
 
     Parameters

@@ -90,7 +90,7 @@ AHEAD = 3
 """How many of those next to leave are made ready; a click may unpack several."""
 
 
-class Warming:
+class Prefetch:
     """Makes ready who is next in the session's queue.
 
     Parameters

@@ -15,18 +15,18 @@ from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers.rendered_image import LiveShot, Window
+from napari_unpack.layers.rendered_image import CanvasImage, Window
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.gl import framebuffer
 from napari_unpack.rendering.gl.cached_pass import TintedCaster, Where
-from napari_unpack.rendering.gl.depth_quads import Picture
+from napari_unpack.rendering.gl.depth_quads import ImageTexture
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 from napari_unpack.rendering.gl.programs import Programs
-from napari_unpack.rendering.gl.tinted_pass import Look, PixelWindow
+from napari_unpack.rendering.gl.tinted_pass import Appearance, PixelWindow
 from napari_unpack.rendering.gl.volume_store import VolumeStore
 from napari_unpack.rendering.image_patch import window_of
 from napari_unpack.rendering.scene import LIGHT
-from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.viewer.animation import Moving
 from napari_unpack.viewer.dirty_region import window_of_objects
 
@@ -44,11 +44,11 @@ class _Known:
     """A look, and which bricks it leaves empty."""
 
     function: Any
-    look: Look
+    look: Appearance
     occupied: NDArray[np.bool_]
 
 
-class Studio:
+class CanvasBackend:
     """Casts with shaders where the canvas's driver is worth it.
 
     Parameters
@@ -83,7 +83,7 @@ class Studio:
         self._notice: str | None = None
         self._renderer: str | None = None
         self._broken = False
-        self._crop: Crop | None = None
+        self._crop: Subvolume | None = None
         self._store: VolumeStore | None = None
         self._ready = self._sent = False
         self._programs = Programs()
@@ -145,7 +145,7 @@ class Studio:
         """Send everything anew: what was on the graphics card went with its context."""
         self._ready = self._sent = False
 
-    def supply(self, crop: Crop) -> None:
+    def supply(self, crop: Subvolume) -> None:
         """Take over the whole volume, made ready in a worker thread."""
         if crop is self._crop:
             return
@@ -166,7 +166,7 @@ class Studio:
         size: tuple[int, int],
         step: float,
         done: Callable[[float], None],
-    ) -> LiveShot | None:
+    ) -> CanvasImage | None:
         """Return the picture of what is packed, to be cast when it is drawn.
 
         Parameters
@@ -182,7 +182,7 @@ class Studio:
 
         Returns
         -------
-        LiveShot or None
+        CanvasImage or None
             None where the bag is out of view.
         """
         shape = np.asarray(self._session.labels.shape)
@@ -196,7 +196,7 @@ class Studio:
         camera: Camera,
         sizes: Callable[[Moving], tuple[tuple[int, int], float]],
         done: Callable[[float], None],
-    ) -> dict[int, LiveShot]:
+    ) -> dict[int, CanvasImage]:
         """Return pictures of objects where they are now, without those out of view.
 
         Parameters
@@ -254,7 +254,7 @@ class Studio:
         size: tuple[int, int],
         step: float,
         done: Callable[[float], None],
-    ) -> LiveShot | None:
+    ) -> CanvasImage | None:
         session = self._session
         row = session.boxes.index(object_id)
         low = np.maximum(session.boxes.lower[row] - FRINGE, 0)
@@ -287,7 +287,7 @@ class Studio:
         done: Callable[[float], None],
         clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
         function: Callable[[], Any] | None = None,
-    ) -> LiveShot | None:
+    ) -> CanvasImage | None:
         if self._crop is None:
             return None
         spacing = np.asarray(self._session.spacing, dtype=np.float64)
@@ -301,7 +301,7 @@ class Studio:
         plane = -float(transform_points(pivot, (ends[0] + ends[1]) / 2 * spacing)[0])
         window = Window.around(found, plane)
 
-        def develop() -> Picture | None:
+        def develop() -> ImageTexture | None:
             part = window.row, window.col, *window.size
             rays = rays_for(camera, size, spacing, affine, step, part)
             shown = self._session.transfer_function if function is None else function()
@@ -317,7 +317,7 @@ class Studio:
 
             return self._cast(key, rays, tints(), done, clipping(), shown, where)
 
-        return LiveShot(window, camera, size, develop)
+        return CanvasImage(window, camera, size, develop)
 
     def _cast(
         self,
@@ -328,7 +328,7 @@ class Studio:
         clipping: NDArray[np.float64] | None,
         function: Any,
         where: Where,
-    ) -> Picture | None:
+    ) -> ImageTexture | None:
         if self._store is None or self._crop is None or not self.active:
             return None
         known = self._look(self._crop, key, tints, function)
@@ -358,7 +358,9 @@ class Studio:
             f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
         )
 
-    def _look(self, crop: Crop, key: object, tints: NDArray[np.float32], function: Any) -> _Known:
+    def _look(
+        self, crop: Subvolume, key: object, tints: NDArray[np.float32], function: Any
+    ) -> _Known:
         known = self._known.get(key)
         if (
             known is None
@@ -367,7 +369,7 @@ class Studio:
         ):
             spacing = np.asarray(self._session.spacing, dtype=np.float64)
             table = function.table(TABLE_ENTRIES)
-            look = Look(spacing, table, function.domain, tints, LIGHT)
+            look = Appearance(spacing, table, function.domain, tints, LIGHT)
             occupied = crop.bricks.occupied(table, function.domain, tints)
             known = self._known[key] = _Known(function, look, occupied)
         return known

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Cutting:
+class ClippingSync:
     """Keeps a session cut open where the packed layer is.
 
     Parameters

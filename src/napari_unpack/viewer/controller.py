@@ -24,20 +24,20 @@ from napari_unpack.layers.placement import napari_from_world, placement_of, unit
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import ALIKE, Frame, napari_view, parts_of
-from napari_unpack.rendering.cpu import WAY
-from napari_unpack.viewer.background_queries import AtRest, Warming
+from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
+from napari_unpack.viewer.background_queries import AtRest, Prefetch
 from napari_unpack.viewer.canvas_backend import BACKENDS
-from napari_unpack.viewer.clipping_sync import Cutting
+from napari_unpack.viewer.clipping_sync import ClippingSync
 from napari_unpack.viewer.interaction import Hands, Pointer
 from napari_unpack.viewer.overlays import Overlays
-from napari_unpack.viewer.redraw_throttle import Pacing
-from napari_unpack.viewer.scene_renderer import Projector
+from napari_unpack.viewer.redraw_throttle import RedrawThrottle
+from napari_unpack.viewer.scene_renderer import SceneRenderer
 from napari_unpack.viewer.scheduler import Jobs
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
-from napari_unpack.viewer.viewer_state import Borrowed
+from napari_unpack.viewer.viewer_state import SavedViewerState
 
 
-class StageEvents(SignalGroup):
+class ControllerEvents(SignalGroup):
     """What a stage tells.
 
     frame: a picture of moving objects was shown. landed: a flight has ended, its object's ID.
@@ -58,7 +58,7 @@ RIGHT_HANDED = ("towards", "down", "right")
 LANES = ("moving", "quick", "fine", "rest", "queue")
 
 
-class Stage(Hands):
+class SessionController(Hands):
     """A session on a viewer.
 
     Parameters
@@ -76,7 +76,7 @@ class Stage(Hands):
         Choose hues anew when the camera comes to rest.
     fade : HueFade
         The transition to new colours; `allowed` is False for who asks for reduced motion.
-    events : StageEvents
+    events : ControllerEvents
     around : Session or None
         Of an opened object: the session it is from, whose labels and hues slices show.
     """
@@ -87,8 +87,8 @@ class Stage(Hands):
         self.sources = tuple(compat.unwrap(layer) for layer in sources)
         self.recolor_at_rest = True
         self.around: Any = None
-        self.events = StageEvents()
-        self._borrowed: Borrowed | None = None
+        self.events = ControllerEvents()
+        self._borrowed: SavedViewerState | None = None
         self._before = False, "auto"
         self._pointed = 0
         self._held: dict[str, Any] | None = None
@@ -98,7 +98,7 @@ class Stage(Hands):
         self.transition = TransitionLayer("Transition", session.spacing, **where)
         self.sprites = SpriteLayer("Sprites", session.spacing, **where)
         self._jobs = Jobs(LANES, self.events.message.emit)
-        self._projector = Projector(
+        self._renderer = SceneRenderer(
             session,
             self.packed,
             self.transition,
@@ -108,10 +108,10 @@ class Stage(Hands):
             self.events.landed.emit,
             self.events.message.emit,
         )
-        self.fade = self._projector.bag.fade
+        self.fade = self._renderer.bag.fade
         self.overlays = Overlays(session, self._jobs, self.transition.repaint)
         self.transition.overlays = self.overlays.cards_at
-        warming = Warming(session, self._jobs)
+        warming = Prefetch(session, self._jobs)
         self._at_rest = AtRest(session, self._jobs, lambda: self.recolor_at_rest, warming.ask)
         self._pointer: Pointer | None = None
         self._slices = SliceHues(session, ())
@@ -129,33 +129,33 @@ class Stage(Hands):
     @property
     def flying(self) -> bool:
         """Whether anything is in the air."""
-        return self._projector.flying
+        return self._renderer.flying
 
     @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
-        return self._projector.inspected
+        return self._renderer.inspected
 
     @property
     def packed_passes(self) -> int:
         """Castings of the packed picture so far."""
-        return self._projector.bag.passes
+        return self._renderer.bag.passes
 
     @property
     def backend(self) -> str:
         """Who casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware)."""
-        return self._projector.studio.wanted
+        return self._renderer.studio.wanted
 
     @backend.setter
     def backend(self, backend: str) -> None:
         if backend not in BACKENDS:
             raise ValueError(f'backend must be "auto", "cpu" or "gl", got {backend!r}')
-        self._projector.cast_with(backend)
+        self._renderer.cast_with(backend)
 
     @property
     def casts_with(self) -> str:
         """Who casts the bag and what moves now, "cpu" or "gl"."""
-        return "gl" if self._projector.studio.active else "cpu"
+        return "gl" if self._renderer.studio.active else "cpu"
 
     @property
     def seconds(self) -> float:
@@ -180,7 +180,7 @@ class Stage(Hands):
             raise RuntimeError(compat.problem())
         viewer = self.viewer
         guard(compat.native_canvas(viewer))
-        self._borrowed = Borrowed.from_viewer(viewer, self.sources)
+        self._borrowed = SavedViewerState.from_viewer(viewer, self.sources)
         self._before = self.session.animated, self.session.backend
         # The session's questions are answered in threads, where GL has no context.
         self.session.animated, self.session.backend = True, "cpu"
@@ -193,7 +193,7 @@ class Stage(Hands):
             viewer.add_layer(layer)
         viewer.layers.selection.active = self.packed
         self._connect()
-        self._projector.open()
+        self._renderer.open()
         look_through(viewer, self.session, self.packed)
         self.frame_bag()
         self._on_states()
@@ -205,8 +205,8 @@ class Stage(Hands):
         borrowed, self._borrowed = self._borrowed, None
         self._disconnect()
         self._slices.close()
-        self._projector.end_inspection()
-        self._projector.close()
+        self._renderer.end_inspection()
+        self._renderer.close()
         self.overlays.close()
         self._at_rest.close()
         self._jobs.close()
@@ -225,52 +225,52 @@ class Stage(Hands):
 
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly free objects out, or these; see `Session.unpack`."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
         know_who_leaves(self.session, self._jobs, wanted, self.events.looking.emit)
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly objects back, or these; see `Session.restore`."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         return self.session.restore(n_or_ids)
 
     def go_to(self, step: int, flying: bool = False) -> int:
         """Run the unpacking to a step, at once or flying; see `Session.go_to`."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         if not flying:
             self.finish()
         return run_to(self.session, self._jobs, step, flying, self.events.looking.emit)
 
     def undo(self) -> Any:
         """Take back the last step, a turn given during an inspection included."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         return travel(self.session, self._jobs, "undo")
 
     def redo(self) -> Any:
         """Do the step taken back again."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         return travel(self.session, self._jobs, "redo")
 
     def finish(self) -> None:
         """Land every flight now."""
         for object_id in list(self.session.flights):
-            self._projector.land(object_id)
+            self._renderer.land(object_id)
 
     def reveal(self, object_id: int, direction: Any = None) -> Any:
         """Fly out what frees a buried object, and it as well; see `Session.reveal`."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
         return self.session.reveal(object_id, direction)
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
         if self.inspected != object_id:
-            self._projector.end_inspection()
+            self._renderer.end_inspection()
             self.session.inspect(object_id)
 
     def leave(self) -> None:
         """Come back from inspection; the sprite becomes what was seen last."""
-        self._projector.leave()
+        self._renderer.leave()
 
     def frame_bag(self) -> None:
         """Set the viewer's camera so that the bag and all sprites fit beside each other."""
@@ -296,7 +296,7 @@ class Stage(Hands):
         bool
             Whether every picture is right.
         """
-        self._projector.catch_up()
+        self._renderer.catch_up()
         return self.settle(seconds)
 
     def settle(self, seconds: float = 10.0) -> bool:
@@ -324,10 +324,12 @@ class Stage(Hands):
         followed = self.session if self.around is None else self.around
         self._steps = SliceSteps(self.viewer, followed, self.packed)
         self._pointer = Pointer(self.viewer, self)
-        self._cutting = Cutting(self.packed, self.session, self.sources, self._at_rest.moved)
-        canvas, projector = compat.native_canvas(self.viewer), self._projector
+        self._cutting = ClippingSync(self.packed, self.session, self.sources, self._at_rest.moved)
+        canvas, renderer = compat.native_canvas(self.viewer), self._renderer
         self._context = ContextWatch(canvas, self._on_context_replaced)
-        self._pacing = Pacing(canvas, self.packed, lambda: projector.turning, projector.bag.look)
+        self._pacing = RedrawThrottle(
+            canvas, self.packed, lambda: renderer.turning, renderer.bag.look
+        )
 
     def _disconnect(self) -> None:
         self._pacing.close()
@@ -345,7 +347,7 @@ class Stage(Hands):
     def _wires(self) -> list[tuple[Any, Any]]:
         events = self.session.events
         return [
-            (events.labels, self._projector.labels_changed),
+            (events.labels, self._renderer.labels_changed),
             (events.labels, self._at_rest.moved),
             (events.states, self._on_states),
             (events.hues, self._on_hues),
@@ -363,7 +365,7 @@ class Stage(Hands):
         if not frame.same_as(self.frame):
             self.session.canvas_size = frame.size
             self.session.look(frame.camera)
-            self._projector.look(frame)
+            self._renderer.look(frame)
             self.overlays.look(frame)
             self._at_rest.moved()
 
@@ -374,7 +376,7 @@ class Stage(Hands):
 
     def _on_states(self) -> None:
         self._hold_view()
-        self._projector.states_changed()
+        self._renderer.states_changed()
         self.overlays.changed()
         self._at_rest.moved()
 
@@ -389,15 +391,15 @@ class Stage(Hands):
             self._held = None
 
     def _on_hues(self) -> None:
-        self._projector.hues_changed()
+        self._renderer.hues_changed()
         self._slices.paint()
 
     def _on_densities(self) -> None:
-        self._projector.densities_changed()
+        self._renderer.densities_changed()
         self.overlays.painter.renew()
 
     def _on_context_replaced(self) -> None:
-        self._projector.context_replaced()
+        self._renderer.context_replaced()
         self.events.message.emit(drawn_anew(self.viewer, self.layers))
 
     def _on_refused(self, log: str) -> None:
@@ -405,7 +407,7 @@ class Stage(Hands):
 
     def _on_surroundings(self) -> None:
         dress(self.viewer, self.session.surroundings)
-        self._projector.surroundings_changed()
+        self._renderer.surroundings_changed()
 
     def _on_removed(self, event: Any) -> None:
         if event.value in self.layers:
@@ -414,7 +416,7 @@ class Stage(Hands):
     def _settled(self) -> bool:
         # What is asked at rest waits until everybody has landed.
         resting = self._at_rest.waiting and not self.flying
-        drawn = self._projector.settled and self.overlays.settled
+        drawn = self._renderer.settled and self.overlays.settled
         return drawn and not (self._jobs.busy or resting)
 
 
@@ -512,7 +514,7 @@ def know_who_leaves(
     question = None if n_or_ids is None else session.glimpse_question(n_or_ids)
     glimpse = None
     if question is not None:
-        with WAY.taken():
+        with INTERACTIVE_PRIORITY.taken():
             glimpse = question.answer(GLIMPSE_SECONDS)
     if glimpse is not None and session.accept_glimpse(glimpse):
         return

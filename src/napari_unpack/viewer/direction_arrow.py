@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import Vector, transform_points, unit
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.gl.depth_quads import Card
+from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 
 INK = (0.45, 0.9, 1.0, 1.0)
@@ -25,7 +25,7 @@ LEAST_PIXELS = 12.0
 """A drag shorter than this draws no direction."""
 
 
-class Arrow:
+class DirectionArrow:
     """Draws an arrow before everything else.
 
     Parameters
@@ -40,7 +40,7 @@ class Arrow:
         self.drawn: NDArray[np.float64] | None = None
         """(2, 2) start and end of an arrow under the hand, pixels of the frame."""
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the arrow's cards: none where objects leave towards the viewer."""
         ends = self._ends(frame)
         if ends is None:

@@ -10,11 +10,11 @@ import numpy as np
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers.rendered_image import Shot
+from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.rendering import cast_tinted
-from napari_unpack.rendering.image_patch import Patch, window_of
+from napari_unpack.rendering.image_patch import ImagePatch, window_of
 from napari_unpack.rendering.scene import LIGHT
-from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.rendering.subvolumes import Subvolume
 
 FRINGE = 3
 """Voxels around an object's box in which its picture can change: its fringe and one for
@@ -22,17 +22,17 @@ interpolation."""
 
 
 def recast_objects(
-    session: Any, crop: Crop, shot: Shot, ids: Iterable[int], backend: str
-) -> Shot | None:
+    session: Any, crop: Subvolume, shot: RenderedImage, ids: Iterable[int], backend: str
+) -> RenderedImage | None:
     """Cast the windows of some objects anew and keep the rest of the picture.
 
     Parameters
     ----------
     session : Session
         What is packed now.
-    crop : Crop
-        The whole volume; see `session.picture_cache.PictureCache.whole`.
-    shot : Shot
+    crop : Subvolume
+        The whole volume; see `session.picture_cache.SubvolumeCache.whole`.
+    shot : RenderedImage
         The packed picture so far, right but for these objects.
     ids : iterable of int
         Objects that have left, come back, or changed their look.
@@ -41,7 +41,7 @@ def recast_objects(
 
     Returns
     -------
-    Shot or None
+    RenderedImage or None
         As if all of it had been cast; None where no pixel is left.
 
     Notes
@@ -72,11 +72,13 @@ def recast_objects(
     top, left = row - shot.patch.row, col - shot.patch.col
     rgba[top : top + height, left : left + width] = image
     depth[top : top + height, left : left + width] = there
-    patch = Patch(rgba, depth, shot.patch.row, shot.patch.col, shot.patch.plane)
-    return Shot.of(patch, shot.camera, shot.size)
+    patch = ImagePatch(rgba, depth, shot.patch.row, shot.patch.col, shot.patch.plane)
+    return RenderedImage.of(patch, shot.camera, shot.size)
 
 
-def _window(session: Any, shot: Shot, ids: Iterable[int]) -> tuple[int, int, int, int] | None:
+def _window(
+    session: Any, shot: RenderedImage, ids: Iterable[int]
+) -> tuple[int, int, int, int] | None:
     """Return the rectangle (row, col, height, width) that covers objects, cut to the patch."""
     patch = shot.patch
     part = patch.row, patch.col, *patch.rgba.shape[:2]

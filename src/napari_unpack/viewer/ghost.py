@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from napari_unpack.geometry.transforms import packed_pose
-from napari_unpack.layers.rendered_image import Shot
+from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import object_patch
-from napari_unpack.rendering.gl.depth_quads import Card
+from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.rendering.outlines import Silhouette, decorated
 from napari_unpack.viewer.scheduler import Clock, Jobs
@@ -34,14 +34,14 @@ class Seen:
     Parameters
     ----------
     object_id : int
-    shot : Shot
+    shot : RenderedImage
         The flat silhouette at the packed place, with the object's depths.
     frame : Frame
         What the canvas showed.
     """
 
     object_id: int
-    shot: Shot
+    shot: RenderedImage
     frame: Frame
 
 
@@ -99,7 +99,7 @@ class Ghost:
         self._clock.stop()
         self._frame, self._seen, self._wanted = None, None, 0
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the ghost twice, faint before everything and full where nothing is before it."""
         seen = self._seen
         if seen is None or self._strength <= 0.0 or not frame.same_as(seen.frame):
@@ -171,5 +171,5 @@ def cast_ghost(session: Any, object_id: int, center: Any, frame: Frame) -> Seen 
         row=patch.row - m,
         col=patch.col - m,
     )
-    shot = Shot.of(moved, frame.camera, frame.size)
+    shot = RenderedImage.of(moved, frame.camera, frame.size)
     return None if shot is None else Seen(object_id, shot, frame)

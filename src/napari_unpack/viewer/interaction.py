@@ -24,12 +24,12 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
 from napari_unpack.viewer.layer_tables import describe
 from napari_unpack.viewer.overlays import Overlays
-from napari_unpack.viewer.scene_renderer import Projector, mark
+from napari_unpack.viewer.scene_renderer import SceneRenderer, mark
 from napari_unpack.viewer.slice_sync import SliceSteps
 
 
 class Hands:
-    """The pointer's side of a `Stage`; pixels are the canvas's own, row and column."""
+    """The pointer's side of a `SessionController`; pixels are the canvas's own, row and column."""
 
     viewer: Any
     session: Any
@@ -37,7 +37,7 @@ class Hands:
     layers: Any
     sprites: SpriteLayer
     events: Any
-    _projector: Projector
+    _renderer: SceneRenderer
     _pointed: int
     _steps: SliceSteps
     around: Any
@@ -47,15 +47,15 @@ class Hands:
     @property
     def frame(self) -> Frame | None:
         """What the canvas showed last."""
-        return self._projector.frame
+        return self._renderer.frame
 
     def sprite_at(self, pixel: NDArray[np.float64]) -> int:
         """Return the object whose sprite is at a pixel of the canvas (row, column), or 0."""
-        return self._projector.sprite_at(*self.device_pixel(pixel))
+        return self._renderer.sprite_at(*self.device_pixel(pixel))
 
     def packed_at(self, pixel: NDArray[np.float64]) -> list[int]:
         """Return the packed objects at a pixel of the canvas, the most visible first."""
-        return self._projector.packed_at(*self.device_pixel(pixel))
+        return self._renderer.packed_at(*self.device_pixel(pixel))
 
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
@@ -81,7 +81,7 @@ class Hands:
         self.viewer.status = words or "Ready"
         # Beside a sprite its name; in the bag names would lie over what they are of.
         self._tell_name(words if object_id in self.session.poses else "")
-        self.overlays.ghost.point_at(0 if self._projector.inspected else object_id)
+        self.overlays.ghost.point_at(0 if self._renderer.inspected else object_id)
         self._mark()
 
     def select(self, object_id: int) -> None:
@@ -95,32 +95,32 @@ class Hands:
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
         """Turn an object under the hand."""
-        self._projector.turn(object_id, rotation)
+        self._renderer.turn(object_id, rotation)
 
     def turned(self, object_id: int) -> None:
         """Let go of an object that was turned."""
-        self._projector.turned(object_id)
+        self._renderer.turned(object_id)
 
     def put_back(self) -> None:
         """End an inspection at once: the view is again what it was before."""
-        self._projector.end_inspection()
+        self._renderer.end_inspection()
 
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, from world axes to pivot axes."""
-        return self._projector.rotation_of(object_id)
+        return self._renderer.rotation_of(object_id)
 
     def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
         """Carry a sprite along with the hand."""
-        self._projector.move(object_id, self._scale() * pixels)
+        self._renderer.move(object_id, self._scale() * pixels)
 
     def moved(self, object_id: int) -> None:
         """Let go of a sprite that was carried."""
-        self._projector.moved(object_id)
+        self._renderer.moved(object_id)
 
     def draw(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> None:
         """Show an arrow under the hand."""
         self.overlays.arrow.drawn = np.array([self.device_pixel(start), self.device_pixel(end)])
-        self._projector.transition.repaint()
+        self._renderer.transition.repaint()
 
     def drawn(self, start: NDArray[np.float64], end: NDArray[np.float64], out: bool) -> None:
         """Let objects leave along an arrow that was drawn.
@@ -141,12 +141,12 @@ class Hands:
             found = drawn_direction(pixels, frame.camera)
             if out:
                 row, col = (round(v) for v in pixels[0])
-                depth = self._projector.depth()
+                depth = self._renderer.depth()
                 mm = frame.camera.height / frame.size[0]
                 found = surface_normal(depth, row, col, mm, frame.camera)
             if found is not None:
                 self.session.direction = tuple(float(v) for v in found)
-        self._projector.transition.repaint()
+        self._renderer.transition.repaint()
         self.events.drawn.emit()
 
     def _tell_name(self, words: str) -> None:

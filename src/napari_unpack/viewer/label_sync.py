@@ -19,7 +19,7 @@ STROKES = ("labels_update", "paint")
 EDITED = ("labels_update", "paint", "data", "set_data")
 
 
-class PaintedLabels:
+class LabelSync:
     """Hears brushes on the layers the session's labels came from, and shows repairs there.
 
     Parameters

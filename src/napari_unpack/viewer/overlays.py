@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.layers.rendered_image import Shot
+from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.gl.depth_quads import Card
-from napari_unpack.rendering.image_patch import Patch
+from napari_unpack.rendering.gl.depth_quads import Quad
+from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Ink, outlined
-from napari_unpack.viewer.direction_arrow import Arrow
+from napari_unpack.viewer.direction_arrow import DirectionArrow
 from napari_unpack.viewer.ghost import Ghost
 from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
 
@@ -96,7 +96,7 @@ class MarkPainter:
         self._marks = Marks()
         self._frame: Frame | None = None
         self._state = 0
-        self._shot: Shot | None = None
+        self._shot: RenderedImage | None = None
         self._rest = single_shot(self._ask, REST_MS)
 
     @property
@@ -129,7 +129,7 @@ class MarkPainter:
         stop(self._rest)
         self._frame = None
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the one card of all marks."""
         card = None if self._shot is None else self._shot.card(frame.camera)
         return () if card is None else (card,)
@@ -155,7 +155,7 @@ class MarkPainter:
             lambda shot: self._take(shot, state),
         )
 
-    def _take(self, shot: Shot | None, state: int) -> None:
+    def _take(self, shot: RenderedImage | None, state: int) -> None:
         if state == self._state:
             self._shot = shot
             self._show()
@@ -163,7 +163,7 @@ class MarkPainter:
 
 def draw(
     session: Any, packed: frozenset[int], inks: Mapping[int, Ink], buried: int, frame: Frame
-) -> Shot | None:
+) -> RenderedImage | None:
     """Draw marks for what a canvas shows; for worker threads.
 
     Parameters
@@ -190,8 +190,8 @@ def draw(
     if buried:
         through = outlined(front(frozenset({buried})), {buried: BURIED})
         rgba = through + (1.0 - through[..., 3:]) * rgba
-    patch = Patch(rgba, np.full(rgba.shape[:2], np.inf, np.float32), 0, 0).trimmed()
-    shot = Shot.of(patch, frame.camera, frame.size)
+    patch = ImagePatch(rgba, np.full(rgba.shape[:2], np.inf, np.float32), 0, 0).trimmed()
+    shot = RenderedImage.of(patch, frame.camera, frame.size)
     return None if shot is None else replace(shot, in_front=True)
 
 
@@ -213,7 +213,7 @@ class Overlays:
         self._marks = Marks()
         self.painter = MarkPainter(session, jobs, show)
         self.ghost = Ghost(session, jobs, show)
-        self.arrow = Arrow(session)
+        self.arrow = DirectionArrow(session)
 
     @property
     def mark_free(self) -> bool:
@@ -259,7 +259,7 @@ class Overlays:
         self.painter.close()
         self.ghost.close()
 
-    def cards_at(self, frame: Frame) -> Sequence[Card]:
+    def cards_at(self, frame: Frame) -> Sequence[Quad]:
         """Return everything to draw."""
         parts = (self.painter, self.ghost, self.arrow)
         return [card for part in parts for card in part.cards_at(frame)]

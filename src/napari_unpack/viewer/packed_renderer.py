@@ -14,12 +14,12 @@ from qtpy.QtCore import QTimer
 from napari_unpack.appearance import hues_between
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.packed_layer import PackedLayer
-from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import packed_patch
-from napari_unpack.rendering.subvolumes import Crop, PictureCache
+from napari_unpack.rendering.subvolumes import Subvolume, SubvolumeCache
 from napari_unpack.viewer.animation import HueFade
-from napari_unpack.viewer.canvas_backend import Studio
+from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.dirty_region import recast_objects
 from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
 
@@ -39,7 +39,7 @@ FADING_SECONDS = 0.03
 """Where a full picture takes the graphics card longer, new colours come at once."""
 
 
-class PackedPainter:
+class PackedRenderer:
     """Keeps the packed layer's picture right with as few passes as can be.
 
     Parameters
@@ -50,7 +50,7 @@ class PackedPainter:
         With the lanes "quick" (while something moves) and "fine" (at rest).
     layer : PackedLayer
         Shows the picture, or nothing where nothing of the bag is in view.
-    studio : Studio
+    studio : CanvasBackend
         Casts on the canvas where it is active; else a worker thread does, on the CPU.
 
     Attributes
@@ -74,7 +74,7 @@ class PackedPainter:
         session: Any,
         jobs: Jobs,
         layer: PackedLayer,
-        studio: Studio,
+        studio: CanvasBackend,
     ) -> None:
         self.passes = 0
         self.fade = HueFade(self._fade_on)
@@ -83,16 +83,16 @@ class PackedPainter:
         self._hues = self._hues_before = session.hues
         self._recolored = False
         self._seconds = 0.0
-        self._live: LiveShot | None = None
+        self._live: CanvasImage | None = None
         self._frame: Frame | None = None
         self._state = 0
-        self._shot: Shot | None = None
-        self._fading_from: Shot | None = None
+        self._shot: RenderedImage | None = None
+        self._fading_from: RenderedImage | None = None
         self._finest: tuple[Frame, int] | None = None
         self._rays = float(FEWEST_RAYS)
         # When an object was last changed of which the picture does not tell yet.
         self._touched: dict[int, int] = {}
-        self._cache: PictureCache | None = None
+        self._cache: SubvolumeCache | None = None
         self._rest = single_shot(self._come_to_rest, REST_MS)
 
     @property
@@ -106,18 +106,18 @@ class PackedPainter:
         drawn = self._live is None or self._live.ready or not self._layer.visible
         return self._frame is None or (self._is_fine() and drawn and not self.fade.running)
 
-    def crop(self) -> Crop:
+    def crop(self) -> Subvolume:
         """Return the whole volume as the kernels want it."""
         cache = self._cache
         if cache is None or cache.labels is not self._session.display_labels:
-            fresh = PictureCache(self._session)
+            fresh = SubvolumeCache(self._session)
             if cache is not None and cache.volume is fresh.volume:
                 fresh.taking_over(cache)
             fresh.whole()
             self._cache = cache = fresh
         return cache.whole()
 
-    def known_crop(self) -> Crop:
+    def known_crop(self) -> Subvolume:
         """Return the whole volume as last made ready, which may be of labels just repaired."""
         return self.crop() if self._cache is None else self._cache.whole()
 
@@ -197,9 +197,12 @@ class PackedPainter:
             self._layer.mix(part)
 
     def _show(
-        self, shot: Shot | LiveShot | None, before: Shot | None = None, resting: bool = True
+        self,
+        shot: RenderedImage | CanvasImage | None,
+        before: RenderedImage | None = None,
+        resting: bool = True,
     ) -> None:
-        if before is None and isinstance(shot, Shot):
+        if before is None and isinstance(shot, RenderedImage):
             self.fade.stop()
         self._layer.show(shot, before, resting)
 
@@ -214,13 +217,13 @@ class PackedPainter:
     def _is_fine(self) -> bool:
         return self._finest == (self._frame, self._state) and not self._touched
 
-    def _window(self, shot: Shot | None, touched: frozenset[int]) -> Shot | None:
+    def _window(self, shot: RenderedImage | None, touched: frozenset[int]) -> RenderedImage | None:
         self.passes += 1
         if shot is None:
             return None
         return recast_objects(self._session, self.crop(), shot, touched, "cpu")
 
-    def _patched(self, shot: Shot | None, wanted: tuple[Frame, int]) -> None:
+    def _patched(self, shot: RenderedImage | None, wanted: tuple[Frame, int]) -> None:
         if self._finest == wanted:
             self._tells_all(wanted[1])
             self._shot = shot
@@ -255,7 +258,7 @@ class PackedPainter:
         )
 
     def _coarse_done(
-        self, result: tuple[Shot | None, float], frame: Frame, state: int, whole: bool
+        self, result: tuple[RenderedImage | None, float], frame: Frame, state: int, whole: bool
     ) -> None:
         shot, seconds = result
         if self._studio.active:
@@ -285,7 +288,7 @@ class PackedPainter:
             lambda result: self._fine_done(result[0], frame, state),
         )
 
-    def _fine_done(self, shot: Shot | None, frame: Frame, state: int) -> None:
+    def _fine_done(self, shot: RenderedImage | None, frame: Frame, state: int) -> None:
         if frame is not self._frame:
             return
         if state != self._state:
@@ -329,24 +332,28 @@ class PackedPainter:
         self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
         self._rays = min(self._rays, max(FEWEST_RAYS, min(frame.size)))
 
-    def _cast(self, frame: Frame, size: tuple[int, int], step: float) -> tuple[Shot | None, float]:
+    def _cast(
+        self, frame: Frame, size: tuple[int, int], step: float
+    ) -> tuple[RenderedImage | None, float]:
         self.passes += 1
         began = perf_counter()
         shot = cast_packed(self._session, frame.camera, size, step)
         return shot, perf_counter() - began
 
 
-def cast_packed(session: Any, camera: Camera, size: tuple[int, int], step: float) -> Shot | None:
+def cast_packed(
+    session: Any, camera: Camera, size: tuple[int, int], step: float
+) -> RenderedImage | None:
     """Cast the packed picture; for worker threads."""
-    return Shot.of(packed_patch(session, camera, size, step, "cpu"), camera, size)
+    return RenderedImage.of(packed_patch(session, camera, size, step, "cpu"), camera, size)
 
 
-class Sending:
+class VolumeUpload:
     """Sends one piece each time the canvas is drawn, since only then GL may be spoken to.
 
     Parameters
     ----------
-    studio : Studio
+    studio : CanvasBackend
         Who has what is to be sent.
     packed : PackedLayer
         Whose drawing is waited for.
@@ -358,7 +365,7 @@ class Sending:
 
     def __init__(
         self,
-        studio: Studio,
+        studio: CanvasBackend,
         packed: PackedLayer,
         caster_changed: Callable[[bool], None],
         refine: Callable[[], None],

@@ -7,19 +7,19 @@ from typing import Any
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.cpu import by_contribution, contributions
-from napari_unpack.rendering.subvolumes import Crop
+from napari_unpack.rendering.subvolumes import Subvolume
 
 LEAST_ALPHA = 0.02
 
 
-def pick_packed(session: Any, crop: Crop, frame: Frame, row: float, col: float) -> list[int]:
+def pick_packed(session: Any, crop: Subvolume, frame: Frame, row: float, col: float) -> list[int]:
     """List the packed objects on a pixel's ray.
 
     Parameters
     ----------
     session : Session
         What is packed.
-    crop : Crop
+    crop : Subvolume
         The whole volume.
     frame : Frame
         What the canvas shows.

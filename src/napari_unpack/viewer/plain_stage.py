@@ -17,20 +17,20 @@ from napari_unpack.layers.view_camera import camera_in_session
 from napari_unpack.viewer import controller
 from napari_unpack.viewer.background_queries import AtRest
 from napari_unpack.viewer.canvas_backend import BACKENDS
-from napari_unpack.viewer.controller import Stage, StageEvents
+from napari_unpack.viewer.controller import ControllerEvents, SessionController
 from napari_unpack.viewer.scheduler import Jobs
-from napari_unpack.viewer.viewer_state import Borrowed
+from napari_unpack.viewer.viewer_state import SavedViewerState
 
 OPACITY = 0.9
 
 
 class PlainStage:
-    """What a `Stage` does, without flights, sprites and inspection.
+    """What a `SessionController` does, without flights, sprites and inspection.
 
     Parameters
     ----------
     viewer, session, sources
-        As for `Stage`.
+        As for `SessionController`.
 
     Notes
     -----
@@ -48,9 +48,9 @@ class PlainStage:
         self.sources = tuple(compat.unwrap(layer) for layer in sources)
         self.recolor_at_rest = True
         self.seconds = float(session.seconds)
-        self.events = StageEvents()
+        self.events = ControllerEvents()
         self._backend = "auto"
-        self._borrowed: Borrowed | None = None
+        self._borrowed: SavedViewerState | None = None
         self._before = "auto"
         spacing = np.asarray(session.spacing, dtype=np.float64)
         self.packed = Labels(
@@ -87,7 +87,7 @@ class PlainStage:
         if self.is_open:
             return
         viewer = self.viewer
-        self._borrowed = Borrowed.from_viewer(viewer, self.sources)
+        self._borrowed = SavedViewerState.from_viewer(viewer, self.sources)
         # The session's questions are answered in threads, where GL has no context.
         self._before, self.session.backend = self.session.backend, "cpu"
         viewer.dims.ndisplay = 3
@@ -226,6 +226,6 @@ class PlainStage:
         self._at_rest.moved()
 
 
-def stage_class() -> type[Stage] | type[PlainStage]:
+def controller_class() -> type[SessionController] | type[PlainStage]:
     """Return the stage that this napari can show."""
-    return Stage if compat.supported() else PlainStage
+    return SessionController if compat.supported() else PlainStage

@@ -18,7 +18,7 @@ STILL = 1e-4
 """Of the height of the view: a tenth of a pixel."""
 
 
-class Pacing:
+class RedrawThrottle:
     """Puts off redraws of a canvas while the picture of a turned bag is on its way.
 
     Parameters

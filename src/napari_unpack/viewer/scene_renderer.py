@@ -12,25 +12,25 @@ from qtpy.QtCore import QTimer
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.packed_layer import Backdrop, PackedLayer
-from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.subvolumes import Crop
-from napari_unpack.viewer.animation import Director, Glides
-from napari_unpack.viewer.canvas_backend import Studio
+from napari_unpack.rendering.subvolumes import Subvolume
+from napari_unpack.viewer.animation import Animator, Glides
+from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.layer_tables import set_table
-from napari_unpack.viewer.packed_renderer import PackedPainter, Sending
+from napari_unpack.viewer.packed_renderer import PackedRenderer, VolumeUpload
 from napari_unpack.viewer.picking import pick_packed
 from napari_unpack.viewer.scheduler import Clock, Jobs
-from napari_unpack.viewer.sprite_renderer import SpritePainter
-from napari_unpack.viewer.transition_renderer import FlightPainter
+from napari_unpack.viewer.sprite_renderer import SpriteRenderer
+from napari_unpack.viewer.transition_renderer import TransitionRenderer
 
 DIMMED = 0.16
 """Opacity of everything else during an inspection."""
 
 
-class Projector:
+class SceneRenderer:
     """Keeps the pictures of a session's three layers right.
 
     Parameters
@@ -64,13 +64,13 @@ class Projector:
         self._drawn, self._landed = drawn, landed
         self._packed_ids: frozenset[int] = frozenset()
         self._jobs, self._failed = jobs, failed
-        self.studio = Studio(session, self._gl_failed, failed)
-        self.bag = PackedPainter(session, jobs, packed, self.studio)
-        self._sending = Sending(self.studio, packed, self._caster_changed, self.bag.refine)
-        self._flights = FlightPainter(session, jobs, self._show_moving, self.studio)
-        self._small = SpritePainter(session, jobs, sprites.show, _caster)
+        self.studio = CanvasBackend(session, self._gl_failed, failed)
+        self.bag = PackedRenderer(session, jobs, packed, self.studio)
+        self._sending = VolumeUpload(self.studio, packed, self._caster_changed, self.bag.refine)
+        self._flights = TransitionRenderer(session, jobs, self._show_moving, self.studio)
+        self._small = SpriteRenderer(session, jobs, sprites.show, _caster)
         self._glides = Glides(self._show_sprites, lambda: self.bag.fade.allowed)
-        self._director = Director(session, self._small.has, lambda _: self.bag.settled)
+        self._animator = Animator(session, self._small.has, lambda _: self.bag.settled)
         # Asked anew each time: a film exchanges the session's clock for one it steps itself.
         self._clock = Clock(self._tick, lambda: session.clock())
 
@@ -85,18 +85,18 @@ class Projector:
     @property
     def flying(self) -> bool:
         """Whether anything is in the air."""
-        return self._director.flying
+        return self._animator.flying
 
     @property
     def turning(self) -> bool:
         """Whether a picture of the bag alone is waited for, and nothing else moves."""
-        moves = self._director.active(self._clock.now()) or not self._glides.settled
+        moves = self._animator.active(self._clock.now()) or not self._glides.settled
         return self.packed.visible and self.bag.turning and not (moves or self.bag.fade.running)
 
     @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
-        one = self._director.inspection
+        one = self._animator.inspection
         return 0 if one is None or one.leaving else one.object_id
 
     def open(self) -> None:
@@ -137,7 +137,7 @@ class Projector:
         self.bag.recast_objects(changed)
         self._show_sprites()
         self._set_tables()
-        if self._director.active(self._clock.now()):
+        if self._animator.active(self._clock.now()):
             self._clock.start()
 
     def labels_changed(self, ids: Iterable[int]) -> None:
@@ -179,20 +179,20 @@ class Projector:
         """End a flight."""
         flight = self.session.flights.get(object_id)
         if flight is not None:
-            self._director.landed(object_id, None if flight.back else flight.target)
+            self._animator.landed(object_id, None if flight.back else flight.target)
             self.session.land(object_id)
             self._landed(object_id)
 
     def leave(self) -> None:
         """Let the inspected object go back to its place."""
-        one = self._director.inspection
+        one = self._animator.inspection
         if one is not None and not one.leaving:
-            self._director.inspection = one.left(self._clock.now())
+            self._animator.inspection = one.left(self._clock.now())
             self._clock.start()
 
     def end_inspection(self) -> None:
         """End an inspection at once; the object keeps the turn it was given."""
-        one = self._director.inspection
+        one = self._animator.inspection
         if one is None:
             return
         pose = self.session.poses.get(one.object_id)
@@ -201,27 +201,27 @@ class Projector:
             return
         if np.array_equal(one.rotation, pose.rotation):
             # An object that was only looked at has not been moved: nothing to undo.
-            self._director.landed(one.object_id, pose)
+            self._animator.landed(one.object_id, pose)
             self._show_sprites()
         else:
             self._hold(one.object_id, one.rotation)
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
         """Turn an object under the hand."""
-        self._director.turn(object_id, rotation)
+        self._animator.turn(object_id, rotation)
         self._show_sprites()
         self._draw_moving()
 
     def turned(self, object_id: int) -> None:
         """Let go of an object that was turned."""
-        pose = self._director.turning.pop(object_id, None)
+        pose = self._animator.turning.pop(object_id, None)
         if pose is not None and object_id in self.session.poses:
             self._hold(object_id, pose.rotation)
         self._clock.start()
 
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
-        one = self._director.inspection
+        one = self._animator.inspection
         if one is not None and one.object_id == object_id:
             return one.rotation
         pose = self.session.poses.get(object_id)
@@ -230,7 +230,7 @@ class Projector:
 
     def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
         """Carry a sprite by some pixels of the frame; its picture stays."""
-        pose = self._director.carried.get(object_id) or self.session.poses.get(object_id)
+        pose = self._animator.carried.get(object_id) or self.session.poses.get(object_id)
         if self.frame is None or pose is None:
             return
         camera = self.frame.camera
@@ -239,12 +239,12 @@ class Projector:
         rows, cols = self.frame.size
         edge = mm * np.array([0.0, rows, cols]) / 2
         center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)
-        self._director.carried[object_id] = replace(pose, center=center)
+        self._animator.carried[object_id] = replace(pose, center=center)
         self._show_sprites()
 
     def moved(self, object_id: int) -> None:
         """Let go of a sprite that was carried."""
-        pose = self._director.carried.pop(object_id, None)
+        pose = self._animator.carried.pop(object_id, None)
         if pose is not None and object_id in self.session.poses:
             self.session.place(object_id, pose)
 
@@ -253,7 +253,7 @@ class Projector:
         shape = (1, 1) if self.frame is None else self.frame.size
         depth = np.full(shape, np.inf, np.float32)
         shot = self.packed.shot
-        if isinstance(shot, Shot) and shot.size == shape:
+        if isinstance(shot, RenderedImage) and shot.size == shape:
             patch = shot.patch
             low = max(patch.row, 0), max(patch.col, 0)
             part = patch.depth[low[0] - patch.row :, low[1] - patch.col :]
@@ -290,27 +290,27 @@ class Projector:
         """Begin or end showing an object alone, as the session says."""
         ids = [i for i, s in self.session.states.items() if s.name == "INSPECTED"]
         wanted = ids[0] if ids else 0
-        one = self._director.inspection
+        one = self._animator.inspection
         if self.frame is None or (0 if one is None else one.object_id) == wanted:
             return
-        self._director.inspection = None
+        self._animator.inspection = None
         if wanted:
-            self._director.begin_inspection(wanted, self.frame, self._clock.now())
+            self._animator.begin_inspection(wanted, self.frame, self._clock.now())
         self._dim(DIMMED if wanted else 1.0)
         self._clock.start()
 
     def _hold(self, object_id: int, rotation: Matrix) -> None:
-        self._director.landed(object_id, self.session.pose_turned(object_id, rotation))
+        self._animator.landed(object_id, self.session.pose_turned(object_id, rotation))
         self.session.turn(object_id, rotation)
         self._show_sprites()
 
     def _tick(self, now: float) -> None:
-        for object_id in self._director.arrivals(now):
+        for object_id in self._animator.arrivals(now):
             self.land(object_id)
-        one = self._director.inspection
+        one = self._animator.inspection
         if one is not None and one.leaving and one.still(now):
             self.end_inspection()
-        active = self._director.active(now)
+        active = self._animator.active(now)
         if not self._flights.busy:
             self._draw_moving()
         if not active:
@@ -319,18 +319,18 @@ class Projector:
 
     def _draw_moving(self) -> None:
         if self.frame is not None:
-            moving = self._director.moving(self._clock.now(), self.frame)
+            moving = self._animator.moving(self._clock.now(), self.frame)
             # A picture still being cast must not appear once nothing moves any more.
             if moving or self.transition.shots or self._flights.busy:
                 self._flights.cast(moving, self.frame)
 
-    def _supply(self, crop: Crop) -> None:
+    def _supply(self, crop: Subvolume) -> None:
         before = self.studio.active
         self.studio.supply(crop)
         self._caster_changed(before)
         self._sending.go_on()
 
-    def _supply_new(self, crop: Crop) -> None:
+    def _supply_new(self, crop: Subvolume) -> None:
         self._supply(crop)
         self._sending.refine_when_sent()
 
@@ -349,7 +349,7 @@ class Projector:
             self.bag.change_caster()
             self._draw_moving()
 
-    def _show_moving(self, shots: Mapping[int, Shot | LiveShot]) -> None:
+    def _show_moving(self, shots: Mapping[int, RenderedImage | CanvasImage]) -> None:
         self.transition.show(shots)
         self._show_sprites()
         self._drawn()
@@ -360,15 +360,15 @@ class Projector:
             return
         hidden = {i for i, s in session.states.items() if s.name == "HIDDEN"}
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
-        poses |= {i: pose for i, pose in self._director.carried.items() if i in poses}
+        poses |= {i: pose for i, pose in self._animator.carried.items() if i in poses}
         poses = self._glides.follow(poses, session.slots)
         waiting = frozenset(poses)
         for object_id, flight in session.flights.items():
             poses.setdefault(object_id, flight.target)
         # Who moves is shown by the transition layer, from the moment its picture is there.
-        moving = frozenset(session.flights) | frozenset(self._director.turning)
-        if self._director.inspection is not None:
-            moving |= {self._director.inspection.object_id}
+        moving = frozenset(session.flights) | frozenset(self._animator.turning)
+        if self._animator.inspection is not None:
+            moving |= {self._animator.inspection.object_id}
         shown = waiting - (moving & frozenset(self.transition.shots))
         self._small.want(poses, shown, frame.size[0] / frame.camera.height)
 

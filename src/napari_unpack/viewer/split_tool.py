@@ -19,12 +19,12 @@ BELOW_SURFACE = 3
 Voxel = tuple[int, int, int]
 
 
-class SplitClicks:
+class SplitTool:
     """Hears the viewer's mouse until two voxels of one object were clicked.
 
     Parameters
     ----------
-    stage : Stage
+    controller : SessionController
         An open one.
     told : callable
         Given a sentence on what to click next.
@@ -34,19 +34,19 @@ class SplitClicks:
 
     def __init__(
         self,
-        stage: Any,
+        controller: Any,
         told: Callable[[str], None],
         done: Callable[[int, Voxel, Voxel], None],
     ) -> None:
-        self._stage, self._told, self._done = stage, told, done
+        self._controller, self._told, self._done = controller, told, done
         self._first: tuple[int, Voxel] | None = None
-        stage.viewer.mouse_drag_callbacks.append(self._drag)
+        controller.viewer.mouse_drag_callbacks.append(self._drag)
         told("Click the object to split, on the part that should stay.")
 
     def close(self) -> None:
         """Give the mouse back."""
-        if self._drag in self._stage.viewer.mouse_drag_callbacks:
-            self._stage.viewer.mouse_drag_callbacks.remove(self._drag)
+        if self._drag in self._controller.viewer.mouse_drag_callbacks:
+            self._controller.viewer.mouse_drag_callbacks.remove(self._drag)
 
     def _drag(self, viewer: Any, event: Any) -> Generator[None, None, None]:
         if event.button != 1:
@@ -63,7 +63,7 @@ class SplitClicks:
         self._take(found)
 
     def _take(self, found: tuple[int, Voxel] | None) -> None:
-        session = self._stage.session
+        session = self._controller.session
         if found is None:
             self._told("There is no packed object there: click on one.")
             return
@@ -79,19 +79,19 @@ class SplitClicks:
             self._done(found[0], self._first[1], found[1])
 
     def _in_picture(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
-        there = self._stage.packed_at(pixel)
+        there = self._controller.packed_at(pixel)
         if not there:
             return None
         # The second click is meant for the object of the first, where that can be seen at all.
         wanted = there[0]
         if self._first is not None and self._first[0] in there:
             wanted = self._first[0]
-        voxel = surface_voxel(self._stage, pixel, wanted)
+        voxel = surface_voxel(self._controller, pixel, wanted)
         return None if voxel is None else (wanted, voxel)
 
     def _in_slice(self, position: NDArray[np.float64]) -> tuple[int, Voxel] | None:
-        layer, session = self._stage.packed, self._stage.session
-        spot = voxel_at(layer, position, units_of(self._stage.viewer))
+        layer, session = self._controller.packed, self._controller.session
+        spot = voxel_at(layer, position, units_of(self._controller.viewer))
         if (spot < 0).any() or (spot >= session.labels.shape).any():
             return None
         label = int(session.labels[tuple(spot)])
@@ -99,21 +99,21 @@ class SplitClicks:
         return (label, _voxel(spot)) if packed else None
 
 
-def surface_voxel(stage: Any, pixel: NDArray[np.float64], object_id: int) -> Voxel | None:
+def surface_voxel(controller: Any, pixel: NDArray[np.float64], object_id: int) -> Voxel | None:
     """Return the voxel of an object that a pixel of the canvas shows, just under its surface.
 
     Parameters
     ----------
-    stage : Stage
+    controller : SessionController
     pixel : (2,) ndarray of float64
         Of the canvas, row and column.
     object_id : int
         A packed object.
     """
-    session, frame = stage.session, stage.frame
+    session, frame = controller.session, controller.frame
     if frame is None:
         return None
-    row, col = stage.device_pixel(pixel)
+    row, col = controller.device_pixel(pixel)
     rays = rays_for(
         frame.camera, frame.size, session.spacing, voxel_from_world(session.spacing), 0.5
     )

@@ -22,7 +22,7 @@ def resolution(pixels_per_mm: float, finest: float = np.inf) -> float:
     return float(2 ** (np.ceil(2 * np.log2(wanted)) / 2))
 
 
-class SpritePainter:
+class SpriteRenderer:
     """Keeps a sprite for every unpacked object.
 
     Parameters

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers.rendered_image import LiveShot, Shot
+from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import object_patch
-from napari_unpack.rendering.cpu import WAY
+from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
 from napari_unpack.rendering.upsampling import has_stairs
 from napari_unpack.viewer.animation import Moving
-from napari_unpack.viewer.canvas_backend import Studio
+from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.scheduler import Jobs
 
 FRAME_SECONDS = 0.025
@@ -25,7 +25,7 @@ GL_FRAME_SECONDS = 0.008
 COARSEST = 0.4
 
 
-class FlightPainter:
+class TransitionRenderer:
     """Casts moving objects, one picture after another, as finely as the time allows.
 
     Parameters
@@ -36,7 +36,7 @@ class FlightPainter:
         With the lane "moving".
     show : callable
         Given {id: Shot}; the newest picture of everything that was asked for last.
-    studio : Studio
+    studio : CanvasBackend
         Casts on the canvas where it is active; else a worker thread does, on the CPU, and also
         where a small object is inspected, of whose finer grid the graphics card has nothing.
 
@@ -50,8 +50,8 @@ class FlightPainter:
         self,
         session: Any,
         jobs: Jobs,
-        show: Callable[[Mapping[int, Shot | LiveShot]], None],
-        studio: Studio,
+        show: Callable[[Mapping[int, RenderedImage | CanvasImage]], None],
+        studio: CanvasBackend,
     ) -> None:
         self.frames = 0
         self._session, self._jobs, self._show, self._studio = session, jobs, show, studio
@@ -78,9 +78,9 @@ class FlightPainter:
             return
         asked, share = dict(moving), self._share
         # A click is answered by the first picture; those after it share the cores with the bag.
-        way = WAY.taken if self._first else nullcontext
+        way = INTERACTIVE_PRIORITY.taken if self._first else nullcontext
 
-        def work() -> tuple[dict[int, Shot], float, bool]:
+        def work() -> tuple[dict[int, RenderedImage], float, bool]:
             with way():
                 return self._work(asked, frame, share)
 
@@ -94,7 +94,7 @@ class FlightPainter:
 
     def _work(
         self, moving: Mapping[int, Moving], frame: Frame, share: float
-    ) -> tuple[dict[int, Shot], float, bool]:
+    ) -> tuple[dict[int, RenderedImage], float, bool]:
         began = perf_counter()
         shots = {
             object_id: cast_moving(self._session, object_id, m, frame.camera, frame.size, share)
@@ -104,7 +104,7 @@ class FlightPainter:
         found = {object_id: shot for object_id, shot in shots.items() if shot is not None}
         return found, perf_counter() - began, sharp
 
-    def _done(self, result: tuple[dict[int, Shot], float, bool]) -> None:
+    def _done(self, result: tuple[dict[int, RenderedImage], float, bool]) -> None:
         shots, seconds, sharp = result
         self._first = False
         if not sharp:
@@ -148,11 +148,11 @@ def cast_moving(
     camera: Camera,
     size: tuple[int, int],
     share: float,
-) -> Shot | None:
+) -> RenderedImage | None:
     """Cast one object where it is now; for worker threads."""
     small, step = detail(moving, size, share)
     patch = object_patch(
         session, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
     )
-    shot = Shot.of(patch.trimmed(), camera, small)
+    shot = RenderedImage.of(patch.trimmed(), camera, small)
     return replace(shot, in_front=True) if shot is not None and moving.in_front else shot

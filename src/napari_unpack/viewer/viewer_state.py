@@ -69,7 +69,7 @@ SCALE_FIELDS = ("visible", "colored", "color")
 
 
 @dataclass(frozen=True, eq=False)
-class Borrowed:
+class SavedViewerState:
     """State of a viewer before the stage.
 
     Parameters
@@ -99,7 +99,7 @@ class Borrowed:
     scale_bar: dict[str, Any]
 
     @classmethod
-    def from_viewer(cls, viewer: Any, sources: Sequence[Any]) -> Borrowed:
+    def from_viewer(cls, viewer: Any, sources: Sequence[Any]) -> SavedViewerState:
         """Write down how a viewer is, and hide its volumes."""
         selection = viewer.layers.selection
         return cls(

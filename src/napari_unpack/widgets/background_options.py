@@ -9,9 +9,9 @@ from qtpy.QtGui import QColor
 from qtpy.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QHBoxLayout
 
 from napari_unpack.widgets.notifications import spoken
-from napari_unpack.widgets.section import Disclosure, form
+from napari_unpack.widgets.section import Collapsible, form
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 DARK, OWN, COLOR, PICTURE = "Dark", "napari's own", "A colour…", "A picture…"
 NAMED = {
@@ -23,20 +23,20 @@ NAMED = {
 PICTURES = "Pictures (*.png *.jpg *.jpeg *.tif *.tiff *.bmp)"
 
 
-class PictureOptions(Disclosure):
+class BackgroundOptions(Collapsible):
     """Background, box and scale bar of the picture in the viewer and of exported ones.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__(
             "Background, box and scale",
             "What is behind and around the bag, here and in exported pictures and films.",
         )
-        self._bench = workbench
+        self._workspace = workspace
         self.background = QComboBox()
         self.background.addItems([*NAMED, OWN, COLOR, PICTURE])
         self.background.setToolTip(
@@ -59,8 +59,8 @@ class PictureOptions(Disclosure):
         self.background.textActivated.connect(self.choose)
         self.box.toggled.connect(lambda _: self._apply())
         self.scale.toggled.connect(lambda _: self._apply())
-        workbench.staged.connect(self._reload)
-        workbench.viewer.events.theme.connect(self._follow_theme)
+        workspace.staged.connect(self._reload)
+        workspace.viewer.events.theme.connect(self._follow_theme)
 
     def choose(self, name: str) -> None:
         """Choose a background by its name here, asking for a colour or a picture if need be."""
@@ -82,12 +82,12 @@ class PictureOptions(Disclosure):
 
     def end(self) -> None:
         """Stop listening."""
-        self._bench.viewer.events.theme.disconnect(self._follow_theme)
+        self._workspace.viewer.events.theme.disconnect(self._follow_theme)
 
     def _apply(self) -> None:
         from napari_unpack.appearance import Surroundings
 
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         shown = [kind for kind in ("box", "scale") if getattr(self, kind).isChecked()]
@@ -96,7 +96,7 @@ class PictureOptions(Disclosure):
 
     def _reload(self) -> None:
         """Show what a session brings, which may be a saved one."""
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         around = session.surroundings
@@ -116,7 +116,7 @@ class PictureOptions(Disclosure):
 
         from napari_unpack.appearance import Background
 
-        color: Any = get_theme(self._bench.viewer.theme).canvas
+        color: Any = get_theme(self._workspace.viewer.theme).canvas
         red, green, blue = (value / 255 for value in color.as_rgb_tuple()[:3])
         return Background(((red, green, blue, 1.0),), name="napari")
 

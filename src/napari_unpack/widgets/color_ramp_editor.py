@@ -20,7 +20,7 @@ _GAP = 1e-3
 WHITE: RGB = (1.0, 1.0, 1.0)
 
 
-class ColorStrip(QWidget):
+class ColorRampEditor(QWidget):
     """Add, drag, recolour and remove the colours of a transfer function.
 
     Density runs on the opacity editor's square-root scale. A double click adds a colour, or

@@ -10,13 +10,13 @@ from typing import Any
 from qtpy.QtCore import QTimer
 from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
 
-from napari_unpack.widgets.background_options import PictureOptions
-from napari_unpack.widgets.color_ramp_editor import ColorStrip, Stop
+from napari_unpack.widgets.background_options import BackgroundOptions
+from napari_unpack.widgets.color_ramp_editor import ColorRampEditor, Stop
 from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
-from napari_unpack.widgets.section import Disclosure, Section, button, form
+from napari_unpack.widgets.section import Collapsible, Section, button, form
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 AUTOMATIC = "Automatic"
 CUSTOM = "My own curve"
@@ -66,12 +66,12 @@ class ColorSection(Section):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__("2", "Colour")
-        self._bench = workbench
+        self._workspace = workspace
         self.recolor = button(
             "Recolour for this view",
             "Give objects that meet in this view hues that are far apart (C).",
@@ -89,8 +89,8 @@ class ColorSection(Section):
             "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
             "saturation and value, as in the paper."
         )
-        self.editor, self.strip = OpacityEditor(), ColorStrip()
-        more = Disclosure(
+        self.editor, self.strip = OpacityEditor(), ColorRampEditor()
+        more = Collapsible(
             "Opacity curve, colours and veil",
             "Which densities are shown and in which colours, by hand; matter of no object.",
         )
@@ -108,7 +108,7 @@ class ColorSection(Section):
         line.addWidget(self.at_rest)
         self.contents.addLayout(line)
         self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
-        self.picture = PictureOptions(workbench)
+        self.picture = BackgroundOptions(workspace)
         self.contents.addWidget(more)
         self.contents.addWidget(self.picture)
 
@@ -119,7 +119,7 @@ class ColorSection(Section):
         self._live.setInterval(_LIVE_MS)
         self._live.timeout.connect(self._apply_curve)
         self._domain: tuple[float, float] | None = None
-        self.recolor.clicked.connect(lambda: self._bench.recolor())
+        self.recolor.clicked.connect(lambda: self._workspace.recolor())
         self.at_rest.toggled.connect(self._set_at_rest)
         self.mode.currentTextChanged.connect(self._set_mode)
         self.unlabelled.toggled.connect(self._set_unlabelled)
@@ -127,18 +127,18 @@ class ColorSection(Section):
         self.editor.edited.connect(self._edit)
         self.strip.edited.connect(self._edit_colors)
         more.toggle.toggled.connect(lambda _: self._show_curve())
-        workbench.staged.connect(self._reload)
-        workbench.changed.connect(self._refresh)
+        workspace.staged.connect(self._reload)
+        workspace.changed.connect(self._refresh)
         self._reload()
 
     def _reload(self) -> None:
-        stage = self._bench.stage
+        controller = self._workspace.controller
         self._domain = None
-        self.lock("Available after step 1." if stage is None else None)
-        if stage is None:
+        self.lock("Available after step 1." if controller is None else None)
+        if controller is None:
             return
         blocked = self.at_rest.blockSignals(True)
-        self.at_rest.setChecked(bool(stage.recolor_at_rest))
+        self.at_rest.setChecked(bool(controller.recolor_at_rest))
         self.at_rest.blockSignals(blocked)
         self._set_mode(self.mode.currentText())
         self._set_unlabelled(self.unlabelled.isChecked())
@@ -150,7 +150,7 @@ class ColorSection(Section):
             self._show_curve()
 
     def _show_curve(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         if session is None or not self.curve.toggle.isChecked():
             return
         shown = session.transfer_function
@@ -162,20 +162,20 @@ class ColorSection(Section):
         self.strip.show_colors(shown.colors, self._domain)
 
     def _set_at_rest(self, on: bool) -> None:
-        if self._bench.stage is not None:
-            self._bench.stage.recolor_at_rest = on
+        if self._workspace.controller is not None:
+            self._workspace.controller.recolor_at_rest = on
 
     def _set_mode(self, name: str) -> None:
-        if self._bench.session is not None:
+        if self._workspace.session is not None:
             with spoken():
-                self._bench.session.tint_mode = MODES[name]
+                self._workspace.session.tint_mode = MODES[name]
 
     def _set_unlabelled(self, shown: bool) -> None:
-        if self._bench.session is not None:
-            self._bench.session.show_unlabelled = shown
+        if self._workspace.session is not None:
+            self._workspace.session.show_unlabelled = shown
 
     def _apply_preset(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         name = self.preset.currentText()
         if session is None:
             return
@@ -201,7 +201,7 @@ class ColorSection(Section):
     def _apply_curve(self) -> None:
         from napari_unpack.appearance import TransferFunction
 
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         shown = session.transfer_function

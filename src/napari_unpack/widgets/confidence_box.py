@@ -9,9 +9,9 @@ import numpy as np
 from qtpy.QtWidgets import QFileDialog
 
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job, Outcome, Progress
-from napari_unpack.widgets.section import Disclosure, button, label, row
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.widgets.section import Collapsible, button, label, row
+from napari_unpack.widgets.workspace import Workspace
 
 FILES = "Oracle (*.npz)"
 NEEDED = 8
@@ -21,12 +21,12 @@ FEW, UNLIKE = 5, 0.01
 """Of at least so many objects, nine in ten less sure than this: the oracle knows none of them."""
 
 
-class ConfidenceBox(Disclosure):
+class ConfidenceBox(Collapsible):
     """Mark, Train, Load and Default, behind one line under the table.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     chosen : callable
         Returns the IDs selected in the table.
     rescored : callable
@@ -35,14 +35,14 @@ class ConfidenceBox(Disclosure):
 
     def __init__(
         self,
-        workbench: Workbench,
+        workspace: Workspace,
         chosen: Callable[[], list[int]],
         rescored: Callable[[], None],
     ) -> None:
         super().__init__(
             "Confidence", "Teach what a whole object looks like, from objects that you mark good."
         )
-        self._bench = workbench
+        self._workspace = workspace
         self._chosen = chosen
         self._rescored = rescored
         self._oracle: Any = None
@@ -65,12 +65,12 @@ class ConfidenceBox(Disclosure):
         self.load.clicked.connect(self._ask_what_to_load)
         self.restore.clicked.connect(lambda: self.judge_by(None))
         self.job.ended.connect(self._finish)
-        workbench.staged.connect(self._follow_stage)
+        workspace.staged.connect(self._follow_controller)
         self.refresh()
 
     def refresh(self) -> None:
         """Say how many objects are marked, and enable what can be done."""
-        session = self._bench.session
+        session = self._workspace.session
         marked = frozenset() if session is None else session.good
         whose = "your confidence" if self._oracle is not None else "the default confidence"
         if self.job.running:
@@ -89,7 +89,7 @@ class ConfidenceBox(Disclosure):
 
     def _doubt(self) -> str:
         """Return what to say where the confidence has never seen anything like these objects."""
-        session = self._bench.session
+        session = self._workspace.session
         if session is None or "confidence" not in session.objects:
             return ""
         scores = session.objects["confidence"].to_numpy(float)
@@ -99,7 +99,7 @@ class ConfidenceBox(Disclosure):
         return " It was taught on other things than these: mark good ones and train your own."
 
     def _mark(self, good: bool) -> None:
-        self._bench.mark_good(self._chosen(), good)
+        self._workspace.mark_good(self._chosen(), good)
         self.refresh()
 
     def _ask_where_to_save(self) -> None:
@@ -114,7 +114,7 @@ class ConfidenceBox(Disclosure):
 
     def train_to(self, path: str) -> None:
         """Train on the marked objects, save the result and judge by it."""
-        session = self._bench.session
+        session = self._workspace.session
         labels, good = session.labels, session.good
 
         def work(progress: Progress) -> tuple[Any, Mapping[int, float]]:
@@ -129,7 +129,7 @@ class ConfidenceBox(Disclosure):
 
     def judge_by(self, path: str | None) -> None:
         """Judge by the confidence in a file; None is the one that comes with the plugin."""
-        session = self._bench.session
+        session = self._workspace.session
         labels = session.labels
 
         def work(progress: Progress) -> tuple[Any, Mapping[int, float]]:
@@ -148,7 +148,7 @@ class ConfidenceBox(Disclosure):
         self.job.start(work)
         self.refresh()
 
-    def _finish(self, outcome: Outcome) -> None:
+    def _finish(self, outcome: TaskResult) -> None:
         session, self._subject = self._subject, None
         if not outcome.cancelled:
             with notifications.spoken():
@@ -157,8 +157,8 @@ class ConfidenceBox(Disclosure):
                 self._rescored()
         self.refresh()
 
-    def _follow_stage(self) -> None:
-        session, oracle = self._bench.session, self._oracle
+    def _follow_controller(self) -> None:
+        session, oracle = self._workspace.session, self._oracle
         if session is not None and oracle is not None:
             labels = session.labels
             self._begin(session, lambda _: (oracle, _scores(session, labels, oracle)))

@@ -15,11 +15,11 @@ from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Outcome, Progress
+from napari_unpack.widgets.job import Progress, TaskResult
 from napari_unpack.widgets.preferences import preferences
-from napari_unpack.widgets.section import Disclosure, Section, button, form, row
-from napari_unpack.widgets.task_progress import Waiting
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.section import Collapsible, Section, button, form, row
+from napari_unpack.widgets.task_progress import TaskProgress
+from napari_unpack.widgets.workspace import Workspace
 
 
 @dataclass(frozen=True)
@@ -124,12 +124,12 @@ class FilesSection(Section):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__("5", "Files")
-        self._bench = workbench
+        self._workspace = workspace
         self._then: Callable[[Any], None] = lambda result: None
         self.open = button("Open session…", "Go on where a saved session stopped.")
         self.save = button("Save session…", "Keep everything, to go on another day.")
@@ -143,19 +143,19 @@ class FilesSection(Section):
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
         self.fps.setToolTip("Pictures a second of films.")
-        self.waiting = Waiting("Stop; no half file is left.")
+        self.waiting = TaskProgress("Stop; no half file is left.")
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)
         self.save.clicked.connect(self._ask_save)
         self.waiting.ended.connect(self._finish)
-        workbench.staged.connect(self._refresh)
+        workspace.staged.connect(self._refresh)
         self._refresh()
 
     def _arrange(self) -> None:
         self.contents.addLayout(row(self.open, self.save))
         self.contents.addWidget(self.export)
-        more = Disclosure("Size of pictures and films", "How large exports are, and how smooth.")
+        more = Collapsible("Size of pictures and films", "How large exports are, and how smooth.")
         more.contents.addLayout(form(Width=self.width_px, Height=self.height_px, Fps=self.fps))
         self.contents.addWidget(more)
         self.contents.addWidget(self.waiting)
@@ -164,7 +164,7 @@ class FilesSection(Section):
         idle = not self.waiting.running
         self.open.setEnabled(idle)
         for control in (self.save, self.export):
-            control.setEnabled(idle and self._bench.session is not None)
+            control.setEnabled(idle and self._workspace.session is not None)
         self.lock(None)
 
     def save_to(self, path: str | Path, refer: bool = False) -> None:
@@ -180,7 +180,7 @@ class FilesSection(Section):
         from napari_unpack.layers.placement import standing
 
         files = self._files() if refer else {}
-        session, packed = self._bench.session, self._bench.stage.packed
+        session, packed = self._workspace.session, self._workspace.controller.packed
         files["standing"] = standing(packed, session.spacing)
         work = partial(save_session, session, path, copy=not refer, **files)
         self._begin(lambda progress: work(progress=progress), self._say_written)
@@ -192,7 +192,7 @@ class FilesSection(Section):
 
         self._begin(
             lambda progress: (open_session(path, progress=progress), standing_of(path)),
-            lambda found: self._put_on_stage(found[0], found[1], Path(path).stem),
+            lambda found: self._put_on_controller(found[0], found[1], Path(path).stem),
         )
 
     def export_to(self, kind: Export, path: str | Path) -> None:
@@ -200,10 +200,10 @@ class FilesSection(Section):
         prints = Prints(
             (self.height_px.value(), self.width_px.value()),
             self.fps.value(),
-            self._bench.stage.seconds,
-            self._bench.stage.backend,
+            self._workspace.controller.seconds,
+            self._workspace.controller.backend,
         )
-        work = partial(kind.write, self._bench.session, Path(path), prints)
+        work = partial(kind.write, self._workspace.session, Path(path), prints)
         self._begin(lambda progress: work(progress), self._say_written)
 
     def end(self) -> None:
@@ -218,7 +218,7 @@ class FilesSection(Section):
         self.waiting.begin(work)
         self._refresh()
 
-    def _finish(self, outcome: Outcome) -> None:
+    def _finish(self, outcome: TaskResult) -> None:
         self._refresh()
         if not outcome.cancelled:
             with notifications.spoken(ImportError):
@@ -227,19 +227,19 @@ class FilesSection(Section):
     def _say_written(self, path: Any) -> None:
         self.set_status(f"{Path(path).name} written")
 
-    def _put_on_stage(self, session: Any, affine: Any, name: str) -> None:
+    def _put_on_controller(self, session: Any, affine: Any, name: str) -> None:
         from napari_unpack.io.session_json import given_labels
 
         # The viewer is where an inspection is looked at; it begins with the whole bag.
         session.leave()
         liked, camera = preferences(), session.camera
         session.backend = liked.backend
-        viewer = self._bench.viewer
+        viewer = self._workspace.viewer
         placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
         placed |= {"affine": affine, "visible": False}
         image = viewer.add_image(session.volume, name=name, colormap="gray", **placed)
         labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
-        self._bench.open(
+        self._workspace.open(
             session,
             sources=(image, labels),
             camera=camera,
@@ -252,7 +252,7 @@ class FilesSection(Section):
     def _files(self) -> dict[str, Any]:
         """Return the files of the stage's own layers, where they came from files."""
         found: dict[str, Any] = {}
-        for layer in self._bench.stage.sources:
+        for layer in self._workspace.controller.sources:
             path = getattr(layer.source, "path", None)
             if path:
                 found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path

@@ -6,8 +6,8 @@ from typing import Any
 
 from qtpy.QtCore import QObject, QTimer, Signal
 
-from napari_unpack.widgets.job import Job, Outcome, Progress
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.widgets.workspace import Workspace
 
 REST_MS = 350
 
@@ -20,15 +20,15 @@ class FreeWatch(QObject):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     parent : QObject, optional
     """
 
     known = Signal(object)
 
-    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._bench = workbench
+        self._workspace = workspace
         self._job = Job(self)
         self._asked: Any = None
         self._along: Any = None
@@ -37,8 +37,8 @@ class FreeWatch(QObject):
         self._rest.setInterval(REST_MS)
         self._rest.timeout.connect(self._ask)
         self._job.ended.connect(self._take)
-        workbench.staged.connect(self._wait)
-        workbench.changed.connect(self._hear)
+        workspace.staged.connect(self._wait)
+        workspace.changed.connect(self._hear)
 
     def end(self) -> None:
         """Stop watching."""
@@ -47,27 +47,27 @@ class FreeWatch(QObject):
 
     def _hear(self, news: frozenset[str]) -> None:
         if news & {"states", "view", "queue"}:
-            if self._bench.session.direction != self._along:
+            if self._workspace.session.direction != self._along:
                 # Another way out: what was said of the last one says nothing of this.
                 self.known.emit(None)
             self._wait()
 
     def _wait(self) -> None:
-        if self._bench.stage is None:
+        if self._workspace.controller is None:
             self._rest.stop()
             self.known.emit(None)
         else:
-            self._along = self._bench.session.direction
+            self._along = self._workspace.session.direction
             self._rest.start()
 
     def _ask(self) -> None:
-        stage = self._bench.stage
-        if stage is None:
+        controller = self._workspace.controller
+        if controller is None:
             return
-        if stage.flying or self._job.running:
+        if controller.flying or self._job.running:
             self._rest.start()
             return
-        question = stage.session.occlusion_question()
+        question = controller.session.occlusion_question()
         if question is None:
             self._tell()
             return
@@ -75,12 +75,12 @@ class FreeWatch(QObject):
         def answer(_progress: Progress) -> Any:
             return question.answer()
 
-        self._asked = stage.session
+        self._asked = controller.session
         self._job.start(answer)
 
-    def _take(self, outcome: Outcome) -> None:
+    def _take(self, outcome: TaskResult) -> None:
         session, self._asked = self._asked, None
-        if session is None or session is not self._bench.session:
+        if session is None or session is not self._workspace.session:
             return
         if session.accept_answer(outcome.get()):
             self._tell()
@@ -89,7 +89,7 @@ class FreeWatch(QObject):
 
     def _tell(self) -> None:
         """Tell who is free of what is still in the bag, also while the queue is being used up."""
-        session = self._bench.session
+        session = self._workspace.session
         # The queue comes up to date, which may name the least blocked for want of a free one.
         session.unpackable()
         self.known.emit(frozenset(int(i) for group in session.free_groups() for i in group))

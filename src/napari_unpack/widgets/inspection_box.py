@@ -9,26 +9,26 @@ from qtpy.QtCore import Qt, QTimer
 from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.session.errors import percent
-from napari_unpack.widgets.job import Job, Outcome
+from napari_unpack.widgets.job import Job, TaskResult
 from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 _LIVE_MS = 40
 
 
-class InspectBox(QWidget):
+class InspectionBox(QWidget):
     """Shown while an object is inspected; what is set here leaves the bag as it is.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__()
-        self._bench = workbench
+        self._workspace = workspace
         self._shown = 0
         self._job = Job(self)
         self._job.ended.connect(self._tell)
@@ -52,14 +52,14 @@ class InspectBox(QWidget):
         self._live.timeout.connect(self._apply)
         self.editor.edited.connect(self._edit)
         self.cut.valueChanged.connect(lambda _: self._start())
-        self.open.clicked.connect(lambda: workbench.open_object(self._shown))
+        self.open.clicked.connect(lambda: workspace.open_object(self._shown))
         self.plain.clicked.connect(self._reset)
-        workbench.changed.connect(self._follow)
-        workbench.staged.connect(self._follow)
+        workspace.changed.connect(self._follow)
+        workspace.staged.connect(self._follow)
         self.hide()
 
     def _follow(self, _news: Any = None) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         states = {} if session is None else session.states
         now = next((i for i, state in states.items() if state.name == "INSPECTED"), 0)
         if now == self._shown:
@@ -73,7 +73,7 @@ class InspectBox(QWidget):
     def _load(self) -> None:
         from napari_unpack.rendering.object_style import facts_of
 
-        session, object_id = self._bench.session, self._shown
+        session, object_id = self._workspace.session, self._shown
         self.facts.setText("…")
         if not self._job.running:
             self._job.start(lambda _progress: (object_id, facts_of(session, object_id)))
@@ -88,15 +88,15 @@ class InspectBox(QWidget):
         self.cut.blockSignals(blocked)
         self._edited = None
 
-    def _tell(self, outcome: Outcome) -> None:
-        if not self._shown or self._bench.session is None:
+    def _tell(self, outcome: TaskResult) -> None:
+        if not self._shown or self._workspace.session is None:
             return
         with spoken():
             object_id, facts = outcome.get()
             if object_id != self._shown:
                 self._load()
                 return
-            names = self._bench.session.objects["name"]
+            names = self._workspace.session.objects["name"]
             self.facts.setText(describe(facts, [str(names[i]) for i in facts.neighbours]))
 
     def _edit(self, points: list[Point]) -> None:
@@ -109,9 +109,9 @@ class InspectBox(QWidget):
 
     def _apply(self) -> None:
         from napari_unpack.appearance import TransferFunction
-        from napari_unpack.rendering.object_style import Study
+        from napari_unpack.rendering.object_style import ObjectStyle
 
-        session, object_id = self._bench.session, self._shown
+        session, object_id = self._workspace.session, self._shown
         if session is None or not object_id:
             return
         known = session.study(object_id)
@@ -120,7 +120,7 @@ class InspectBox(QWidget):
             colors = session.transfer_function_of(object_id).colors
             with spoken():
                 own = TransferFunction(self._edited, colors)
-        session.set_study(object_id, Study(own, self._plane()))
+        session.set_study(object_id, ObjectStyle(own, self._plane()))
 
     def _plane(self) -> Any:
         """Return the plane that takes the nearest part away, as the object is turned now."""
@@ -129,12 +129,15 @@ class InspectBox(QWidget):
         depth = self.cut.value() / 100
         if depth == 0:
             return None
-        session, rotation = self._bench.session, self._bench.stage.rotation_of(self._shown)
+        session, rotation = (
+            self._workspace.session,
+            self._workspace.controller.rotation_of(self._shown),
+        )
         return cut_open(session, self._shown, rotation, depth)
 
     def _reset(self) -> None:
-        if self._bench.session is not None and self._shown:
-            self._bench.session.set_study(self._shown, None)
+        if self._workspace.session is not None and self._shown:
+            self._workspace.session.set_study(self._shown, None)
             self._load()
 
 

@@ -19,7 +19,7 @@ class Cancelled(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class TaskResult:
     """What became of the work: a result, or what it raised.
 
     Parameters
@@ -55,7 +55,7 @@ class Job(QObject):
     """One piece of work at a time on napari's worker threads.
 
     Signals, all received on the main thread: `progressed` (fraction in [0, 1], text) at most
-    thirty times a second, `ended` (`Outcome`).
+    thirty times a second, `ended` (`TaskResult`).
     """
 
     progressed = Signal(float, str)
@@ -104,12 +104,12 @@ class Job(QObject):
         # napari keeps every worker it has had: what the work holds, whole sessions, must go.
         todo = [(work, report)]
 
-        def run() -> Outcome:
+        def run() -> TaskResult:
             begun, told = todo.pop()
             try:
-                return Outcome(result=begun(told))
+                return TaskResult(result=begun(told))
             except Exception as error:
-                return Outcome(error=error)
+                return TaskResult(error=error)
 
         self._worker = create_worker(run)
         self._worker.returned.connect(self._finish)
@@ -119,6 +119,6 @@ class Job(QObject):
         """Ask the work to stop at its next report; harmless when nothing runs."""
         self._stop.set()
 
-    def _finish(self, outcome: Outcome) -> None:
+    def _finish(self, outcome: TaskResult) -> None:
         self._worker = None
         self.ended.emit(outcome)

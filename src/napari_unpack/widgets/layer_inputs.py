@@ -18,7 +18,7 @@ from qtpy.QtWidgets import QComboBox
 from napari_unpack.layers.placement import data_to_world
 
 
-class LayerBox(QComboBox):
+class LayerInput(QComboBox):
     """Choose one of the viewer's layers.
 
     `chosen` is emitted when the chosen layer changes, by hand or because layers came and went.

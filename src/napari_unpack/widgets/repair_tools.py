@@ -8,11 +8,11 @@ from typing import Any
 from qtpy.QtCore import QObject, Signal
 
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job, Outcome
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.job import Job, TaskResult
+from napari_unpack.widgets.workspace import Workspace
 
 
-class RepairBench(QObject):
+class RepairTools(QObject):
     """Split, merge, delete, and what a brush paints on the user's labels.
 
     Signals: `splitting` (a sentence on what to click next, empty when over); `busy` (bool) while
@@ -20,22 +20,22 @@ class RepairBench(QObject):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     parent : QObject, optional
     """
 
     splitting = Signal(str)
     busy = Signal(bool)
 
-    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._bench = workbench
+        self._workspace = workspace
         self._job = Job(self)
         self._job.ended.connect(self._take)
         self._session: Any = None
         self._clicks: Any = None
         self._painted: Any = None
-        workbench.staged.connect(self._follow)
+        workspace.staged.connect(self._follow)
 
     @property
     def running(self) -> bool:
@@ -49,12 +49,12 @@ class RepairBench(QObject):
 
     def split_by_clicks(self) -> None:
         """Wait for two clicks on one object; asked again, stop waiting."""
-        from napari_unpack.viewer.split_tool import SplitClicks
+        from napari_unpack.viewer.split_tool import SplitTool
 
-        if self._clicks is not None or self._bench.stage is None:
+        if self._clicks is not None or self._workspace.controller is None:
             self.cancel()
             return
-        self._clicks = SplitClicks(self._bench.stage, self.splitting.emit, self._clicked)
+        self._clicks = SplitTool(self._workspace.controller, self.splitting.emit, self._clicked)
 
     def cancel(self) -> None:
         """Wait for no click any more."""
@@ -76,7 +76,7 @@ class RepairBench(QObject):
         self._put(lambda session: session.split_question(object_id, a, b))
 
     def _put(self, question_of: Callable[[Any], Any]) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         if self._job.running:
@@ -86,9 +86,9 @@ class RepairBench(QObject):
             self._start(session, question_of(session))
 
     def _ask(self, question: Any) -> bool:
-        if self._job.running or self._bench.session is None:
+        if self._job.running or self._workspace.session is None:
             return False
-        self._start(self._bench.session, question)
+        self._start(self._workspace.session, question)
         return True
 
     def _start(self, session: Any, question: Any) -> None:
@@ -96,10 +96,10 @@ class RepairBench(QObject):
         self.busy.emit(True)
         self._job.start(lambda _progress: question.answer())
 
-    def _take(self, outcome: Outcome) -> None:
+    def _take(self, outcome: TaskResult) -> None:
         session, self._session = self._session, None
         self.busy.emit(False)
-        if session is None or session is not self._bench.session:
+        if session is None or session is not self._workspace.session:
             return
         with notifications.spoken():
             repair = outcome.get()
@@ -107,14 +107,14 @@ class RepairBench(QObject):
                 notifications.warn("The labels have changed meanwhile: repair once more.")
 
     def _follow(self) -> None:
-        from napari_unpack.viewer.label_sync import PaintedLabels
+        from napari_unpack.viewer.label_sync import LabelSync
 
         self.cancel()
         if self._painted is not None:
             self._painted.close()
             self._painted = None
-        stage = self._bench.stage
-        if stage is not None:
-            self._painted = PaintedLabels(
-                stage.session, stage.sources, self._ask, notifications.warn
+        controller = self._workspace.controller
+        if controller is not None:
+            self._painted = LabelSync(
+                controller.session, controller.sources, self._ask, notifications.warn
             )

@@ -13,21 +13,21 @@ from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed
 from napari_unpack.widgets.directions import words_of
-from napari_unpack.widgets.job import Job, Outcome, Progress
+from napari_unpack.widgets.job import Job, Progress, TaskResult
 from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.section import button, column, label, row
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 
-class Ways(QObject):
+class RevealPlanner(QObject):
     """Asks the session's longer questions when somebody wants to know.
 
-    Signals: `best` carries a `WayOut`, or None while it is unknown or there is none; `found` an
-    `Unearthing`, or None when none is shown any more; `busy` tells whether rays are being cast.
+    Signals: `best` carries a `BestDirection`, or None while it is unknown or there is none;
+    `found` a `RevealPlan`, or None when none is shown any more; `busy` tells whether rays are being cast.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     parent : QObject, optional
     """
 
@@ -35,16 +35,16 @@ class Ways(QObject):
     found = Signal(object)
     busy = Signal(bool)
 
-    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._bench = workbench
+        self._workspace = workspace
         self._job = Job(self)
         self._asked: tuple[Any, str] | None = None
         self._next: tuple[str, int] | None = None
         self._found: Any = None
         self._job.ended.connect(self._take)
-        workbench.staged.connect(self._clear)
-        workbench.changed.connect(self._hear)
+        workspace.staged.connect(self._clear)
+        workspace.changed.connect(self._hear)
 
     @property
     def running(self) -> bool:
@@ -58,7 +58,7 @@ class Ways(QObject):
 
     def look(self) -> None:
         """Find the best direction; `best` tells."""
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         question = session.survey_question()
@@ -69,17 +69,17 @@ class Ways(QObject):
 
     def reveal(self, object_id: int) -> None:
         """Find what frees a buried object; `found` tells."""
-        if self._bench.session is None:
+        if self._workspace.session is None:
             return
         with spoken():
-            self._start("reveal", self._bench.session.reveal_question(object_id), object_id)
+            self._start("reveal", self._workspace.session.reveal_question(object_id), object_id)
 
     def unpack_found(self) -> None:
         """Unpack those who free the buried object, and it as well."""
         if self._found is not None:
             one = self._found
             self.forget()
-            self._bench.reveal(one.target, tuple(float(v) for v in one.direction))
+            self._workspace.reveal(one.target, tuple(float(v) for v in one.direction))
 
     def forget(self) -> None:
         """Show no buried object any more."""
@@ -98,7 +98,7 @@ class Ways(QObject):
             # The one that runs is finished or cancelled first.
             self._next = (kind, object_id)
             return
-        self._asked = self._bench.session, kind
+        self._asked = self._workspace.session, kind
 
         def answer(progress: Progress) -> Any:
             return question.answer(progress)
@@ -106,11 +106,11 @@ class Ways(QObject):
         self.busy.emit(True)
         self._job.start(answer)
 
-    def _take(self, outcome: Outcome) -> None:
+    def _take(self, outcome: TaskResult) -> None:
         asked, self._asked = self._asked, None
         waiting, self._next = self._next, None
         self.busy.emit(False)
-        session = self._bench.session
+        session = self._workspace.session
         if asked is None or session is None or session is not asked[0]:
             return
         with spoken():
@@ -130,7 +130,7 @@ class Ways(QObject):
         self.found.emit(one)
 
     def _show(self, target: int, leaving: frozenset[int]) -> None:
-        overlays = getattr(self._bench.stage, "overlays", None)
+        overlays = getattr(self._workspace.controller, "overlays", None)
         if overlays is not None:
             overlays.unearth(target, leaving)
 
@@ -138,7 +138,7 @@ class Ways(QObject):
         if "labels" in news:
             self.forget()
         elif "states" in news and self._found is not None:
-            states = self._bench.session.states
+            states = self._workspace.session.states
             if any(states[i].name != "PACKED" for i in self._found.ids):
                 self.forget()
 
@@ -154,10 +154,10 @@ class RevealBox(QWidget):
 
     Parameters
     ----------
-    ways : Ways
+    ways : RevealPlanner
     """
 
-    def __init__(self, ways: Ways) -> None:
+    def __init__(self, ways: RevealPlanner) -> None:
         super().__init__()
         self._ways = ways
         self._found: Any = None

@@ -112,7 +112,7 @@ class _Head(QWidget):
         self._fold.toggle()
 
 
-class Disclosure(QWidget):
+class Collapsible(QWidget):
     """Settings that most people never need, behind one small line of text.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import Any
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 
-from napari_unpack.widgets.section import Disclosure, form
+from napari_unpack.widgets.section import Collapsible, form
 
 FIXED = "Fixed density"
 WAYS = {
@@ -36,7 +36,7 @@ NOISE = {
 """What is done about noise: `grainy` of `napari_unpack.segment`, and what it is good for."""
 
 
-class SegmentOptions(Disclosure):
+class SegmentOptions(Collapsible):
     """How matter is found, what is done about noise, the smallest object, what is left out."""
 
     def __init__(self) -> None:

@@ -12,9 +12,9 @@ from napari.layers import Image, Labels
 from napari_unpack.session.errors import listed
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import LayerData, packed_bag
-from napari_unpack.widgets.job import Outcome, Progress
+from napari_unpack.widgets.job import Progress, TaskResult
 from napari_unpack.widgets.layer_inputs import (
-    LayerBox,
+    LayerInput,
     Volume,
     is_users,
     labels_of,
@@ -27,8 +27,8 @@ from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Section, button, form
 from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.session_builder import Prepared, prepare
-from napari_unpack.widgets.task_progress import Waiting
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.task_progress import TaskProgress
+from napari_unpack.widgets.workspace import Workspace
 
 FIND = "Find the objects"
 
@@ -45,21 +45,21 @@ class SegmentSection(Section):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__("1", "Segment")
-        self._bench = workbench
+        self._workspace = workspace
         self._order: _Order | None = None
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
-        viewer = workbench.viewer
-        self.volume_box = LayerBox(viewer, self._is_source, prefers=_is_volume)
+        viewer = workspace.viewer
+        self.volume_box = LayerInput(viewer, self._is_source, prefers=_is_volume)
         self.volume_box.setToolTip(
             "The volume to unpack: any 3D Image layer, or Labels that have none."
         )
-        self.labels_box = LayerBox(viewer, self._fits, none=FIND)
+        self.labels_box = LayerInput(viewer, self._fits, none=FIND)
         self.labels_box.setToolTip(
             "Labels you already have, of the same shape; otherwise the objects are found."
         )
@@ -67,7 +67,7 @@ class SegmentSection(Section):
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
-        self.waiting = Waiting("Stop the work; nothing that is open changes.")
+        self.waiting = TaskProgress("Stop the work; nothing that is open changes.")
         self.options = SegmentOptions()
         self._arrange()
 
@@ -76,9 +76,9 @@ class SegmentSection(Section):
         self.waiting.ended.connect(self._finish)
         self.volume_box.chosen.connect(self._choose_volume)
         self.labels_box.chosen.connect(self._refresh)
-        workbench.staged.connect(self._refresh)
-        workbench.staged.connect(lambda: self.fold.setChecked(workbench.stage is not None))
-        workbench.changed.connect(lambda news: self._refresh() if "labels" in news else None)
+        workspace.staged.connect(self._refresh)
+        workspace.staged.connect(lambda: self.fold.setChecked(workspace.controller is not None))
+        workspace.changed.connect(lambda news: self._refresh() if "labels" in news else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         self._refresh()
 
@@ -101,7 +101,7 @@ class SegmentSection(Section):
     def _is_source(self, layer: Any) -> bool:
         if not isinstance(layer, Labels):
             return _is_image(layer)
-        images = (plain(each) for each in self._bench.viewer.layers)
+        images = (plain(each) for each in self._workspace.viewer.layers)
         return (
             is_users(layer)
             and layer.ndim == 3
@@ -117,7 +117,7 @@ class SegmentSection(Section):
 
     def _follow_selection(self, _event: Any = None) -> None:
         """Take up the layer the user selects in the list, if it is one of ours to choose from."""
-        layer = plain(self._bench.viewer.layers.selection.active)
+        layer = plain(self._workspace.viewer.layers.selection.active)
         if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
         if self._fits(layer):
@@ -140,7 +140,7 @@ class SegmentSection(Section):
         self.options.setVisible(image is not None and chosen is None and not self.waiting.running)
         for field in (self.volume_box, self.labels_box):
             field.setEnabled(image is not None and not self.waiting.running)
-        session = self._bench.session
+        session = self._workspace.session
         count = 0 if session is None else len(session.boxes.ids)
         objects = "1 object" if count == 1 else f"{count} objects"
         self.set_status("" if session is None else objects)
@@ -172,7 +172,7 @@ class SegmentSection(Section):
 
     def _say_alone(self, layer: Any) -> None:
         """Say why no volume is shown where one is there, but of another shape than the labels."""
-        others = [plain(each) for each in self._bench.viewer.layers]
+        others = [plain(each) for each in self._workspace.viewer.layers]
         volumes = [each.name for each in others if _is_image(each) and _is_volume(each)]
         if _is_labels(layer) and volumes:
             notifications.inform(
@@ -184,7 +184,7 @@ class SegmentSection(Section):
         self.waiting.begin(work)
         self._refresh()
 
-    def _finish(self, outcome: Outcome) -> None:
+    def _finish(self, outcome: TaskResult) -> None:
         try:
             if not outcome.cancelled:
                 with notifications.spoken():
@@ -197,18 +197,18 @@ class SegmentSection(Section):
         if self._order is None:
             self._show_layers(result)
             return
-        self._put_on_stage(self._order, result)
+        self._put_on_controller(self._order, result)
         if self._then is not None:
             self._then()
 
-    def _put_on_stage(self, order: _Order, prepared: Prepared) -> None:
+    def _put_on_controller(self, order: _Order, prepared: Prepared) -> None:
         # A stage that is on hides the image: what it found before comes and goes with it.
-        self._bench.close()
+        self._workspace.close()
         labels = order.labels
         if prepared.found is not None:
             image = order.image
             labels = plain(
-                self._bench.viewer.add_labels(
+                self._workspace.viewer.add_labels(
                     prepared.found,
                     name=f"{image.name} objects",
                     scale=image.scale,
@@ -223,7 +223,7 @@ class SegmentSection(Section):
         liked = preferences()
         prepared.session.backend = liked.backend
         prepared.session.take_least_occluded = liked.take_least_blocked
-        self._bench.open(
+        self._workspace.open(
             prepared.session,
             sources=tuple(dict.fromkeys((order.image, labels))),
             seconds=liked.seconds,
@@ -237,12 +237,12 @@ class SegmentSection(Section):
 
     def _show_layers(self, layers: list[LayerData]) -> None:
         for data, settings, kind in layers:
-            getattr(self._bench.viewer, f"add_{kind}")(data, **settings)
+            getattr(self._workspace.viewer, f"add_{kind}")(data, **settings)
 
     def end(self) -> None:
         """Stop all work and all listening, for good."""
         self.waiting.stop()
-        self._bench.viewer.layers.selection.events.active.disconnect(self._follow_selection)
+        self._workspace.viewer.layers.selection.events.active.disconnect(self._follow_selection)
         self.volume_box.close_links()
         self.labels_box.close_links()
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from napari_unpack.widgets.repair_tools import RepairBench
-from napari_unpack.widgets.reveal_box import Ways
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.repair_tools import RepairTools
+from napari_unpack.widgets.reveal_box import RevealPlanner
+from napari_unpack.widgets.workspace import Workspace
 
 KEYS = (
     ("N", "next"),
@@ -36,48 +36,52 @@ def help_text() -> str:
     return keys + mouse
 
 
-class Keys:
+class Shortcuts:
     """Bind the panel's keys; `close` gives every key back to whoever had it.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     reveal : callable
         Asks what frees the selected object.
-    ways : Ways
+    ways : RevealPlanner
         Whose answer Escape puts away.
-    repair : RepairBench
+    repair : RepairTools
         Whose waiting for clicks Escape ends.
     """
 
     def __init__(
-        self, workbench: Workbench, reveal: Callable[[], None], ways: Ways, repair: RepairBench
+        self,
+        workspace: Workspace,
+        reveal: Callable[[], None],
+        ways: RevealPlanner,
+        repair: RepairTools,
     ) -> None:
-        self._bench, self._ways, self._repair = workbench, ways, repair
+        self._workspace, self._ways, self._repair = workspace, ways, repair
         self._bound: list[tuple[Any, str, Any]] = []
-        self._on_stage: list[tuple[Any, str, Any]] = []
+        self._on_controller: list[tuple[Any, str, Any]] = []
         self._actions: dict[str, Callable[[], None]] = {
-            "N": workbench.unpack,
-            "B": workbench.restore,
+            "N": workspace.unpack,
+            "B": workspace.restore,
             "I": self._inspect,
             "H": self._hide,
             "R": reveal,
-            "C": workbench.recolor,
-            "Control-Z": workbench.undo,
-            "Control-Shift-Z": workbench.redo,
+            "C": workspace.recolor,
+            "Control-Z": workspace.undo,
+            "Control-Shift-Z": workspace.redo,
             "Escape": self._escape,
         }
-        workbench.staged.connect(self._follow_stage)
-        self._follow_stage()
+        workspace.staged.connect(self._follow_controller)
+        self._follow_controller()
 
-    def _follow_stage(self) -> None:
+    def _follow_controller(self) -> None:
         """Hold the keys only while there is a stage to command."""
         self._release()
-        stage = self._bench.stage
-        if stage is None:
+        controller = self._workspace.controller
+        if controller is None:
             return
-        viewer = getattr(self._bench.viewer, "__wrapped__", self._bench.viewer)
-        for owner in (viewer, *stage.layers):
+        viewer = getattr(self._workspace.viewer, "__wrapped__", self._workspace.viewer)
+        for owner in (viewer, *controller.layers):
             for key, act in self._actions.items():
                 earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
                 self._bound.append((owner, key, earlier))
@@ -89,45 +93,45 @@ class Keys:
 
     def close(self) -> None:
         """Give all keys back."""
-        self._bench.staged.disconnect(self._follow_stage)
+        self._workspace.staged.disconnect(self._follow_controller)
         self._release()
 
     def _selected(self) -> list[int]:
-        session = self._bench.session
+        session = self._workspace.session
         return [] if session is None else sorted(session.selected)
 
     def _inspect(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return
         if any(state.name == "INSPECTED" for state in session.states.values()):
-            self._bench.leave()
+            self._workspace.leave()
             return
         chosen = self._selected() or [
             i for i, state in session.states.items() if state.name == "UNPACKED"
         ]
         if chosen:
-            self._bench.inspect(chosen[-1])
+            self._workspace.inspect(chosen[-1])
 
     def _hide(self) -> None:
         chosen = self._selected()
         if chosen:
-            self._bench.hide(chosen)
+            self._workspace.hide(chosen)
 
     def _escape(self) -> None:
-        session = self._bench.session
-        stage = self._bench.stage
-        if getattr(stage, "drawing", False):
-            stage.drawing = False
-            stage.events.drawn.emit()
+        session = self._workspace.session
+        controller = self._workspace.controller
+        if getattr(controller, "drawing", False):
+            controller.drawing = False
+            controller.events.drawn.emit()
         elif self._repair.awaits_clicks:
             self._repair.cancel()
         elif any(state.name == "INSPECTED" for state in session.states.values()):
-            self._bench.leave()
+            self._workspace.leave()
         elif self._ways.shown:
             self._ways.forget()
         else:
-            self._bench.leave_object()
+            self._workspace.leave_object()
 
 
 def _ignoring_its_owner(act: Callable[[], None]) -> Callable[[Any], None]:

@@ -9,18 +9,18 @@ from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 from napari_unpack.session.errors import listed
 from napari_unpack.widgets.section import column, label
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 PLAY_MS = 60
 """Between looks whether the last object has landed, so that the next may fly."""
 
 
-class ScrubBar(QWidget):
+class StepSlider(QWidget):
     """A slider over the steps of the unpacking, and a play button.
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
 
     Notes
     -----
@@ -28,9 +28,9 @@ class ScrubBar(QWidget):
     without flights; playing lets one object fly after another and ends at the empty bag.
     """
 
-    def __init__(self, workbench: Workbench) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         super().__init__()
-        self._bench = workbench
+        self._workspace = workspace
         self.play = QToolButton()
         self.play.setProperty("role", "play")
         self.play.setCheckable(True)
@@ -52,8 +52,8 @@ class ScrubBar(QWidget):
         layout.addWidget(self.words)
         self.bar.valueChanged.connect(self._drag)
         self.play.toggled.connect(self._toggle)
-        workbench.staged.connect(self._reload)
-        workbench.changed.connect(self._hear)
+        workspace.staged.connect(self._reload)
+        workspace.changed.connect(self._hear)
         self._ink = "#8a93a0"
         self._show_icon()
         self._reload()
@@ -81,7 +81,7 @@ class ScrubBar(QWidget):
             self._refresh()
 
     def _refresh(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         steps, step = ((), 0) if session is None else (session.steps, session.step)
         with QSignalBlocker(self.bar):
             self.bar.setRange(0, len(steps) + self._unknown())
@@ -92,7 +92,7 @@ class ScrubBar(QWidget):
 
     def _unknown(self) -> int:
         """Return how many packed objects are in no known step yet."""
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             return 0
         known = {i for group in session.steps for i in group}
@@ -104,7 +104,7 @@ class ScrubBar(QWidget):
     def _sentence(self, steps: tuple[tuple[int, ...], ...], step: int) -> str:
         if not steps:
             return ""
-        session = self._bench.session
+        session = self._workspace.session
         if step == 0:
             return f"Everything packed, {len(steps)} steps known"
         names = session.objects["name"]
@@ -113,7 +113,7 @@ class ScrubBar(QWidget):
 
     def _drag(self, step: int) -> None:
         self.play.setChecked(False)
-        self._bench.go_to(step)
+        self._workspace.go_to(step)
         # What was not reached, or reached in fewer steps, the bar shows as it is.
         self._refresh()
 
@@ -122,26 +122,26 @@ class ScrubBar(QWidget):
         if not on:
             self._timer.stop()
             return
-        session = self._bench.session
+        session = self._workspace.session
         if session is None:
             self.play.setChecked(False)
             return
         if session.step == self.bar.maximum():
-            self._bench.go_to(0)
+            self._workspace.go_to(0)
         self._timer.start()
         self._play_on()
 
     def _play_on(self) -> None:
-        stage = self._bench.stage
-        if stage is None or stage.inspected:
+        controller = self._workspace.controller
+        if controller is None or controller.inspected:
             self.play.setChecked(False)
             return
-        if stage.flying:
+        if controller.flying:
             return
-        before = stage.session.step
+        before = controller.session.step
         if before < self.bar.maximum():
-            self._bench.go_to(before + 1, flying=True)
-        if self._bench.stage is not stage or stage.session.step == before:
+            self._workspace.go_to(before + 1, flying=True)
+        if self._workspace.controller is not controller or controller.session.step == before:
             self.play.setChecked(False)
 
     def _show_icon(self) -> None:

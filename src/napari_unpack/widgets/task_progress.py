@@ -11,7 +11,7 @@ from typing import Any
 from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Signal
 from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
-from napari_unpack.widgets.job import Job, Outcome, Progress
+from napari_unpack.widgets.job import Job, Progress, TaskResult
 from napari_unpack.widgets.section import button, column, label
 
 STEPS = 1000
@@ -49,10 +49,10 @@ class GlidingBar(QProgressBar):
         self._glide.start()
 
 
-class Waiting(QWidget):
+class TaskProgress(QWidget):
     """Run one piece of work at a time, seen only while it runs.
 
-    `ended` carries the `Outcome`, on the main thread, when this is hidden again.
+    `ended` carries the `TaskResult`, on the main thread, when this is hidden again.
 
     Parameters
     ----------
@@ -114,6 +114,6 @@ class Waiting(QWidget):
         if self.cancel.isEnabled():
             self.told.setText(text)
 
-    def _end(self, outcome: Outcome) -> None:
+    def _end(self, outcome: TaskResult) -> None:
         self.hide()
         self.ended.emit(outcome)

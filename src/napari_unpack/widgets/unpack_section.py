@@ -9,13 +9,13 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
 from napari_unpack.session.errors import share_of
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
-from napari_unpack.widgets.inspection_box import InspectBox
+from napari_unpack.widgets.inspection_box import InspectionBox
 from napari_unpack.widgets.notifications import inform, spoken
 from napari_unpack.widgets.preferences import BACKENDS
-from napari_unpack.widgets.reveal_box import RevealBox, Ways
-from napari_unpack.widgets.section import Disclosure, Section, button, form, label, row
-from napari_unpack.widgets.step_slider import ScrubBar
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.reveal_box import RevealBox, RevealPlanner
+from napari_unpack.widgets.section import Collapsible, Section, button, form, label, row
+from napari_unpack.widgets.step_slider import StepSlider
+from napari_unpack.widgets.workspace import Workspace
 
 PERSPECTIVE = 20.0
 """Vertical field of view of a gentle perspective, degrees."""
@@ -29,14 +29,14 @@ class UnpackSection(Section):
 
     Parameters
     ----------
-    workbench : Workbench
-    ways : Ways
+    workspace : Workspace
+    ways : RevealPlanner
         Knows of other directions.
     """
 
-    def __init__(self, workbench: Workbench, ways: Ways) -> None:
+    def __init__(self, workspace: Workspace, ways: RevealPlanner) -> None:
         super().__init__("3", "Unpack")
-        self._bench, self._ways = workbench, ways
+        self._workspace, self._ways = workspace, ways
         self._free: frozenset[int] | None = None
         self._best: Any = None
         self.direction = QComboBox()
@@ -59,14 +59,14 @@ class UnpackSection(Section):
         self.chosen = button("Selected", "Fly the selected objects out, with who blocks them not.")
         self.all_free = button("All free", "Fly out everything that nothing blocks now.")
         self.inspect = button("Inspect", "Study one object alone: the selected, or the last (I).")
-        self.scrub = ScrubBar(workbench)
+        self.scrub = StepSlider(workspace)
         self.news = label("", "hint", wrap=True)
         self.force = button(
             "Take the least blocked", "Fly out the object of which the least is blocked."
         )
         self.way = button("", "Let objects leave along the direction that frees the most.")
         self.box = RevealBox(ways)
-        self.studied = InspectBox(workbench)
+        self.studied = InspectionBox(workspace)
         self.outside = button("Back to the bag", "Leave the opened object (Escape).", True)
         self._arrange()
         self._connect()
@@ -95,7 +95,7 @@ class UnpackSection(Section):
             extra.hide()
             self.contents.addWidget(extra)
 
-        more = Disclosure(
+        more = Collapsible(
             "Speed, drawing, rules", "How fast objects fly, what draws them, and who may leave."
         )
         self.speed = QSlider(Qt.Orientation.Horizontal)
@@ -124,12 +124,12 @@ class UnpackSection(Section):
         self.contents.addWidget(more)
 
     def _connect(self) -> None:
-        bench = self._bench
-        self.next.clicked.connect(lambda: bench.unpack(1))
-        self.several.clicked.connect(lambda: bench.unpack(self.count.value()))
-        self.back.clicked.connect(lambda: bench.restore(1))
-        self.all_back.clicked.connect(bench.restore_all)
-        self.force.clicked.connect(bench.unpack_least)
+        workspace = self._workspace
+        self.next.clicked.connect(lambda: workspace.unpack(1))
+        self.several.clicked.connect(lambda: workspace.unpack(self.count.value()))
+        self.back.clicked.connect(lambda: workspace.restore(1))
+        self.all_back.clicked.connect(workspace.restore_all)
+        self.force.clicked.connect(workspace.unpack_least)
         self.inspect.clicked.connect(self._toggle_inspection)
         self.count.valueChanged.connect(lambda n: self.several.setText(f"Unpack {n}"))
         self.direction.currentTextChanged.connect(self._set_direction)
@@ -139,40 +139,40 @@ class UnpackSection(Section):
         self.marked.toggled.connect(self._set_marks)
         self.deep.toggled.connect(self._set_perspective)
         self.draw.toggled.connect(self._set_drawing)
-        self.chosen.clicked.connect(bench.unpack_selected)
-        self.all_free.clicked.connect(bench.unpack_free)
+        self.chosen.clicked.connect(workspace.unpack_selected)
+        self.all_free.clicked.connect(workspace.unpack_free)
         self.reveal.clicked.connect(self.reveal_selected)
         self.way.clicked.connect(self._use_way)
-        self.outside.clicked.connect(bench.leave_object)
+        self.outside.clicked.connect(workspace.leave_object)
         self._ways.best.connect(self._tell_way)
-        self._ways.found.connect(lambda one: self.box.show_found(one, bench.session))
+        self._ways.found.connect(lambda one: self.box.show_found(one, workspace.session))
         self._ways.busy.connect(self._tell_busy)
-        bench.staged.connect(self._reload)
-        bench.changed.connect(lambda _: self._refresh())
+        workspace.staged.connect(self._reload)
+        workspace.changed.connect(lambda _: self._refresh())
 
     def _reload(self) -> None:
-        stage = self._bench.stage
+        controller = self._workspace.controller
         self._free = None
-        self.lock("Available after step 1." if stage is None else None)
-        if stage is not None:
+        self.lock("Available after step 1." if controller is None else None)
+        if controller is not None:
             widgets = (self.speed, self.backend, self.direction, self.least)
             blocked = [w.blockSignals(True) for w in widgets]
-            self.speed.setValue(round(stage.seconds * 10))
+            self.speed.setValue(round(controller.seconds * 10))
             self.backend.setCurrentText(
-                next((k for k, v in BACKENDS.items() if v == stage.backend), "Best available")
+                next((k for k, v in BACKENDS.items() if v == controller.backend), "Best available")
             )
             self._show_direction()
-            self.least.setChecked(bool(stage.session.take_least_occluded))
+            self.least.setChecked(bool(controller.session.take_least_occluded))
             for widget, was in zip(widgets, blocked, strict=True):
                 widget.blockSignals(was)
             self._set_marks(self.marked.isChecked())
             self.deep.blockSignals(True)
-            self.deep.setChecked(self._bench.viewer.scene.camera.perspective > 0)
+            self.deep.setChecked(self._workspace.viewer.scene.camera.perspective > 0)
             self.deep.blockSignals(False)
-            stage.events.drawn.connect(lambda: self.draw.setChecked(False))
-            stage.events.looking.connect(self._tell_looking)
-        self.draw.setEnabled(hasattr(stage, "drawing"))
-        self.outside.setVisible(self._bench.is_inside)
+            controller.events.drawn.connect(lambda: self.draw.setChecked(False))
+            controller.events.looking.connect(self._tell_looking)
+        self.draw.setEnabled(hasattr(controller, "drawing"))
+        self.outside.setVisible(self._workspace.is_inside)
         self._refresh()
 
     def tell_free(self, ids: frozenset[int] | None) -> None:
@@ -190,7 +190,7 @@ class UnpackSection(Section):
 
     def reveal_selected(self) -> None:
         """Find out what frees the selected object, if it is in the bag."""
-        session = self._bench.session
+        session = self._workspace.session
         chosen = [] if session is None else sorted(session.selected)
         if len(chosen) == 1:
             self._ways.reveal(chosen[0])
@@ -210,18 +210,18 @@ class UnpackSection(Section):
         self.news.repaint()
 
     def _use_way(self) -> None:
-        if self._best is not None and self._bench.session is not None:
+        if self._best is not None and self._workspace.session is not None:
             with spoken():
-                self._bench.session.direction = tuple(float(v) for v in self._best.direction)
+                self._workspace.session.direction = tuple(float(v) for v in self._best.direction)
 
     def _set_direction(self, name: str) -> None:
-        if self._bench.session is not None and name in DIRECTIONS:
+        if self._workspace.session is not None and name in DIRECTIONS:
             with spoken():
-                self._bench.session.direction = DIRECTIONS[name]
+                self._workspace.session.direction = DIRECTIONS[name]
 
     def _show_direction(self) -> None:
         """Show D; one without a name is listed as long as it is D."""
-        direction = self._bench.session.direction
+        direction = self._workspace.session.direction
         name = name_of(direction)
         box, named = self.direction, len(DIRECTIONS)
         blocked = box.blockSignals(True)
@@ -234,46 +234,46 @@ class UnpackSection(Section):
         box.blockSignals(blocked)
 
     def _set_drawing(self, drawing: bool) -> None:
-        if self._bench.stage is not None:
-            self._bench.stage.drawing = drawing
+        if self._workspace.controller is not None:
+            self._workspace.controller.drawing = drawing
 
     def _set_marks(self, marked: bool) -> None:
-        overlays = getattr(self._bench.stage, "overlays", None)
+        overlays = getattr(self._workspace.controller, "overlays", None)
         if overlays is not None:
             overlays.mark_free = marked
 
     def _set_perspective(self, deep: bool) -> None:
-        if self._bench.stage is not None:
-            self._bench.viewer.scene.camera.perspective = PERSPECTIVE if deep else 0.0
-            self._bench.stage.frame_bag()
+        if self._workspace.controller is not None:
+            self._workspace.viewer.scene.camera.perspective = PERSPECTIVE if deep else 0.0
+            self._workspace.controller.frame_bag()
 
     def _set_speed(self, tenths: int) -> None:
-        if self._bench.stage is not None:
-            self._bench.stage.seconds = tenths / 10
+        if self._workspace.controller is not None:
+            self._workspace.controller.seconds = tenths / 10
 
     def _set_backend(self, name: str) -> None:
-        if self._bench.stage is not None:
+        if self._workspace.controller is not None:
             with spoken():
-                self._bench.stage.backend = BACKENDS[name]
+                self._workspace.controller.backend = BACKENDS[name]
 
     def _set_policy(self, least: bool) -> None:
-        if self._bench.session is not None:
-            self._bench.session.take_least_occluded = least
+        if self._workspace.session is not None:
+            self._workspace.session.take_least_occluded = least
             self._refresh()
 
     def _toggle_inspection(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         names = {i: state.name for i, state in session.states.items()}
         if "INSPECTED" in names.values():
-            self._bench.leave()
+            self._workspace.leave()
             return
         out = [i for i, name in names.items() if name == "UNPACKED"]
         chosen = sorted(session.selected) or out
         if chosen:
-            self._bench.inspect(chosen[-1])
+            self._workspace.inspect(chosen[-1])
 
     def _refresh(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         names = [] if session is None else [state.name for state in session.states.values()]
         packed, out = names.count("PACKED"), names.count("UNPACKED")
         flying = sum(names.count(name) for name in _FLYING)
@@ -317,7 +317,7 @@ class UnpackSection(Section):
 
     def _stuck(self) -> str:
         """Say that nobody is free, who is blocked least, and what another direction would free."""
-        session = self._bench.session
+        session = self._workspace.session
         least = session.least_blocked()
         which = "the least blocked"
         if least is not None:

@@ -16,13 +16,13 @@ from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.free_watch import FreeWatch
 from napari_unpack.widgets.objects_section import ObjectsSection
-from napari_unpack.widgets.reveal_box import Ways
-from napari_unpack.widgets.section import Disclosure, label, rule
+from napari_unpack.widgets.reveal_box import RevealPlanner
+from napari_unpack.widgets.section import Collapsible, label, rule
 from napari_unpack.widgets.segment_section import SegmentSection
-from napari_unpack.widgets.shortcuts import Keys, help_text
+from napari_unpack.widgets.shortcuts import Shortcuts, help_text
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
-from napari_unpack.widgets.workspace import Workbench
+from napari_unpack.widgets.workspace import Workspace
 
 
 class KeepFramed(QObject):
@@ -32,35 +32,35 @@ class KeepFramed(QObject):
 
     Parameters
     ----------
-    workbench : Workbench
+    workspace : Workspace
     parent : QObject, optional
     """
 
-    def __init__(self, workbench: Workbench, parent: QObject | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._bench = workbench
+        self._workspace = workspace
         self._size: tuple[int, int] | None = None
         self._framed = np.zeros(0)
-        workbench.staged.connect(self._begin)
-        workbench.changed.connect(self._hear)
+        workspace.staged.connect(self._begin)
+        workspace.changed.connect(self._hear)
 
     def _begin(self) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         if session is not None:
             self._size, self._framed = session.canvas_size, self._camera()
 
     def _hear(self, news: frozenset[str]) -> None:
-        session = self._bench.session
+        session = self._workspace.session
         if "view" not in news or session.canvas_size == self._size:
             return
         self._size = session.canvas_size
         if np.allclose(self._camera(), self._framed, rtol=1e-3):
-            self._bench.frame()
+            self._workspace.frame()
             self._framed = self._camera()
 
     def _camera(self) -> Any:
         """Return zoom and centre."""
-        camera = self._bench.viewer.scene.camera
+        camera = self._workspace.viewer.scene.camera
         return np.array([camera.zoom, *camera.center], dtype=np.float64)
 
 
@@ -81,18 +81,18 @@ class UnpackingWidget(QWidget):
         self.setObjectName("unpacking_panel")
         self.setWindowTitle("Virtual Unpacking")
         self._viewer = napari_viewer
-        self.workbench = Workbench(napari_viewer, self)
-        self.segment = SegmentSection(self.workbench)
-        self.ways = Ways(self.workbench, self)
-        self.color = ColorSection(self.workbench)
-        self.unpack = UnpackSection(self.workbench, self.ways)
-        self.objects = ObjectsSection(self.workbench, self.ways)
-        self.files = FilesSection(self.workbench)
-        self.keys = Keys(
-            self.workbench, self.unpack.reveal_selected, self.ways, self.objects.repair
+        self.workspace = Workspace(napari_viewer, self)
+        self.segment = SegmentSection(self.workspace)
+        self.ways = RevealPlanner(self.workspace, self)
+        self.color = ColorSection(self.workspace)
+        self.unpack = UnpackSection(self.workspace, self.ways)
+        self.objects = ObjectsSection(self.workspace, self.ways)
+        self.files = FilesSection(self.workspace)
+        self.keys = Shortcuts(
+            self.workspace, self.unpack.reveal_selected, self.ways, self.objects.repair
         )
-        self._framing = KeepFramed(self.workbench, self)
-        self._watch = FreeWatch(self.workbench, self)
+        self._framing = KeepFramed(self.workspace, self)
+        self._watch = FreeWatch(self.workspace, self)
         self._watch.known.connect(self.unpack.tell_free)
         self._watch.known.connect(lambda ids: self.objects.mark_free(ids or frozenset()))
         self._ended = False
@@ -115,7 +115,7 @@ class UnpackingWidget(QWidget):
                 column.addWidget(rule())
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
-        keys = Disclosure("Keys and mouse", "What the keys and the mouse do in the picture.")
+        keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the picture.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)
         scroll = QScrollArea()
@@ -148,7 +148,7 @@ class UnpackingWidget(QWidget):
         self.color.picture.end()
         self._watch.end()
         self.ways.end()
-        self.workbench.close()
+        self.workspace.close()
         self.keys.close()
         self._viewer.events.theme.disconnect(self._dress)
 

@@ -20,7 +20,7 @@ WATCHED = ("labels", "states", "hues", "transfer_function", "queue", "view", "se
 """Signals of the session that the sections hear of, by name."""
 
 
-class Workbench(QObject):
+class Workspace(QObject):
     """The viewer, its stage, and the verbs.
 
     Signals: `staged` when a stage opened or closed; `changed` (frozenset of names from
@@ -41,7 +41,7 @@ class Workbench(QObject):
     def __init__(self, viewer: Any, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.viewer = viewer
-        self.stage: Any = None
+        self.controller: Any = None
         self._camera: Any = None
         self._news: set[str] = set()
         self._timer = QTimer(self)
@@ -57,7 +57,7 @@ class Workbench(QObject):
     @property
     def session(self) -> Any:
         """The session on the stage, or None."""
-        return None if self.stage is None else self.stage.session
+        return None if self.controller is None else self.controller.session
 
     def open(
         self, session: Any, sources: Sequence[Any] = (), camera: Any = None, **settings: Any
@@ -74,19 +74,19 @@ class Workbench(QObject):
         **settings
             Attributes of the stage to set before it opens.
         """
-        from napari_unpack.viewer.plain_stage import stage_class
+        from napari_unpack.viewer.plain_stage import controller_class
 
         self.close()
-        stage = stage_class()(self.viewer, session, sources=tuple(sources))
+        controller = controller_class()(self.viewer, session, sources=tuple(sources))
         for name, value in settings.items():
-            setattr(stage, name, value)
-        self.stage = stage
+            setattr(controller, name, value)
+        self.controller = controller
         for name in WATCHED:
             self._link(getattr(session.events, name), lambda *_, name=name: self._heard.emit(name))
         self._link(session.events.message, self._told.emit)
-        self._link(stage.events.message, self._told.emit)
-        self._link(stage.events.closed, lambda *_: self._forget())
-        stage.open()
+        self._link(controller.events.message, self._told.emit)
+        self._link(controller.events.closed, lambda *_: self._forget())
+        controller.open()
         self._camera = camera
         self.frame()
         self.staged.emit()
@@ -94,9 +94,9 @@ class Workbench(QObject):
     def frame(self) -> None:
         """Look at the bag as it was first looked at."""
         if self._camera is None:
-            self.stage.frame_bag()
+            self.controller.frame_bag()
         else:
-            self.stage.look_from(self._camera)
+            self.controller.look_from(self._camera)
 
     @property
     def is_inside(self) -> bool:
@@ -105,17 +105,17 @@ class Workbench(QObject):
 
     def open_object(self, object_id: int) -> None:
         """Put what is inside an object on the stage, as a bag of its own."""
-        if self.stage is None:
+        if self.controller is None:
             self._ask_for_a_session()
             return
         with notifications.spoken():
-            rotation = self.stage.rotation_of(object_id)
+            rotation = self.controller.rotation_of(object_id)
             inner = self._opened.open(self.session, object_id, rotation)
-            self.stage.put_back()
+            self.controller.put_back()
             camera = self.viewer.scene.camera
             view = {name: getattr(camera, name) for name in _VIEW}
-            outer = self.session, self.stage.sources, view
-            settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
+            outer = self.session, self.controller.sources, view
+            settings = {"seconds": self.controller.seconds, "backend": self.controller.backend}
             inner.tint_mode = self.session.tint_mode
             around = [*self._outer, outer]
             self.open(inner, outer[1], around=around[0][0], **settings)
@@ -126,7 +126,7 @@ class Workbench(QObject):
         """Go back to the bag that the opened object is from."""
         if self._outer:
             *around, (session, sources, view) = self._outer
-            settings = {"seconds": self.stage.seconds, "backend": self.stage.backend}
+            settings = {"seconds": self.controller.seconds, "backend": self.controller.backend}
             self.open(session, sources, around=around[0][0] if around else None, **settings)
             self.viewer.scene.camera.update(view)
             self._outer = around
@@ -134,20 +134,20 @@ class Workbench(QObject):
 
     def close(self) -> None:
         """Take the stage down; the user's layers come back as they were."""
-        if self.stage is not None:
-            stage = self.stage
+        if self.controller is not None:
+            controller = self.controller
             self._forget()
-            stage.close()
+            controller.close()
 
     def _forget(self) -> None:
-        if self.stage is None:
+        if self.controller is None:
             return
         for signal, slot in self._links:
             signal.disconnect(slot, missing_ok=True)
         self._links.clear()
         self._timer.stop()
         self._news.clear()
-        self.stage = None
+        self.controller = None
         self._outer = []
         self.staged.emit()
 
@@ -162,7 +162,7 @@ class Workbench(QObject):
 
     def _publish(self) -> None:
         news, self._news = frozenset(self._news), set()
-        if news and self.stage is not None:
+        if news and self.controller is not None:
             self.changed.emit(news)
 
     def unpack(self, what: int | Iterable[int] = 1) -> None:
@@ -280,11 +280,11 @@ class Workbench(QObject):
         self._perform("go_to", step, flying, on="stage")
 
     def _perform(self, verb: str, *arguments: Any, on: str = "session") -> None:
-        if self.stage is None:
+        if self.controller is None:
             self._ask_for_a_session()
             return
         with notifications.spoken():
-            getattr(self.stage if on == "stage" else self.session, verb)(*arguments)
+            getattr(self.controller if on == "stage" else self.session, verb)(*arguments)
 
     def _ask_for_a_session(self) -> None:
         notifications.inform(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from ray_scenes import along
 
-from napari_unpack.rendering.cpu.space_skipping import Corridors
+from napari_unpack.rendering.cpu.space_skipping import DirectionalSkipping
 
 
 def blobs() -> np.ndarray:
@@ -27,7 +27,7 @@ def test_no_ray_leaves_its_owner_within_a_corridor(direction, fov) -> None:
     owners = blobs()
     shape = tuple(8 * n for n in owners.shape)
     rays = along(direction, shape, (1, 1, 1), (37, 41), fov, 1.0)
-    found = Corridors.of(owners, rays)
+    found = DirectionalSkipping.of(owners, rays)
     if found.axis < 0:
         assert fov
         return
@@ -55,7 +55,7 @@ def test_along_an_axis_a_corridor_is_as_wide_as_its_rays_stray() -> None:
     owners = np.zeros((6, 5, 5), np.int32)
     owners[4, 2, 2] = -1
     owners[3, 0, 2] = 4
-    grid = Corridors.of(owners, along((1, 0, 0), (48, 40, 40))).grids[0]
+    grid = DirectionalSkipping.of(owners, along((1, 0, 0), (48, 40, 40))).grids[0]
     # Four layers lie before the mixed brick, and 1 is said more; three before the other.
     assert grid[0, 2, 2] == 5
     assert grid[0, 4, 4] > 90
@@ -65,5 +65,5 @@ def test_along_an_axis_a_corridor_is_as_wide_as_its_rays_stray() -> None:
 
 def test_rays_that_have_no_axis_in_common_get_cubes() -> None:
     owners = np.zeros((4, 4, 4), np.int32)
-    found = Corridors.of(owners, along((1, 1, 1), (32, 32, 32), fov=100))
+    found = DirectionalSkipping.of(owners, along((1, 1, 1), (32, 32, 32), fov=100))
     assert found.axis == -1

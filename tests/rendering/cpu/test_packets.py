@@ -9,7 +9,7 @@ from ray_scenes import along
 from napari_unpack.rendering.cpu import ray_packets
 from napari_unpack.rendering.cpu.object_ids import outlook
 from napari_unpack.rendering.cpu.ray_sampling import octant_of, per_voxel, ray_numbers, ray_of
-from napari_unpack.rendering.cpu.space_skipping import Corridors
+from napari_unpack.rendering.cpu.space_skipping import DirectionalSkipping
 
 SHAPE = (40, 56, 72)
 
@@ -35,7 +35,7 @@ def owners() -> np.ndarray:
 def test_each_sees_what_it_sees_alone(direction, fov) -> None:
     rng, grid = np.random.default_rng(7), owners()
     rays = along(direction, SHAPE, size=(64, 64), fov=fov, step=0.9)
-    ahead = Corridors.of(grid, rays)
+    ahead = DirectionalSkipping.of(grid, rays)
     looks = ray_packets.looks_of(grid, ahead.grids, np.arange(grid.size, dtype=np.int32)).reshape(
         -1
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.rendering.cpu.bricks import Bricks
-from napari_unpack.rendering.cpu.sweep import Pulling, met_when_pulled, whole_shifts
+from napari_unpack.rendering.cpu.sweep import SweepTest, sweep_blockers, whole_shifts
 
 
 def brute(labels, way, visible):
@@ -38,7 +38,7 @@ def crumbs(seed, objects, edge):
 @pytest.mark.parametrize("seed", range(6))
 def test_it_meets_whom_moved_masks_overlap(seed):
     labels, visible, direction = crumbs(seed, 4, 2)
-    found = met_when_pulled(labels, (1, 1, 1), direction, visible)
+    found = sweep_blockers(labels, (1, 1, 1), direction, visible)
     ids, blocks = brute(labels, direction, visible)
     np.testing.assert_array_equal(found[0], ids)
     np.testing.assert_array_equal(found[1], blocks)
@@ -55,12 +55,12 @@ def test_bricks_save_looking_and_change_nothing(seed):
     visible = np.ones(9, bool)
     visible[[0, 5]] = False
     direction = np.eye(3)[seed] * (-1) ** seed if seed < 3 else rng.normal(size=3)
-    plain = met_when_pulled(labels, (1, 1, 1), direction, visible)
-    found = met_when_pulled(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
+    plain = sweep_blockers(labels, (1, 1, 1), direction, visible)
+    found = sweep_blockers(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
     assert plain[1].any()
     np.testing.assert_array_equal(found[1], plain[1])
     some = np.arange(9) % 2 == 0
-    part = met_when_pulled(labels, (1, 1, 1), direction, visible, pulled=some)
+    part = sweep_blockers(labels, (1, 1, 1), direction, visible, pulled=some)
     np.testing.assert_array_equal(part[1], plain[1] & some[plain[0]])
 
 
@@ -69,9 +69,9 @@ def test_steps_of_two_surfaces_do_not_hold_what_slides_along_them():
     _, y, x = np.indices((6, 20, 20))
     labels = np.where(y > x, 1, 2).astype(np.uint16)
     visible = np.array([False, True, True])
-    _, blocks = met_when_pulled(labels, (1, 1, 1), (0, 1, 1), visible)
+    _, blocks = sweep_blockers(labels, (1, 1, 1), (0, 1, 1), visible)
     assert not blocks.any()
-    _, blocks = met_when_pulled(labels, (1, 1, 1), (0, 1, 0), visible)
+    _, blocks = sweep_blockers(labels, (1, 1, 1), (0, 1, 0), visible)
     assert blocks.tolist() == [[False, True], [False, False]]
 
 
@@ -79,8 +79,8 @@ def test_spacing_bends_the_way_in_voxels():
     labels = np.zeros((9, 9, 1), np.uint16)
     labels[0, 0], labels[4, 8] = 1, 2
     visible = np.array([False, True, True])
-    assert met_when_pulled(labels, (2, 1, 1), (1, 1, 0), visible)[1][1, 0]
-    assert not met_when_pulled(labels, (1, 1, 1), (1, 1, 0), visible)[1].any()
+    assert sweep_blockers(labels, (2, 1, 1), (1, 1, 0), visible)[1][1, 0]
+    assert not sweep_blockers(labels, (1, 1, 1), (1, 1, 0), visible)[1].any()
 
 
 def test_shifts_go_out_of_the_volume_a_voxel_at_a_time():
@@ -92,7 +92,7 @@ def test_shifts_go_out_of_the_volume_a_voxel_at_a_time():
 
 def test_above_4096_objects_there_is_no_table():
     assert (
-        met_when_pulled(np.zeros((2, 2, 2), np.uint16), (1, 1, 1), (1, 0, 0), np.ones(5000, bool))
+        sweep_blockers(np.zeros((2, 2, 2), np.uint16), (1, 1, 1), (1, 0, 0), np.ones(5000, bool))
         is None
     )
 
@@ -101,7 +101,7 @@ def test_above_4096_objects_there_is_no_table():
 def test_one_object_moved_alone_meets_whom_it_meets_among_all(seed):
     labels, visible, direction = crumbs(seed, 5, 3)
     ids, blocks = brute(labels, direction, visible)
-    pulling = Pulling.of(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
+    pulling = SweepTest.of(labels, (1, 1, 1), direction, visible, Bricks.of(labels))
     for column, label in enumerate(ids):
         where = np.argwhere(labels == label)
         box = tuple(

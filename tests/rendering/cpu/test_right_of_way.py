@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from threading import Event, Thread
 
-from napari_unpack.rendering.cpu.thread_pool import WAY, RightOfWay, over_bands
+from napari_unpack.rendering.cpu.thread_pool import (
+    INTERACTIVE_PRIORITY,
+    InteractivePriority,
+    over_bands,
+)
 
 
 def test_bands_begun_by_others_wait_and_own_ones_do_not() -> None:
@@ -19,17 +23,17 @@ def test_bands_begun_by_others_wait_and_own_ones_do_not() -> None:
     other = Thread(target=over_bands, args=(2, slow, lambda: None, 1, 1))
     other.start()
     assert begun.wait(20)
-    with WAY.taken():
-        assert WAY.mine
+    with INTERACTIVE_PRIORITY.taken():
+        assert INTERACTIVE_PRIORITY.mine
         go_on.set()
         over_bands(3, lambda _, first, last: done.append(("own", first)), lambda: None, 1, 1)
     other.join(20)
-    assert not WAY.mine
+    assert not INTERACTIVE_PRIORITY.mine
     assert done == [("slow", 0), ("own", 0), ("own", 1), ("own", 2), ("slow", 1)]
 
 
 def test_patience_ends() -> None:
-    way = RightOfWay()
+    way = InteractivePriority()
     assert way.give(5.0) == 5.0
     with way.taken(), way.taken():
         left = way.give(0.02)

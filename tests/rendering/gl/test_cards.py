@@ -26,10 +26,10 @@ def add_cards(view, cards):
     """Add a cards node that follows the view's camera."""
     from vispy.scene.visuals import create_visual_node
 
-    from napari_unpack.rendering.gl.depth_quads import CardsVisual, clip_from_pivot
+    from napari_unpack.rendering.gl.depth_quads import QuadsVisual, clip_from_pivot
     from napari_unpack.rendering.gl.matrices import matrix_of
 
-    node = create_visual_node(CardsVisual)(parent=view.scene)
+    node = create_visual_node(QuadsVisual)(parent=view.scene)
 
     def follow(visual):
         render = matrix_of(visual.get_transform("visual", "render"))
@@ -69,17 +69,17 @@ def middle(view):
 
 
 def plain(color, alpha=1.0, size=(8, 8), depth=None):
-    from napari_unpack.rendering.gl.depth_quads import Picture
+    from napari_unpack.rendering.gl.depth_quads import ImageTexture
 
     pixels = np.empty((*size, 4), np.float32)
     pixels[:] = np.array([*color[:3], 1.0]) * alpha
-    return Picture(pixels, None if depth is None else np.full(size, depth, np.float32))
+    return ImageTexture(pixels, None if depth is None else np.full(size, depth, np.float32))
 
 
 def card(*arguments, **keywords):
-    from napari_unpack.rendering.gl.depth_quads import Card
+    from napari_unpack.rendering.gl.depth_quads import Quad
 
-    return Card(*arguments, **keywords)
+    return Quad(*arguments, **keywords)
 
 
 def sprite(towards, half=12.0):
@@ -149,12 +149,12 @@ def test_a_background_lies_behind_everything(view):
 
 
 def test_a_patch_lands_on_its_pixels_exactly(view):
-    from napari_unpack.rendering.gl.depth_quads import Picture, ScreenPlace
+    from napari_unpack.rendering.gl.depth_quads import ImageTexture, ScreenPlace
 
     pixels = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
     pixels[..., 3] = 255
     place = ScreenPlace.of_pixels(12, 30, (5, 7), (HEIGHT, WIDTH))
-    add_cards(view, [card(Picture(pixels), place)])
+    add_cards(view, [card(ImageTexture(pixels), place)])
     np.testing.assert_array_equal(view.canvas.render()[12:17, 30:37, :3], pixels[..., :3])
 
 
@@ -200,11 +200,11 @@ def test_it_frames_nothing_and_is_not_picked(view):
 
 
 def test_wrong_pictures_are_refused_by_name():
-    from napari_unpack.rendering.gl.depth_quads import Picture
+    from napari_unpack.rendering.gl.depth_quads import ImageTexture
 
     with pytest.raises(ValueError, match="color must be"):
-        Picture(np.zeros((4, 4, 3), np.float32))
+        ImageTexture(np.zeros((4, 4, 3), np.float32))
     with pytest.raises(TypeError, match="float64"):
-        Picture(np.zeros((4, 4, 4)))
+        ImageTexture(np.zeros((4, 4, 4)))
     with pytest.raises(ValueError, match="depth must be"):
-        Picture(np.zeros((4, 4, 4), np.float32), np.zeros((3, 4), np.float32))
+        ImageTexture(np.zeros((4, 4, 4), np.float32), np.zeros((3, 4), np.float32))

@@ -10,7 +10,7 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.cpu import Bricks
 from napari_unpack.rendering.gl.cached_pass import TintedCaster
-from napari_unpack.rendering.gl.tinted_pass import Look
+from napari_unpack.rendering.gl.tinted_pass import Appearance
 from napari_unpack.rendering.gl.volume_store import VolumeStore
 
 SHAPE = (6, 8, 10)
@@ -26,7 +26,7 @@ def look():
     table = np.ones((16, 4), np.float32)
     table[:, 3] = np.linspace(0, 0.8, 16)
     tints = np.array([[1, 1, 1, 0], [1, 0, 0, 1], [0, 0, 1, 1]], dtype=np.float32)
-    return Look((1, 1, 1), table, (0.0, 1000.0), tints, Shading())
+    return Appearance((1, 1, 1), table, (0.0, 1000.0), tints, Shading())
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_a_cast_picture_shows_on_a_card_in_a_scene(canvas, look):
     from vispy.scene.visuals import create_visual_node
 
     from napari_unpack.rendering.gl import backend as gl_backend
-    from napari_unpack.rendering.gl.depth_quads import Card, CardsVisual
+    from napari_unpack.rendering.gl.depth_quads import Quad, QuadsVisual
 
     labels = np.zeros(SHAPE, np.uint16)
     labels[1:5, 1:7, 1:5], labels[1:5, 1:7, 5:9] = 1, 2
@@ -137,11 +137,11 @@ def test_a_cast_picture_shows_on_a_card_in_a_scene(canvas, look):
     rays = rays_of((40, 60))
     view = canvas.central_widget.add_view(border_width=0)
     canvas.render()
-    node = create_visual_node(CardsVisual)(parent=view.scene)
+    node = create_visual_node(QuadsVisual)(parent=view.scene)
 
     def draw(visual):
         with visual.events.update.blocker():
-            visual.cards = [Card(caster.cast(rays, look))]
+            visual.cards = [Quad(caster.cast(rays, look))]
 
     node.before_draw = draw
     shown = canvas.render()

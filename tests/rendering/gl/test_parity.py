@@ -108,7 +108,7 @@ def test_tinted_shaders_match_the_cpu_ray_caster(density_held, seed):
     arguments = (case.volume, case.labels, case.rays, case.spacing, *look)
     image, depth = cpu.tinted(*arguments)
     found, found_depth = gl_backend.tinted(*arguments, bricks=case.bricks)
-    held = gl_backend._bench().textures(case.labels, case.volume).density
+    held = gl_backend._workspace().textures(case.labels, case.volume).density
     assert isinstance(held, density_held)
     assert image[..., 3].max() > 0.02
     assert np.abs(found - image)[clear].max() <= 2 / 255
@@ -167,9 +167,9 @@ def test_more_layers_than_the_shader_holds_are_refused(gl):
 
 def test_a_volume_is_uploaded_once_for_many_pictures(gl):
     case = Case(11)
-    bench = gl_backend.Bench()
-    first = bench.textures(case.labels, case.volume)
-    assert bench.textures(case.labels, case.volume) is first
-    assert bench.textures(case.labels, None) is first
+    workspace = gl_backend.Bench()
+    first = workspace.textures(case.labels, case.volume)
+    assert workspace.textures(case.labels, case.volume) is first
+    assert workspace.textures(case.labels, None) is first
     assert first.uploads == 2
-    assert bench.textures(case.labels.copy(), None) is not first
+    assert workspace.textures(case.labels.copy(), None) is not first

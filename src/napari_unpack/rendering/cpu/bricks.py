@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.cpu.compressed_labels import PackedLabels
+from napari_unpack.rendering.cpu.compressed_labels import CompressedLabels
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
@@ -41,7 +41,7 @@ class Bricks:
     high: Density
     starts: NDArray[np.int64]
     ids: NDArray[np.uint16]
-    _packed: list[PackedLabels] = field(default_factory=list, init=False, repr=False)
+    _packed: list[CompressedLabels] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(
@@ -107,7 +107,7 @@ class Bricks:
         _occupied(self.low, self.high, self.starts, self.ids, opaque, lo, hi, seen, out)
         return out
 
-    def packed(self, labels: NDArray[np.uint16]) -> PackedLabels:
+    def packed(self, labels: NDArray[np.uint16]) -> CompressedLabels:
         """Return the labels of mixed bricks in few bits, packed when first asked for.
 
         Parameters
@@ -116,7 +116,7 @@ class Bricks:
             Those the bricks were made of.
         """
         if not self._packed:
-            self._packed.append(PackedLabels.of(labels, self.starts, self.ids))
+            self._packed.append(CompressedLabels.of(labels, self.starts, self.ids))
         return self._packed[0]
 
     def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -32,7 +32,7 @@ LINE = 8
 
 
 @dataclass(frozen=True, eq=False)
-class PackedLabels:
+class CompressedLabels:
     """Numbers of objects, by brick and voxel.
 
     Parameters
@@ -64,7 +64,7 @@ class PackedLabels:
         starts: NDArray[np.int64],
         ids: NDArray[np.uint16],
         threads: int | None = None,
-    ) -> PackedLabels:
+    ) -> CompressedLabels:
         """Pack the labels of the bricks that hold more than one.
 
         Parameters
@@ -78,7 +78,7 @@ class PackedLabels:
 
         Returns
         -------
-        PackedLabels
+        CompressedLabels
             64 bytes for a brick of two objects, 128 of up to four, 256 of up to sixteen.
         """
         counts = np.diff(starts)

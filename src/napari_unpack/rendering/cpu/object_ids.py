@@ -28,7 +28,7 @@ from napari_unpack.rendering.cpu.ray_sampling import (
     ray_of,
     sample_range,
 )
-from napari_unpack.rendering.cpu.space_skipping import Corridors
+from napari_unpack.rendering.cpu.space_skipping import DirectionalSkipping
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 AHEAD = 16
@@ -54,18 +54,18 @@ def ground(
     Returns
     -------
     tuple
-        Labels, owners, reach, slots, axis (`Corridors`), starts, ids (`Bricks`), words, first,
-        bits (`PackedLabels`); empty but for the labels where there are no bricks.
+        Labels, owners, reach, slots, axis (`DirectionalSkipping`), starts, ids (`Bricks`), words,
+        first, bits (`CompressedLabels`); empty but for the labels where there are no bricks.
     """
     if bricks is None:
-        none = Corridors.none()
+        none = DirectionalSkipping.none()
         long, short = np.zeros(0, np.int64), np.zeros(0, np.uint8)
         return (
             labels, np.zeros((0, 0, 0), np.int32), none.grids, none.slots, none.axis,
             long, np.zeros(0, np.uint16), np.zeros(0, np.uint64), long, short,
         )  # fmt: skip
     owners = bricks.owners(visible)
-    ahead, packed = Corridors.of(owners, rays), bricks.packed(labels)
+    ahead, packed = DirectionalSkipping.of(owners, rays), bricks.packed(labels)
     return (
         labels, owners, ahead.grids, ahead.slots, ahead.axis,
         bricks.starts, bricks.ids, packed.words, packed.first, packed.bits,
@@ -106,7 +106,7 @@ def read_packed(  # type: ignore[no-untyped-def]
 ):
     """Read the labels of samples k to `free` - 1, all in one brick, into `ahead` (AHEAD,) int64.
 
-    `place` and `shift` are the brick's `PackedLabels.first` and `bits`, `start` its
+    `place` and `shift` are the brick's `CompressedLabels.first` and `bits`, `start` its
     `Bricks.starts`.
     """
     seven, six = np.int64(7), np.uint64(6)

@@ -59,9 +59,9 @@ def looks_of(
     owners : (Bz, By, Bx) ndarray of int32
         From `Bricks.owners`.
     reach : (n, Bz, By, Bx) ndarray of uint8
-        From `Corridors.grids`: 0 where a brick is mixed.
+        From `DirectionalSkipping.grids`: 0 where a brick is mixed.
     number : (Bz * By * Bx,) ndarray of int32
-        Of mixed bricks, from `PackedLabels`.
+        Of mixed bricks, from `CompressedLabels`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def look_ahead(looks, rows, columns, axis, step, f, n):  # type: ignore[no-untyp
     looks : (n,) ndarray of int32
         Of `looks_of`, flat; `rows`, `columns` are its By and Bx.
     axis : int
-        Of `Corridors`.
+        Of `DirectionalSkipping`.
     step : float
         Distance of samples, mm.
     f : (FLOAT_ROWS * LANES,) ndarray of float64

@@ -27,7 +27,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Corridors:
+class DirectionalSkipping:
     """Where rays may leap to: over layers of bricks along their leading axis, or over cubes.
 
     Parameters
@@ -47,13 +47,13 @@ class Corridors:
     axis: int
 
     @classmethod
-    def none(cls) -> Corridors:
+    def none(cls) -> DirectionalSkipping:
         """Return what makes a kernel look at every sample."""
         strides = Strides.none()
         return cls(strides.grids, strides.slots, -1)
 
     @classmethod
-    def of(cls, owners: NDArray[np.int32], rays: Rays) -> Corridors:
+    def of(cls, owners: NDArray[np.int32], rays: Rays) -> DirectionalSkipping:
         """Measure what lies ahead of every brick.
 
         Parameters
@@ -65,7 +65,7 @@ class Corridors:
 
         Returns
         -------
-        Corridors
+        DirectionalSkipping
         """
         rows, cols = rays.size[0] - 1, rays.size[1] - 1
         corners = np.array([(1, r, c) for r in (0, rows) for c in (0, cols)], np.float64)
@@ -91,7 +91,7 @@ class Corridors:
         return cls(grid[None], np.zeros(8, np.int64), axis)
 
     @classmethod
-    def _cubes(cls, owners: NDArray[np.int32], rays: Rays) -> Corridors:
+    def _cubes(cls, owners: NDArray[np.int32], rays: Rays) -> DirectionalSkipping:
         strides = Strides.of(owners, rays)
         return cls(strides.grids, strides.slots, -1)
 

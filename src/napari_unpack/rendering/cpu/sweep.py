@@ -17,7 +17,7 @@ STEPS = 4
 """Looks per voxel edge on the way."""
 
 
-def met_when_pulled(
+def sweep_blockers(
     labels: NDArray[np.uint16],
     spacing: ArrayLike,
     direction: ArrayLike,
@@ -64,7 +64,7 @@ def met_when_pulled(
     """
     if np.count_nonzero(visible) > MOST_IN_TABLE:
         return None
-    pulling = Pulling.of(labels, spacing, direction, visible, bricks)
+    pulling = SweepTest.of(labels, spacing, direction, visible, bricks)
     moving = visible if pulled is None else visible & pulled
     columns = np.where(moving, pulling.rows, -1).astype(np.int32)
     blocks = np.zeros((len(pulling.ids), len(pulling.ids)), np.bool_)
@@ -78,7 +78,7 @@ def met_when_pulled(
 
 
 @dataclass(frozen=True, eq=False)
-class Pulling:
+class SweepTest:
     """What moving objects along one direction takes, made once for all of them.
 
     Parameters
@@ -111,8 +111,8 @@ class Pulling:
         direction: ArrayLike,
         visible: NDArray[np.bool_],
         bricks: Bricks | None = None,
-    ) -> Pulling:
-        """Make ready; arguments as for `met_when_pulled`."""
+    ) -> SweepTest:
+        """Make ready; arguments as for `sweep_blockers`."""
         ids = np.flatnonzero(visible)
         rows = np.full(len(visible), -1, np.int32)
         rows[ids] = np.arange(len(ids))

@@ -23,7 +23,7 @@ PATIENCE = 0.25
 """Seconds that one worker lets others go first in all: nothing waits for ever."""
 
 
-class RightOfWay:
+class InteractivePriority:
     """Lets the passes of some threads go before those of all others, band by band."""
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class RightOfWay:
         return patience - (monotonic() - start)
 
 
-WAY = RightOfWay()
+INTERACTIVE_PRIORITY = InteractivePriority()
 """Of this process, as its cores are."""
 
 
@@ -101,13 +101,13 @@ def over_bands(
     workers = min(workers, -(-rows // height))
     starts = iter(range(0, rows, height))
     lock = Lock()
-    goes_first = WAY.mine
+    goes_first = INTERACTIVE_PRIORITY.mine
 
     def worker() -> State:
         own = state()
         patience = 0.0 if goes_first else PATIENCE
         while True:
-            patience = WAY.give(patience)
+            patience = INTERACTIVE_PRIORITY.give(patience)
             with lock:
                 first = next(starts, None)
             if first is None:

@@ -27,7 +27,7 @@ from napari_unpack.rendering.gl.occlusion_queries import MOST_QUERIED, FirstHits
 from napari_unpack.rendering.gl.occlusion_runs import MOST_IN_TABLE, OcclusionPass, counts_of_runs
 from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.rendering.gl.textures import Density, VolumeTextures
-from napari_unpack.rendering.gl.tinted_pass import Look, TintedPass
+from napari_unpack.rendering.gl.tinted_pass import Appearance, TintedPass
 
 CountingMethod = Literal["auto", "atomics", "runs"]
 
@@ -66,12 +66,12 @@ def id_layers(
         If there is no offscreen GL, with the reason.
     """
     with offscreen.context().use():
-        bench = _bench()
+        workspace = _workspace()
         passes = -(-min(layers, MOST_LAYERS) // LAYERS_A_PASS)
-        targets = [bench.id_target(i, rays.size) for i in range(passes)]
-        bench.ids.draw(
+        targets = [workspace.id_target(i, rays.size) for i in range(passes)]
+        workspace.ids.draw(
             targets,
-            bench.textures(labels, None),
+            workspace.textures(labels, None),
             rays,
             visible,
             layers,
@@ -105,22 +105,22 @@ def occlusion_counts(
         If there is no offscreen GL, or not the method asked for, with the reason.
     """
     with offscreen.context().use():
-        bench = _bench()
+        workspace = _workspace()
         occupied = None if bricks is None else bricks.inhabited(visible)
-        textures = bench.textures(labels, None)
+        textures = workspace.textures(labels, None)
         if method == "atomics" or (
             method == "auto"
             and np.count_nonzero(visible) <= MOST_IN_TABLE
             and occlusion_atomics.supported()
         ):
-            target = bench.counting_targets.get(rays.size)
+            target = workspace.counting_targets.get(rays.size)
             try:
-                return bench.atomics.count(target, textures, rays, visible, occupied)
+                return workspace.atomics.count(target, textures, rays, visible, occupied)
             except (RayTooCrowdedError, ShaderError):
                 if method == "atomics":
                     raise
-        ids, samples = bench.occlusion.runs(
-            (bench.run_targets[0].get(rays.size), bench.run_targets[1].get(rays.size)),
+        ids, samples = workspace.occlusion.runs(
+            (workspace.run_targets[0].get(rays.size), workspace.run_targets[1].get(rays.size)),
             textures,
             rays,
             visible,
@@ -148,10 +148,10 @@ def interfering_pairs(
     with offscreen.context().use():
         if not occlusion_atomics.supported(blocks=4):
             return None
-        bench = _bench()
-        target = bench.counting_targets.get((int(stack.shape[1]), int(stack.shape[2])))
+        workspace = _workspace()
+        target = workspace.counting_targets.get((int(stack.shape[1]), int(stack.shape[2])))
         try:
-            return bench.interference.pairs(target, stack, half_widths)
+            return workspace.interference.pairs(target, stack, half_widths)
         except (RayTooCrowdedError, ShaderError, ValueError):
             return None
 
@@ -192,13 +192,13 @@ def first_hits(
     if rays.near != -np.inf:
         raise ValueError("occlusion queries need parallel rays, got a perspective")
     with offscreen.context().use():
-        bench = _bench()
-        textures = bench.textures(labels, None)
-        first = bench.id_target(0, rays.size)
+        workspace = _workspace()
+        textures = workspace.textures(labels, None)
+        first = workspace.id_target(0, rays.size)
         occupied = None if bricks is None else bricks.inhabited(visible)
-        bench.ids.draw([first], textures, rays, visible, 1, occupied)
-        target = bench.counting_targets.get(rays.size)
-        return bench.queries.count(target, first, textures, rays, boxes, visible)
+        workspace.ids.draw([first], textures, rays, visible, 1, occupied)
+        target = workspace.counting_targets.get(rays.size)
+        return workspace.queries.count(target, first, textures, rays, boxes, visible)
 
 
 def tinted(
@@ -229,13 +229,13 @@ def tinted(
         If there is no offscreen GL, with the reason.
     """
     with offscreen.context().use():
-        bench = _bench()
-        target = bench.tinted_targets.get(rays.size)
-        bench.tinted.draw(
+        workspace = _workspace()
+        target = workspace.tinted_targets.get(rays.size)
+        workspace.tinted.draw(
             target,
-            bench.textures(labels, volume),
+            workspace.textures(labels, volume),
             rays,
-            Look(spacing, table, domain, tints, shading),
+            Appearance(spacing, table, domain, tints, shading),
             None if bricks is None else bricks.occupied(table, domain, tints),
             jitter,
             clipping,
@@ -247,7 +247,7 @@ def tinted(
 def forget(array: NDArray[Any] | None = None) -> None:
     """Drop the textures made from an array, or all of them."""
     with offscreen.context().use():
-        _bench().forget(array)
+        _workspace().forget(array)
 
 
 class Bench:
@@ -299,5 +299,5 @@ class Bench:
 
 
 @cache
-def _bench() -> Bench:
+def _workspace() -> Bench:
     return Bench()

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.gl.depth_quads import Picture
+from napari_unpack.rendering.gl.depth_quads import ImageTexture
 from napari_unpack.rendering.gl.framebuffer import Targets, namespace
 from napari_unpack.rendering.gl.programs import Programs
-from napari_unpack.rendering.gl.tinted_pass import Look, PixelWindow, TintedPass
+from napari_unpack.rendering.gl.tinted_pass import Appearance, PixelWindow, TintedPass
 from napari_unpack.rendering.gl.volume_store import VolumeStore
 
 Where = Callable[[frozenset[int]], PixelWindow | None]
@@ -24,7 +24,7 @@ class Inputs:
     """All that a tinted picture depends on besides the volumes."""
 
     rays: Rays
-    look: Look
+    look: Appearance
     occupied: NDArray[np.bool_] | None
     jitter: bool
     clipping: ArrayLike | None
@@ -69,8 +69,8 @@ class TintedCaster:
 
     Attributes
     ----------
-    picture : Picture or None
-        The last picture, for a `Card`; the same object for life, its textures change.
+    picture : ImageTexture or None
+        The last picture, for a `Quad`; the same object for life, its textures change.
     passes : int
         How often rays were cast.
     rays_cast : int
@@ -78,16 +78,16 @@ class TintedCaster:
 
     Notes
     -----
-    To be used where the canvas's context is current, as in `CardsVisual.before_draw`. Frame
+    To be used where the canvas's context is current, as in `QuadsVisual.before_draw`. Frame
     buffer and viewport are as before afterwards; blending and depth test are off, which
-    `CardsVisual` and vispy's visuals set for themselves. In another context than last time, as
+    `QuadsVisual` and vispy's visuals set for themselves. In another context than last time, as
     when a layer moves to another canvas, it starts afresh.
     """
 
     def __init__(self, store: VolumeStore, programs: Programs | None = None) -> None:
         self.store = store
         self._programs = programs or Programs()
-        self.picture: Picture | None = None
+        self.picture: ImageTexture | None = None
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
         self._context: Any = None
@@ -111,12 +111,12 @@ class TintedCaster:
     def cast(
         self,
         rays: Rays,
-        look: Look,
+        look: Appearance,
         occupied: NDArray[np.bool_] | None = None,
         jitter: bool = False,
         clipping: ArrayLike | None = None,
         where: Where | None = None,
-    ) -> Picture:
+    ) -> ImageTexture:
         """Return the picture of these inputs, casting rays unless it is the last one still.
 
         Parameters
@@ -130,7 +130,7 @@ class TintedCaster:
 
         Returns
         -------
-        Picture
+        ImageTexture
             Colour and depth textures of the rays' size.
         """
         context = namespace()
@@ -156,7 +156,7 @@ class TintedCaster:
             self.rays_cast += window[2] * window[3]
         self._last = inputs
         if self.picture is None:
-            self.picture = Picture(*target.textures)
+            self.picture = ImageTexture(*target.textures)
         else:
             self.picture.update(*target.textures)
         return self.picture

@@ -35,7 +35,7 @@ from napari_unpack.rendering.gl.programs import Programs, ShaderError, load
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 
 
-class Picture:
+class ImageTexture:
     """A premultiplied RGBA picture with or without depths, uploaded where it is drawn.
 
     Parameters
@@ -313,37 +313,37 @@ WHOLE_SCREEN = ScreenPlace()
 
 
 @dataclass(frozen=True, eq=False)
-class Card:
+class Quad:
     """One picture at one place.
 
     Parameters
     ----------
-    picture : Picture
+    picture : ImageTexture
         Premultiplied RGBA, with or without depths. Keep and `update` it: a card made anew
         around the same picture uploads nothing.
     place : ScreenPlace or PivotPlace
         On the screen (the packed bag, an object's box) or in pivot space (a sprite).
     opacity : float
         Of this card.
-    before : Picture, optional
+    before : ImageTexture, optional
         Colours it comes from, of the same size and without own depths.
     mix : float
         Share of `picture` in what is shown, the rest is `before`'s.
     """
 
-    picture: Picture
+    picture: ImageTexture
     place: Place = WHOLE_SCREEN
     opacity: float = 1.0
-    before: Picture | None = None
+    before: ImageTexture | None = None
     mix: float = 1.0
 
 
-class CardsVisual(Visual):  # type: ignore[misc]
+class QuadsVisual(Visual):  # type: ignore[misc]
     """Draw a list of cards.
 
     Attributes
     ----------
-    cards : sequence of Card
+    cards : sequence of Quad
         What to draw; assigning redraws. Order matters only among translucent pixels: later
         cards are drawn over earlier ones.
     clip_from_pivot : (4, 4) ndarray of float64
@@ -372,16 +372,16 @@ class CardsVisual(Visual):  # type: ignore[misc]
     vispy's own render is not supported (nothing is drawn).
     """
 
-    def __init__(self, cards: Sequence[Card] = ()) -> None:
+    def __init__(self, cards: Sequence[Quad] = ()) -> None:
         # Before Visual.__init__: scene nodes attach their filters during theirs.
         self._alpha_filter: Any = None
         vertex, fragment = load("passes/card.vert"), load("passes/card.frag")
         Visual.__init__(self, vcode=vertex.code, fcode=fragment.code)
         self.unfreeze()
-        self._cards: tuple[Card, ...] = tuple(cards)
+        self._cards: tuple[Quad, ...] = tuple(cards)
         self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
         self.cards_opacity = 1.0
-        self.before_draw: Callable[[CardsVisual], None] | None = None
+        self.before_draw: Callable[[QuadsVisual], None] | None = None
         self.refused: Callable[[str], None] | None = None
         self._broken = False
         self.draws = 0
@@ -390,12 +390,12 @@ class CardsVisual(Visual):  # type: ignore[misc]
         self.freeze()
 
     @property
-    def cards(self) -> tuple[Card, ...]:
+    def cards(self) -> tuple[Quad, ...]:
         """What is drawn."""
         return self._cards
 
     @cards.setter
-    def cards(self, cards: Sequence[Card]) -> None:
+    def cards(self, cards: Sequence[Quad]) -> None:
         self._cards = tuple(cards)
         self.update()
 
@@ -472,7 +472,7 @@ class CardsVisual(Visual):  # type: ignore[misc]
     def _set(
         self,
         program: gloo.Program,
-        card: Card,
+        card: Quad,
         textures: tuple[gloo.Texture2D, gloo.Texture2D | None],
         overall: float,
     ) -> None:

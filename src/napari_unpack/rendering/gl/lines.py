@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.gl.depth_quads import Card, Frame, Picture, ScreenPlace
+from napari_unpack.rendering.gl.depth_quads import Frame, ImageTexture, Quad, ScreenPlace
 
 STEPS = 256
 """Depths along a line."""
@@ -57,11 +57,11 @@ class Stroke:
         self._color = np.array(ACROSS, np.float32)[:, None, None] * color
         self._color = np.repeat(self._color, STEPS, axis=1)
         self._width = width
-        self._picture: Picture | None = None
+        self._picture: ImageTexture | None = None
 
     def card(
         self, ends: NDArray[np.float64], camera: Camera, size: tuple[int, int], opacity: float
-    ) -> Card | None:
+    ) -> Quad | None:
         """Return the line's card.
 
         Parameters
@@ -77,7 +77,7 @@ class Stroke:
 
         Returns
         -------
-        Card or None
+        Quad or None
             None where the line reaches behind the eye, or has no length in the picture.
         """
         if (ends[:, 0] >= 0.98 * camera.distance).any():
@@ -95,7 +95,7 @@ class Stroke:
             t = 1 / ((1 - share) / eye[0] + share / eye[1]) - camera.distance
         depth = np.broadcast_to(t.astype(np.float32), (len(ACROSS), STEPS))
         if self._picture is None:
-            self._picture = Picture(self._color, depth)
+            self._picture = ImageTexture(self._color, depth)
         else:
             self._picture.update(self._color, depth)
         # A texel of four is a quarter of the height; two of them are the line's own width.
@@ -107,7 +107,7 @@ class Stroke:
             along=_xy(way * ndc),
             across=_xy(2 * side * ndc),
         )
-        return Card(self._picture, place, opacity)
+        return Quad(self._picture, place, opacity)
 
 
 def _xy(row_col: NDArray[np.float64]) -> tuple[float, float]:

@@ -33,7 +33,7 @@ PixelWindow = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Appearance:
     """How a volume is to look.
 
     Parameters
@@ -95,7 +95,7 @@ class TintedPass:
         target: Target,
         textures: VolumeTextures,
         rays: Rays,
-        look: Look,
+        look: Appearance,
         occupied: NDArray[np.bool_] | None = None,
         jitter: bool = False,
         clipping: ArrayLike | None = None,
@@ -111,7 +111,7 @@ class TintedPass:
             With density.
         rays : Rays
             In voxels of the whole volume.
-        look : Look
+        look : Appearance
             Transfer function, tints, light.
         occupied : (Bz, By, Bx) ndarray of bool, optional
             Bricks of 8 voxels where something may be seen; saves time, changes nothing.

@@ -29,7 +29,7 @@ MOST_BLOCKS = 30_000
 
 
 @dataclass(frozen=True, eq=False)
-class Workpiece:
+class PreparedRegion:
     """What every source of candidates works on.
 
     Parameters
@@ -50,11 +50,11 @@ class Workpiece:
     coarse: Coarse
 
     @staticmethod
-    def of(region: Region, smallest: float) -> Workpiece:
+    def of(region: Region, smallest: float) -> PreparedRegion:
         """Prepare a region."""
         depth = chamfer(region.mask, region.spacing)
         small = coarsened(region.mask, depth, region.density, region.spacing, MOST_BLOCKS)
-        return Workpiece(region, smallest, depth, small)
+        return PreparedRegion(region, smallest, depth, small)
 
     @property
     def fewest(self) -> int:
@@ -92,12 +92,12 @@ def largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArr
     return steps
 
 
-def density_candidates(piece: Workpiece) -> Proposals:
+def density_candidates(piece: PreparedRegion) -> Proposals:
     """Propose to part what differs in density.
 
     Parameters
     ----------
-    piece : Workpiece
+    piece : PreparedRegion
         What to cut.
 
     Yields
@@ -153,12 +153,12 @@ def _grown(
     return flood(seeds, mask, (255 * settle).astype(np.uint8))
 
 
-def lattice_candidates(piece: Workpiece, keep: int = 2) -> Proposals:
+def lattice_candidates(piece: PreparedRegion, keep: int = 2) -> Proposals:
     """Propose minima of the isoperimetric ratio, by shape alone and with density steps.
 
     Parameters
     ----------
-    piece : Workpiece
+    piece : PreparedRegion
         What to cut.
     keep : int
         Cuts at most of each.
@@ -193,13 +193,13 @@ def lattice_candidates(piece: Workpiece, keep: int = 2) -> Proposals:
 
 
 def sheet_candidates(
-    piece: Workpiece, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
+    piece: PreparedRegion, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
 ) -> Proposals:
     """Propose to take thin parts off thick ones.
 
     Parameters
     ----------
-    piece : Workpiece
+    piece : PreparedRegion
         What to cut.
     shares : tuple of float
         Half thickness that counts as thin, against the largest depth.
@@ -283,12 +283,12 @@ DROP = 1.1
 KEEP = 3
 
 
-def tree_candidates(piece: Workpiece) -> Proposals:
+def tree_candidates(piece: PreparedRegion) -> Proposals:
     """Propose the significant minima of the ratio along several distance trees.
 
     Parameters
     ----------
-    piece : Workpiece
+    piece : PreparedRegion
         What to cut.
 
     Yields
@@ -313,7 +313,7 @@ def tree_candidates(piece: Workpiece) -> Proposals:
             yield source, sides.reshape(small.mask.shape), None
 
 
-def _fields(piece: Workpiece) -> Iterator[tuple[str, NDArray[np.float32], str]]:
+def _fields(piece: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], str]]:
     small = piece.coarse
     yield "tree", small.depth, "unit"
     yield "tree, wide", small.depth, "distance"

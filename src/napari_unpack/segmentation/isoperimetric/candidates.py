@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.measures import chamfer
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.candidate_sources import (
+    PreparedRegion,
     Proposals,
-    Workpiece,
     density_candidates,
     lattice_candidates,
     sheet_candidates,
@@ -27,7 +27,7 @@ from napari_unpack.segmentation.isoperimetric.candidate_sources import (
 from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
 from napari_unpack.segmentation.isoperimetric.shape_cuts import connected_parts
 
-SOURCES: tuple[Callable[[Workpiece], Proposals], ...] = (
+SOURCES: tuple[Callable[[PreparedRegion], Proposals], ...] = (
     tree_candidates,
     sheet_candidates,
     density_candidates,
@@ -83,7 +83,7 @@ def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate
         return []
     if region.voxels > MOST_VOXELS:
         return _reduced_pool(region, smallest, most_parts)
-    piece = Workpiece.of(region, smallest)
+    piece = PreparedRegion.of(region, smallest)
     fewest = max(int(smallest / region.voxel_volume), 1)
     areas = region.voxel_volume / np.array(region.spacing)
     found: list[Candidate] = []

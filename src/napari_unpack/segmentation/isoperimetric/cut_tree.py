@@ -76,7 +76,7 @@ class Node:
     source: str = ""
 
 
-def take_apart(
+def split_recursively(
     regions: list[Region], oracle: Oracle, smallest: float, tell: Progress | None = None
 ) -> list[Region]:
     """Split regions into what the oracle takes for single objects.

@@ -20,9 +20,13 @@ from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
 from napari_unpack.segmentation.foreground.methods import find_matter, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
-from napari_unpack.segmentation.isoperimetric.cut_tree import take_apart
+from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
 from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress, SplitRule, split
-from napari_unpack.segmentation.learned.pair_classifier import Affinity, agglomerate, measure_parts
+from napari_unpack.segmentation.learned.pair_classifier import (
+    PairClassifier,
+    agglomerate,
+    measure_parts,
+)
 from napari_unpack.segmentation.postprocessing.containers import join_containers
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 
@@ -83,7 +87,7 @@ def split_parts(
     if oracle is None:
         found = split(regions, limits, told)
     else:
-        found = take_apart(regions, oracle, limits.smallest, told)
+        found = split_recursively(regions, oracle, limits.smallest, told)
     parts = _label(found, density.shape)
     if shell:
         skin = find_shell(parts, spacing)
@@ -97,7 +101,7 @@ def join_parts(
     density: NDArray[np.generic],
     spacing: Spacing,
     scale: MaterialScale,
-    affinity: Affinity,
+    affinity: PairClassifier,
 ) -> NDArray[np.int32]:
     """Put parts together that are one object.
 
@@ -111,7 +115,7 @@ def join_parts(
         Voxel size z y x, mm.
     scale : MaterialScale
         How densities are compared.
-    affinity : Affinity
+    affinity : PairClassifier
         The judge of pairs.
 
     Returns
@@ -126,9 +130,9 @@ def join_parts(
 
 
 @cache
-def default_affinity() -> Affinity:
+def default_affinity() -> PairClassifier:
     """Return the judge of pairs that ships with the package."""
-    return Affinity.load(Path(__file__).parents[1] / "weights" / "affinity.npz")
+    return PairClassifier.load(Path(__file__).parents[1] / "weights" / "affinity.npz")
 
 
 def _components(

@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from napari_unpack.segmentation.common.density_regions import MaterialScale
 from napari_unpack.segmentation.learned.border_refinement import find_inside
-from napari_unpack.segmentation.learned.pair_classifier import Affinity
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
 FEW = 7
 """Labels at most that are weighed at a voxel: its own, those across its six faces, and others."""
@@ -310,7 +310,10 @@ class Scene:
 
 
 def draw_borders(
-    labels: NDArray[np.int32], scene: Scene, judge: Affinity | None = None, rounds: int = ROUNDS
+    labels: NDArray[np.int32],
+    scene: Scene,
+    judge: PairClassifier | None = None,
+    rounds: int = ROUNDS,
 ) -> NDArray[np.int32]:
     """Give voxels at borders to the one of the labels around them that they are most likely of.
 
@@ -320,7 +323,7 @@ def draw_borders(
         Objects, 0 background. Not changed.
     scene : Scene
         What they are judged by.
-    judge : Affinity, optional
+    judge : PairClassifier, optional
         Over `border_features.BORDER_FEATURES`, of three layers; by default the one that ships
         with the package.
     rounds : int
@@ -356,9 +359,11 @@ def draw_borders(
 
 
 @cache
-def default_border_judge() -> Affinity:
+def default_border_judge() -> PairClassifier:
     """Return the judge of borders that ships with the package."""
-    return Affinity.load(Path(__file__).parents[1] / "weights" / "borders.npz", BORDER_FEATURES)
+    return PairClassifier.load(
+        Path(__file__).parents[1] / "weights" / "borders.npz", BORDER_FEATURES
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -415,7 +420,7 @@ def _moved(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _answer(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignore[no-untyped-def]
-    """Return what `Affinity.probability` says of a row, before the logistic."""
+    """Return what `PairClassifier.probability` says of a row, before the logistic."""
     one[:] = o0
     for k in range(len(row)):
         value = min(max((row[k] - center[k]) / scale[k], -6.0), 6.0)

@@ -53,7 +53,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class Boundaries:
+class BoundaryNetwork:
     """The network.
 
     Parameters
@@ -65,7 +65,7 @@ class Boundaries:
     session: Any
 
     @staticmethod
-    def load(path: str | Path, threads: int = 2) -> Boundaries:
+    def load(path: str | Path, threads: int = 2) -> BoundaryNetwork:
         """Read a network.
 
         Parameters
@@ -77,7 +77,7 @@ class Boundaries:
 
         Returns
         -------
-        Boundaries
+        BoundaryNetwork
 
         Raises
         ------
@@ -106,7 +106,7 @@ class Boundaries:
                 f"{path} is not a network of boundaries of this version; it takes {coming[1]} "
                 f"channels and gives {going[1]}, wanted 8 and {CHANNELS}"
             )
-        return Boundaries(session)
+        return BoundaryNetwork(session)
 
     def predict(
         self, density: NDArray[np.generic], scale: MaterialScale, tell: Tell, tile: int = TILE
@@ -156,9 +156,9 @@ class Boundaries:
 
 
 @cache
-def default_boundaries() -> Boundaries:
+def default_boundaries() -> BoundaryNetwork:
     """Return the network that ships with the package."""
-    return Boundaries.load(Path(__file__).parents[1] / "weights" / "boundaries.onnx")
+    return BoundaryNetwork.load(Path(__file__).parents[1] / "weights" / "boundaries.onnx")
 
 
 def _tiles(

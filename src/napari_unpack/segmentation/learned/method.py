@@ -22,7 +22,7 @@ from napari_unpack.segmentation.learned.affinity_linkage import Bar, link
 from napari_unpack.segmentation.learned.border_classifier import Scene, draw_borders
 from napari_unpack.segmentation.learned.border_refinement import resolve, sharpen
 from napari_unpack.segmentation.learned.boundary_network import (
-    Boundaries,
+    BoundaryNetwork,
     Prediction,
     Tell,
     default_boundaries,
@@ -102,7 +102,7 @@ def learned_parts(
     foreground: str | float = "hysteresis",
     supports: bool = True,
     shell: bool = True,
-    network: Boundaries | None = None,
+    network: BoundaryNetwork | None = None,
     rule: JoinRule | None = None,
 ) -> Seen:
     """Take a volume apart as the network sees it, a little too far.
@@ -122,7 +122,7 @@ def learned_parts(
         Leave out the scanner's table.
     shell : bool
         Leave out the bag itself.
-    network : Boundaries, optional
+    network : BoundaryNetwork, optional
         By default the one that ships with the package.
     rule : JoinRule, optional
         When its word is taken.

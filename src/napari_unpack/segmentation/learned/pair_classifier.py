@@ -216,7 +216,7 @@ def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Affinity:
+class PairClassifier:
     """A small neural network over features of pairs.
 
     Parameters
@@ -252,7 +252,7 @@ class Affinity:
             np.savez_compressed(file, features=np.array(self.features), **layers)  # type: ignore[arg-type]
 
     @staticmethod
-    def load(path: str | Path, features: tuple[str, ...] = PAIR_FEATURES) -> Affinity:
+    def load(path: str | Path, features: tuple[str, ...] = PAIR_FEATURES) -> PairClassifier:
         """Read a network over the features of these names.
 
         Raises
@@ -265,7 +265,7 @@ class Affinity:
         if tuple(found.get("features", ())) != features:
             raise ValueError(f"{path} is not an affinity of this version; train it again")
         count = sum(name.startswith("weight") for name in found)
-        return Affinity(
+        return PairClassifier(
             found["center"],
             found["scale"],
             tuple(found[f"weight{k}"].astype(np.float64) for k in range(count)),
@@ -280,7 +280,7 @@ def fit_affinity(
     seed: int = 0,
     features: tuple[str, ...] = PAIR_FEATURES,
     restraint: float = 1.0,
-) -> Affinity:
+) -> PairClassifier:
     """Train the judge.
 
     Parameters
@@ -299,7 +299,7 @@ def fit_affinity(
 
     Returns
     -------
-    Affinity
+    PairClassifier
     """
     from sklearn.neural_network import MLPClassifier
 
@@ -315,20 +315,20 @@ def fit_affinity(
     network.fit(np.clip((rows - center) / scale, -6, 6), same)
     weights = tuple(w.astype(np.float32) for w in network.coefs_)
     offsets = tuple(o.astype(np.float32) for o in network.intercepts_)
-    return Affinity(center, scale, weights, offsets, features)
+    return PairClassifier(center, scale, weights, offsets, features)
 
 
-def committee(judges: Sequence[Affinity]) -> Affinity:
+def committee(judges: Sequence[PairClassifier]) -> PairClassifier:
     """Return the one network that says the mean of what several say before the logistic.
 
     Parameters
     ----------
-    judges : sequence of Affinity
+    judges : sequence of PairClassifier
         Over the same features, with the same center and scale and as many layers.
 
     Returns
     -------
-    Affinity
+    PairClassifier
     """
     first = [np.hstack([j.weights[0] for j in judges])]
     layers = zip(*(j.weights[1:-1] for j in judges), strict=True)
@@ -339,7 +339,7 @@ def committee(judges: Sequence[Affinity]) -> Affinity:
     offsets.append(np.mean([j.offsets[-1] for j in judges], axis=0))
     one = judges[0]
     weights = (*first, *between, *last)
-    return Affinity(one.center, one.scale, weights, tuple(offsets), one.features)
+    return PairClassifier(one.center, one.scale, weights, tuple(offsets), one.features)
 
 
 Judge = Callable[[int, int, NDArray[np.float64]], float]

@@ -22,7 +22,7 @@ from napari_unpack.segmentation.learned.affinity_linkage import Bar
 from napari_unpack.segmentation.learned.fragments import Ties
 from napari_unpack.segmentation.learned.pair_classifier import (
     PAIR_FEATURES,
-    Affinity,
+    PairClassifier,
     Parts,
     agglomerate,
     measure_parts,
@@ -161,7 +161,7 @@ def seen_parts(
 
 
 def join_seen(
-    labels: NDArray[np.int32], measured: SeenParts, judge: Affinity | None = None
+    labels: NDArray[np.int32], measured: SeenParts, judge: PairClassifier | None = None
 ) -> NDArray[np.int32]:
     """Join parts that the judge takes for one object, the surest first.
 
@@ -171,7 +171,7 @@ def join_seen(
         Parts 1, 2, ...
     measured : SeenParts
         Of them; used up.
-    judge : Affinity, optional
+    judge : PairClassifier, optional
         Over `FEATURES`; by default the one that ships with the package.
 
     Returns
@@ -192,6 +192,6 @@ def join_seen(
 
 
 @cache
-def default_judge() -> Affinity:
+def default_judge() -> PairClassifier:
     """Return the judge that ships with the package."""
-    return Affinity.load(Path(__file__).parents[1] / "weights" / "joining.npz", FEATURES)
+    return PairClassifier.load(Path(__file__).parents[1] / "weights" / "joining.npz", FEATURES)

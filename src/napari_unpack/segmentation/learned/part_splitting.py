@@ -26,7 +26,11 @@ from napari_unpack.segmentation.common.region import FEWEST
 from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.segmentation.learned.fragments import cells_of, tie, tie_within
-from napari_unpack.segmentation.learned.pair_classifier import Affinity, agglomerate, measure_parts
+from napari_unpack.segmentation.learned.pair_classifier import (
+    PairClassifier,
+    agglomerate,
+    measure_parts,
+)
 from napari_unpack.segmentation.learned.part_merging import FEATURES, SeenParts
 
 PIECE_FEATURES = (*FEATURES, "log_host", "rest_of_smaller", "log_pieces", "one_host")
@@ -167,7 +171,10 @@ def pieces_of(
 
 
 def part_seen(
-    pieces: NDArray[np.int32], measured: Pieces, scale: MaterialScale, judge: Affinity | None = None
+    pieces: NDArray[np.int32],
+    measured: Pieces,
+    scale: MaterialScale,
+    judge: PairClassifier | None = None,
 ) -> NDArray[np.int32]:
     """Join the pieces of objects that the judge takes for one, the surest first.
 
@@ -179,7 +186,7 @@ def part_seen(
         Of them; used up.
     scale : MaterialScale
         How densities were compared.
-    judge : Affinity, optional
+    judge : PairClassifier, optional
         Over `PIECE_FEATURES`; by default the one that ships with the package.
 
     Returns
@@ -202,6 +209,8 @@ def part_seen(
 
 
 @cache
-def default_piece_judge() -> Affinity:
+def default_piece_judge() -> PairClassifier:
     """Return the judge of pieces that ships with the package."""
-    return Affinity.load(Path(__file__).parents[1] / "weights" / "parting.npz", PIECE_FEATURES)
+    return PairClassifier.load(
+        Path(__file__).parents[1] / "weights" / "parting.npz", PIECE_FEATURES
+    )
