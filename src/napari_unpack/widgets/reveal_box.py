@@ -23,7 +23,8 @@ class RevealPlanner(QObject):
     """Asks the session's longer questions when somebody wants to know.
 
     Signals: `best` carries a `BestDirection`, or None while it is unknown or there is none;
-    `found` a `RevealPlan`, or None when none is shown any more; `busy` tells whether rays are being cast.
+    `found` a `RevealPlan`, or None when none is shown any more; `busy` tells whether rays are
+    being cast.
 
     Parameters
     ----------
