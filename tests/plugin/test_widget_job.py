@@ -5,7 +5,8 @@ import threading
 import pytest
 from pytestqt.qtbot import QtBot
 
-from napari_unpack.widgets.job import Cancelled, Job, Progress, TaskResult
+from napari_unpack.tasks import Cancelled, Progress, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.task_progress import TaskProgress
 
 

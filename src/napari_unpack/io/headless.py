@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.scan import Scan
-
-Progress = Callable[[float, str], None]
+from napari_unpack.tasks import Progress
 
 
 def opened(

@@ -20,9 +20,10 @@ from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.atomic import folder_written_whole, written_whole
-from napari_unpack.io.headless import Progress, framed, packed_count, surrounded, twin
+from napari_unpack.io.headless import framed, packed_count, surrounded, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene
+from napari_unpack.tasks import Progress
 
 Frame = NDArray[np.uint8]
 FORMATS = (".mp4", ".gif", "")

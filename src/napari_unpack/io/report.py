@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.atomic import checked_target, written_whole
-from napari_unpack.io.headless import Progress, framed, twin
+from napari_unpack.io.headless import framed, twin
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene, sprite_patch
 from napari_unpack.session.errors import percent
+from napari_unpack.tasks import Progress
 
 if TYPE_CHECKING:
     import pandas as pd

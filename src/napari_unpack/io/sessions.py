@@ -6,7 +6,6 @@ import io
 import json
 import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Any
 
@@ -24,8 +23,8 @@ from napari_unpack.io.session_archive import (
     read_array,
     write_array,
 )
+from napari_unpack.tasks import Progress
 
-Progress = Callable[[float, str], None]
 FORMAT = "napari-unpack session"
 VERSION = 1
 LARGEST_MANIFEST = 1 << 28

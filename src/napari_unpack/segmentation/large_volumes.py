@@ -19,7 +19,7 @@ from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.denoising import looks_grainy
 from napari_unpack.segmentation.foreground.methods import find_matter, levels_of
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle
 from napari_unpack.segmentation.label_upsampling import (
     Coarse,
     coarse,
@@ -29,6 +29,7 @@ from napari_unpack.segmentation.label_upsampling import (
 )
 from napari_unpack.segmentation.object_table import Sums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
+from napari_unpack.tasks import Progress
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
 T = TypeVar("T")

@@ -29,7 +29,7 @@ from napari_unpack.segmentation.isoperimetric.initial_parts import (
     split_parts,
 )
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import RefineRule, join_touching
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress, SplitRule
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle, SplitRule
 from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.learned.method import seen_objects
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
@@ -38,6 +38,7 @@ from napari_unpack.segmentation.postprocessing.cables import gather_wires
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
 from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
 from napari_unpack.segmentation.working_grid import MOST
+from napari_unpack.tasks import Progress
 
 METHODS = ("learned", "affinity", "cuts")
 

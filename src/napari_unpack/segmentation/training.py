@@ -18,13 +18,13 @@ from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.segmentation.evaluation import contingency
 from napari_unpack.segmentation.isoperimetric.initial_parts import split_parts
-from napari_unpack.segmentation.isoperimetric.splitting import Progress
 from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     Parts,
     agglomerate,
     measure_parts,
 )
+from napari_unpack.tasks import Progress
 
 
 def true_objects(

@@ -15,6 +15,7 @@ from napari_unpack.geometry.view import GRAVITY_UP
 from napari_unpack.session.asking import view_along
 from napari_unpack.session.criteria import SessionCriteria
 from napari_unpack.session.state import SessionState
+from napari_unpack.tasks import Progress
 from napari_unpack.unpacking import bag_up, named, oriented_box, towards_viewer
 from napari_unpack.unpacking.direction_survey import (
     DIRECTIONS_26,
@@ -25,8 +26,6 @@ from napari_unpack.unpacking.direction_survey import (
 
 MOST_SURVEY_RAYS = 512
 """Most rays along one side of a survey's picture: it proposes; what leaves is asked anew."""
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)

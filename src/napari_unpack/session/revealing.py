@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
-from napari_unpack.session.directions import DirectionSurvey, Progress, SurveyQuestion
+from napari_unpack.session.directions import DirectionSurvey, SurveyQuestion
 from napari_unpack.session.errors import NoTableError
+from napari_unpack.tasks import Progress
 from napari_unpack.unpacking.direction_survey import RevealPlan, least_unearthing
 
 

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from napari_unpack.simulation.packing import Packing, Progress, Record
+from napari_unpack.simulation.packing import Packing, Record
 from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
 from napari_unpack.simulation.scanner import Scanner
 from napari_unpack.simulation.shell import Shell
+from napari_unpack.tasks import Progress
 
 SMALLEST_SHAPE = 24
 MOST_OBJECTS = 2000

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from qtpy.QtWidgets import QFileDialog
 
+from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.section import Collapsible, button, label, row
 from napari_unpack.widgets.workspace import Workspace
 
@@ -148,7 +149,7 @@ class ConfidenceBox(Collapsible):
         self.job.start(work)
         self.refresh()
 
-    def _finish(self, outcome: TaskResult) -> None:
+    def _finish(self, outcome: TaskResult[Any]) -> None:
         session, self._subject = self._subject, None
         if not outcome.cancelled:
             with notifications.spoken():

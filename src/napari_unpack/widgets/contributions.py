@@ -14,6 +14,7 @@ from typing import Any
 import napari
 from napari.layers import Labels
 
+from napari_unpack.tasks import Progress
 from napari_unpack.widgets.notifications import inform, spoken
 
 
@@ -78,7 +79,6 @@ def _layer(viewer: napari.Viewer) -> Labels | None:
     return None
 
 
-Progress = Callable[[float, str], None]
 SHAPE = (96, 120, 144)
 COUNT = 18
 

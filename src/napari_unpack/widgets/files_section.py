@@ -14,8 +14,8 @@ from typing import Any
 from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
+from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Progress, TaskResult
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.task_progress import TaskProgress
@@ -218,7 +218,7 @@ class FilesSection(Section):
         self.waiting.begin(work)
         self._refresh()
 
-    def _finish(self, outcome: TaskResult) -> None:
+    def _finish(self, outcome: TaskResult[Any]) -> None:
         self._refresh()
         if not outcome.cancelled:
             with notifications.spoken(ImportError):

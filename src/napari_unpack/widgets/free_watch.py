@@ -6,7 +6,8 @@ from typing import Any
 
 from qtpy.QtCore import QObject, QTimer, Signal
 
-from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.workspace import Workspace
 
 REST_MS = 350
@@ -78,7 +79,7 @@ class FreeWatch(QObject):
         self._asked = controller.session
         self._job.start(answer)
 
-    def _take(self, outcome: TaskResult) -> None:
+    def _take(self, outcome: TaskResult[Any]) -> None:
         session, self._asked = self._asked, None
         if session is None or session is not self._workspace.session:
             return

@@ -9,7 +9,8 @@ from qtpy.QtCore import Qt, QTimer
 from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.session.errors import percent
-from napari_unpack.widgets.job import Job, TaskResult
+from napari_unpack.tasks import TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
@@ -88,7 +89,7 @@ class InspectionBox(QWidget):
         self.cut.blockSignals(blocked)
         self._edited = None
 
-    def _tell(self, outcome: TaskResult) -> None:
+    def _tell(self, outcome: TaskResult[Any]) -> None:
         if not self._shown or self._workspace.session is None:
             return
         with spoken():

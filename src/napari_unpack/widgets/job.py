@@ -5,50 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from qtpy.QtCore import QObject, Signal
 
-Progress = Callable[[float, str], None]
+from napari_unpack.tasks import Cancelled, Progress, TaskResult
+
 _PAUSE = 1 / 30
-
-
-class Cancelled(Exception):
-    """The user asked the work to stop."""
-
-
-@dataclass(frozen=True, eq=False)
-class TaskResult:
-    """What became of the work: a result, or what it raised.
-
-    Parameters
-    ----------
-    result : object
-        What the work returned; None if it raised.
-    error : Exception or None
-        What it raised.
-    """
-
-    result: Any = None
-    error: Exception | None = None
-
-    @property
-    def cancelled(self) -> bool:
-        """Whether the work stopped because it was asked to."""
-        return isinstance(self.error, Cancelled)
-
-    def get(self) -> Any:
-        """Return the result.
-
-        Raises
-        ------
-        Exception
-            What the work raised.
-        """
-        if self.error is not None:
-            raise self.error
-        return self.result
 
 
 class Job(QObject):
@@ -104,7 +67,7 @@ class Job(QObject):
         # napari keeps every worker it has had: what the work holds, whole sessions, must go.
         todo = [(work, report)]
 
-        def run() -> TaskResult:
+        def run() -> TaskResult[Any]:
             begun, told = todo.pop()
             try:
                 return TaskResult(result=begun(told))
@@ -119,6 +82,6 @@ class Job(QObject):
         """Ask the work to stop at its next report; harmless when nothing runs."""
         self._stop.set()
 
-    def _finish(self, outcome: TaskResult) -> None:
+    def _finish(self, outcome: TaskResult[Any]) -> None:
         self._worker = None
         self.ended.emit(outcome)

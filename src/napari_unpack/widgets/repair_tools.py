@@ -7,8 +7,9 @@ from typing import Any
 
 from qtpy.QtCore import QObject, Signal
 
+from napari_unpack.tasks import TaskResult
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.workspace import Workspace
 
 
@@ -96,7 +97,7 @@ class RepairTools(QObject):
         self.busy.emit(True)
         self._job.start(lambda _progress: question.answer())
 
-    def _take(self, outcome: TaskResult) -> None:
+    def _take(self, outcome: TaskResult[Any]) -> None:
         session, self._session = self._session, None
         self.busy.emit(False)
         if session is None or session is not self._workspace.session:

@@ -12,8 +12,9 @@ from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed
+from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets.directions import words_of
-from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.notifications import spoken
 from napari_unpack.widgets.section import button, column, label, row
 from napari_unpack.widgets.workspace import Workspace
@@ -107,7 +108,7 @@ class RevealPlanner(QObject):
         self.busy.emit(True)
         self._job.start(answer)
 
-    def _take(self, outcome: TaskResult) -> None:
+    def _take(self, outcome: TaskResult[Any]) -> None:
         asked, self._asked = self._asked, None
         waiting, self._next = self._next, None
         self.busy.emit(False)

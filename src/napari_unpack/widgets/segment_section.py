@@ -10,9 +10,9 @@ from typing import Any
 from napari.layers import Image, Labels
 
 from napari_unpack.session.errors import listed
+from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import LayerData, packed_bag
-from napari_unpack.widgets.job import Progress, TaskResult
 from napari_unpack.widgets.layer_inputs import (
     LayerInput,
     Volume,
@@ -184,7 +184,7 @@ class SegmentSection(Section):
         self.waiting.begin(work)
         self._refresh()
 
-    def _finish(self, outcome: TaskResult) -> None:
+    def _finish(self, outcome: TaskResult[Any]) -> None:
         try:
             if not outcome.cancelled:
                 with notifications.spoken():

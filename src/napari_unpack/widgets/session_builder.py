@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from napari_unpack.widgets.job import Progress
+from napari_unpack.tasks import Progress
 from napari_unpack.widgets.layer_inputs import Volume, in_memory
 
 TOLERANCE = 0.003

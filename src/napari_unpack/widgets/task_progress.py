@@ -11,7 +11,8 @@ from typing import Any
 from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Signal
 from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
-from napari_unpack.widgets.job import Job, Progress, TaskResult
+from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.section import button, column, label
 
 STEPS = 1000
@@ -114,6 +115,6 @@ class TaskProgress(QWidget):
         if self.cancel.isEnabled():
             self.told.setText(text)
 
-    def _end(self, outcome: TaskResult) -> None:
+    def _end(self, outcome: TaskResult[Any]) -> None:
         self.hide()
         self.ended.emit(outcome)

@@ -16,7 +16,8 @@ import numpy as np
 
 from napari_unpack.segmentation.common.region import FEWEST, Region
 from napari_unpack.segmentation.isoperimetric.candidates import pool
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle
+from napari_unpack.tasks import Progress
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from napari_unpack.segmentation.foreground.bag_shell import find_shell
 from napari_unpack.segmentation.foreground.methods import find_matter, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress, SplitRule, split
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle, SplitRule, split
 from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     agglomerate,
@@ -29,6 +29,7 @@ from napari_unpack.segmentation.learned.pair_classifier import (
 )
 from napari_unpack.segmentation.postprocessing.containers import join_containers
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
+from napari_unpack.tasks import Progress
 
 # Times the median density of matter.
 LIGHT = 2.2

@@ -20,7 +20,8 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     kept,
     worth,
 )
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, Progress
+from napari_unpack.segmentation.isoperimetric.splitting import Oracle
+from napari_unpack.tasks import Progress
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 from napari_unpack.segmentation.common.convex_hull import solidity
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.shape_cuts import Cut, shape_cuts
+from napari_unpack.tasks import Progress
 
 Oracle = Callable[[Region], float]
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
