@@ -1,8 +1,8 @@
 from .asking import Casters, OcclusionAnswer, OcclusionQuestion
 from .errors import BlockedError, NobodyFreeError
 from .events import LogEntry
+from .object_state import ObjectState
 from .session import Session
-from .state import ObjectState
 
 __all__ = [
     "BlockedError",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from enum import Enum
 
 import numpy as np
 
@@ -13,19 +12,8 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.labels import Edit
+from napari_unpack.session.object_state import ObjectState as ObjectState
 from napari_unpack.unpacking import Queue, Slots
-
-
-class ObjectState(Enum):
-    """Where an object is; it is in exactly one of these."""
-
-    PACKED = "packed"
-    FLYING_OUT = "flying out"
-    UNPACKED = "unpacked"
-    FLYING_BACK = "flying back"
-    INSPECTED = "inspected"
-    HIDDEN = "hidden"
-
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """A reflection in a point and this: a reflection of right and left in the picture."""
