@@ -70,7 +70,7 @@ def test_where_a_driver_refuses_auto_takes_the_cpu_and_says_why_once(monkeypatch
     monkeypatch.setattr(
         backends.importlib,
         "import_module",
-        lambda name, *of: Shaders if name.endswith("gl_backend") else imported(name, *of),
+        lambda name, *of: Shaders if name.endswith("gl.backend") else imported(name, *of),
     )
     labels = np.zeros((8, 8, 8), np.uint16)
     labels[2:6, 2:6, 2:6] = 1

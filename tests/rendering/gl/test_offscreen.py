@@ -56,7 +56,7 @@ def in_a_process_with(code, **environment):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL is Linux's")
 def test_a_process_with_a_display_keeps_pyopengl_for_its_windows():
     code = (
-        "import os; from napari_unpack.rendering import offscreen;"
+        "import os; from napari_unpack.rendering.gl import offscreen;"
         "print(offscreen.unavailable_because(), os.environ.get('PYOPENGL_PLATFORM'))"
     )
     assert in_a_process_with(code, DISPLAY=":77").startswith("a display is present")
@@ -65,7 +65,9 @@ def test_a_process_with_a_display_keeps_pyopengl_for_its_windows():
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL is Linux's")
 def test_without_a_display_it_needs_no_setting_at_all(offscreen_context):
-    code = "from napari_unpack.rendering import offscreen; print(offscreen.unavailable_because())"
+    code = (
+        "from napari_unpack.rendering.gl import offscreen; print(offscreen.unavailable_because())"
+    )
     assert in_a_process_with(code) == "None"
 
 
