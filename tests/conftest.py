@@ -19,6 +19,12 @@ def pytest_configure(config: pytest.Config) -> None:
         subprocess.run([sys.executable, FRESH_KERNELS], check=True)
 
 
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Note which code the kernels of this run were made from."""
+    if not hasattr(config, "workerinput"):
+        subprocess.run([sys.executable, FRESH_KERNELS], check=True)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def kernels_kept_by_one_process_at_a_time(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory

@@ -75,3 +75,28 @@ def test_what_is_younger_than_its_modules_is_kept(room):
     write(room / "another.py", "from room import kernel\n", 4e9)
     freshen(room)
     assert kernels(room) == kept
+
+
+def test_a_comment_or_a_file_written_again_costs_no_kernel(room):
+    freshen(room)
+    assert answer(room) == 42
+    freshen(room)
+    kept = kernels(room)
+    later = (room / "__pycache__" / kept[0]).stat().st_mtime + 5
+    write(room / "amount.py", '"""How often."""\n\nTIMES = 2  # As was asked for.\n', later)
+    write(room / "kernel.py", KERNEL, later)
+    freshen(room)
+    assert kernels(room) == kept
+    assert (room / "kernel.py").stat().st_mtime == 1000
+
+
+def test_what_was_compiled_between_an_edit_and_its_undoing_goes(room):
+    freshen(room)
+    now = (room.parent / "__pycache__" / "kernel_sources.json").stat().st_mtime
+    write(room / "amount.py", "TIMES = 3\n", now + 1)
+    assert answer(room) == 63
+    for name in kernels(room):
+        os.utime(room / "__pycache__" / name, (now + 2, now + 2))
+    write(room / "amount.py", "TIMES = 2\n", now + 3)
+    freshen(room)
+    assert answer(room) == 42
