@@ -67,7 +67,7 @@ def test_a_seed_gives_one_scan_whatever_the_threads() -> None:
 
 
 def test_attenuation_by_energy_is_that_of_aluminium_and_steel() -> None:
-    # CT numbers + 1000 at 60 and 80 keV against 70, from notes/simulation.md 4.2.
+    # CT numbers + 1000 at 60 and 80 keV against 70 (element tables of NIST).
     water = {60.0: 0.0206, 70.0: WATER[REFERENCE], 80.0: 0.01837}
     for value, at_60, at_80 in ((3221, 3644, 2966), (32000, 46100 / 33300 * 32000, 24513)):
         share = float(photoelectric_share(np.float32([value]))[0])

@@ -45,7 +45,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     Notes
     -----
     Li et al. 2012, section 4.2, eq. 1, exact. Two objects on one pixel in different layers are
-    at distance 0 (notes/readings.md 5). Where the nearest pixels of two objects do not coincide,
+    at distance 0 (docs/paper.md, R5). Where the nearest pixels of two objects do not coincide,
     both lie on a border of their object in their layer: a step from one towards the other would
     be nearer still. So only border pixels look around, and only at border pixels, of which a
     disk of radius DT holds about DT. O(pixels + border pixels x L x DT).

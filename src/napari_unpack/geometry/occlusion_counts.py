@@ -56,7 +56,7 @@ class OcclusionCounts:
         Notes
         -----
         Li et al. 2012, section 5.1, `countOccludedSamples`, with the loop advancing on
-        `continue` as was meant (notes/readings.md 2). It adds up the run lengths of whatever is
+        `continue` as was meant (docs/paper.md, R2). It adds up the run lengths of whatever is
         not the ray's first object, which is eq. 2's numerator exactly: cutting a sum into runs
         does not change it. A test holds a literal transcription against it.
         """

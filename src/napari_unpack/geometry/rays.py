@@ -3,7 +3,7 @@
 A ray is affine in the pixel, in perspective too, because it is parametrised by depth t: its
 signed distance in mm from the pivot plane along the direction of looking, growing away from the
 viewer. The sample k of *every* ray lies at t = (k + 1/2) step for integer k. Boxes and
-empty-space skipping choose which k to visit and never move them (notes/readings.md 11), so an
+empty-space skipping choose which k to visit and never move them (docs/paper.md, R11), so an
 object counts the same samples whether the whole volume is cast or its box alone.
 """
 

@@ -115,7 +115,7 @@ def unpacking_displacement(
     -----
     Li et al. 2012, eq. 4, T' = (V M)^-1 (u - V M o), read as points with w = 1, that is
     t = (V M)^-1 u - o. Deviation: the paper writes T' on the world side of M in eq. 3 but
-    gives it in volume coordinates; we apply it right of M (notes/readings.md 7).
+    gives it in volume coordinates; we apply it right of M (docs/paper.md, R7).
     """
     inverse: NDArray[np.float64] = np.linalg.inv(view @ model).astype(np.float64)
     return transform_points(inverse, target) - np.asarray(offset, dtype=np.float64)

@@ -2,7 +2,7 @@
 """Every private napari and vispy name of the project, and what to do when one has moved.
 
 napari draws a layer with the visual registered for its class and shows the controls registered
-for its class. Both registries are private (docs/decisions and notes on custom layers), so the
+for its class. Both registries are private, so the
 three picture layers are put into them here and nowhere else. Where a registry is missing,
 `supported()` is False, `problem()` says why in a sentence, and the plugin falls back to napari's
 own layers.

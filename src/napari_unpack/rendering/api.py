@@ -296,7 +296,7 @@ def pick(
 
     Notes
     -----
-    notes/readings.md 13: the largest contribution wins; stepping deeper walks down the list.
+    docs/paper.md, R13: the largest contribution wins; stepping deeper walks down the list.
     """
     chosen(backend if backend not in ("auto", "gl") else "cpu")
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
@@ -420,7 +420,7 @@ def occlusion_ratios(
 
     Notes
     -----
-    Li et al. 2012, section 5.1; notes/readings.md 1. "eq2": samples on rays whose first object
+    Li et al. 2012, section 5.1; docs/paper.md, R1. "eq2": samples on rays whose first object
     is another, over all samples. "first_hit": rays that meet the object behind another first
     object, over rays that meet it. "first_hit_bbox": the same over the pixels covered by the
     front faces of the object's box, as the paper approximates. "exact" (not in the paper):

@@ -55,7 +55,7 @@ def score(truth: ArrayLike, found: ArrayLike) -> dict[str, float]:
 
     Notes
     -----
-    notes 3.7 of the design. VOI and adapted Rand are taken inside the truth's foreground, where
+    VOI and adapted Rand are taken inside the truth's foreground, where
     unlabelled found voxels count as one more segment; IoU counts all voxels of both. Matches
     above IoU 0.5 are unique, so no assignment problem has to be solved.
     """
@@ -200,8 +200,8 @@ def score_objects(
 
     Notes
     -----
-    notes 3.7 of the design; the rule of detection is ALERT's. Surface distances are taken both
-    ways between boundary voxels: their mean, and the larger of the two 95 % quantiles.
+    The rule of detection is that of the ALERT segmentation challenge. Surface distances are taken
+    both ways between boundary voxels: their mean, and the larger of the two 95 % quantiles.
     """
     true, seen = checked_labels(truth, "truth"), checked_labels(found, "found")
     size = checked_spacing(spacing)

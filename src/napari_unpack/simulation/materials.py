@@ -71,7 +71,7 @@ _TABLE = (
 MATERIALS = MappingProxyType({material.name: material for material in _TABLE})
 """Every material by name.
 
-Values are those of 70 keV, by the mixture rule on element tables (notes/simulation.md 4.2). Thin
+Values are those of 70 keV, by the mixture rule on the element tables of NIST. Thin
 sheet steel and stranded copper stand lower than solid metal: walls of a fraction of a voxel are
 modelled as a voxel of less.
 """

@@ -59,7 +59,7 @@ class ProjectionScanner:
     Parallel beam, three energies, detectors that add up energy. What a voxel is made of is told
     from its CT number at 70 keV: up to 1300 (+ 1000 HU) it attenuates like so much water at every
     energy; above, a growing share p of its attenuation falls with the cube of the energy, chosen
-    to give aluminium and steel their values at 60, 70 and 80 keV (notes/simulation.md 4.2) to
+    to give aluminium and steel their values at 60, 70 and 80 keV (NIST element tables) to
     2 %. Signals are corrected for the hardening of water, as scanners do, so that metal alone
     shows it.
     """

@@ -206,7 +206,7 @@ class Flight:
         -----
         Li et al. 2012, sections 5.2 and 5.3, with linear interpolation between key frames
         replaced by one that starts and ends at rest and rounds the corner outside the bag's
-        box. Deviation: the first leg goes along D whatever D is (notes/readings.md 12).
+        box. Deviation: the first leg goes along D whatever D is (docs/paper.md, R12).
         """
         passed = self.progress(time)
         return self.pose_at(1.0 - passed if self.back else passed, camera)

@@ -109,7 +109,7 @@ class Inspection:
 
     Notes
     -----
-    notes/readings.md 15: the object turns, not the camera. The framed pose follows the camera,
+    docs/paper.md, R15: the object turns, not the camera. The framed pose follows the camera,
     so zooming zooms it.
     """
 

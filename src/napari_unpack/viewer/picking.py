@@ -34,7 +34,7 @@ def pick_packed(session: Any, crop: Subvolume, frame: Frame, row: float, col: fl
 
     Notes
     -----
-    notes/readings.md 13. One ray: well under a millisecond.
+    docs/paper.md, R13. One ray: well under a millisecond.
     """
     window = round(row), round(col), 1, 1
     rays = rays_for(

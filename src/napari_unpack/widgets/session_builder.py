@@ -15,7 +15,7 @@ from napari_unpack.widgets.layer_inputs import Volume, in_memory
 
 TOLERANCE = 0.003
 """Share of an object that may be blocked and it still counts as free: labels of real scans are
-ragged by a voxel here and there (notes on the paper's figure 7: 0.3 % at most)."""
+ragged by a voxel here and there (0.3 % at most in the bags of the paper's figure 7)."""
 
 GENTLE = 20.0
 """Field of view in degrees at first: enough that what flies towards the viewer is seen to."""

@@ -114,7 +114,7 @@ def test_a_window_of_the_picture_is_that_part_of_it() -> None:
 
 
 def test_a_crop_of_the_volume_counts_the_same_samples_of_its_object() -> None:
-    # notes/readings.md 11: boxes must not move the lattice.
+    # docs/paper.md, R11: boxes must not move the lattice.
     labels = np.zeros((20, 20, 20), np.uint16)
     labels[6:11, 5:13, 7:12] = 1
     rays = along((0.31, -0.52, 0.87), labels.shape, size=(50, 50))

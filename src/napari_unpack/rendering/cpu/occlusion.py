@@ -41,7 +41,7 @@ def occlusion_counts(
 
     Notes
     -----
-    Li et al. 2012, section 5.1, eq. 2 and both listings, plus `exact` (notes/readings.md 1).
+    Li et al. 2012, section 5.1, eq. 2 and both listings, plus `exact` (docs/paper.md, R1).
     All denominators are exact. The paper bounds each object's pass by its box; here all objects
     share one pass over the whole lattice.
     """

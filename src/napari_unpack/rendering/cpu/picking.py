@@ -1,7 +1,7 @@
 """What each object contributes to one pixel of the tinted picture.
 
 ID images make every sample opaque, which is right for occlusion and wrong for picking, where a
-person means what they see (notes/readings.md 13).
+person means what they see (docs/paper.md, R13).
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ def lattice_candidates(piece: PreparedRegion, keep: int = 2) -> Proposals:
 
     Notes
     -----
-    notes 3.1 of the design (Grady & Schwartz 2006): L0 x0 = 1 with the ground taken out, swept.
+    Grady & Schwartz 2006: L0 x0 = 1 with the ground taken out, swept.
     Deviation: the ground is the block furthest from the middle of the shape rather than the one of
     largest degree, which on a binary lattice is any inner one; a ground in the middle makes level
     sets that are shells around it, one at an end makes them cross the shape.
@@ -299,7 +299,7 @@ def tree_candidates(piece: PreparedRegion) -> Proposals:
 
     Notes
     -----
-    notes 3.2 of the design. Density edges are where the step between blocks exceeds four times
+    Density edges are where the step between blocks exceeds four times
     its median and a twentieth of the median density.
     """
     small = piece.coarse

@@ -1,6 +1,6 @@
 """The pool of candidate cuts of a region, from every source, for an oracle to choose from.
 
-No single splitter wins (notes 3.9 of the design): trees find necks and miss face contacts, the
+No single splitter wins: trees find necks and miss face contacts, the
 lattice finds least areas and bends around sheets, steps of density need a difference. So all
 propose, and the confidence of the parts decides.
 """

@@ -70,7 +70,7 @@ def tree_sweep(
 
     Notes
     -----
-    notes 3.2 of the design: w_ij = D_i + D_j; ground at the deepest voxel; x_v = x_parent + s_v /
+    Grady 2006: w_ij = D_i + D_j; ground at the deepest voxel; x_v = x_parent + s_v /
     c_v with s_v the voxels of v's subtree. Deviations: the distance is quantised to a quarter of
     the smallest voxel edge, so that Prim's queue is an array of buckets and the tree takes linear
     time; equal keys leave in order of arrival, which keeps plateaus from growing snakes; the cut

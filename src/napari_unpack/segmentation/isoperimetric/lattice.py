@@ -64,7 +64,7 @@ class Lattice:
         -----
         The density weight is 1 / (1 + (g / s)^2), at least 0.01, with g the step across the face
         and s three times its median plus 5 % of the median density. An exponential of a fixed beta
-        (notes 3.1) collapses to cuts around single noisy voxels: the scale follows the noise, the
+        collapses to cuts around single noisy voxels: the scale follows the noise, the
         tail is long, and the floor keeps the system well conditioned.
         """
         where = np.flatnonzero(mask)
