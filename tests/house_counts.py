@@ -7,7 +7,6 @@ import io
 import re
 import tokenize
 from collections.abc import Iterator
-from pathlib import Path
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 DIRECTIVE = re.compile(r"#\s*(type:|noqa|ruff:|pragma|fmt:|!)")

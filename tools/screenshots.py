@@ -1,6 +1,6 @@
 """Make the pictures of docs/gallery with the plugin itself: `make screenshots`.
 
-The simulated bag always; the backpack where ../shared/data holds it.
+The simulated bag always; the backpack where shared/data beside the repository holds it.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def simulate_bag(
 
     Notes
     -----
-    Fidelities A and B of notes/simulation.md 4.3. Objects are modelled from signed distances and
+    Objects are modelled from signed distances and
     fall one after another on a height field, so that no two overlap and each rests on another
     or on the bag's floor. Time is about linear in the voxels.
     """

@@ -4,7 +4,7 @@ The packed bag's cached picture, an object in flight and every sprite are cards.
 drawn twice: first the pixels whose alpha reached 1/2, which write depth, then all others, which
 are tested against it. So opaque parts hide each other whatever the order of the list, soft edges
 blend over what is behind them, and a Points layer drawn before or after is hidden where it should
-be (DESIGN.md, decision 4.4).
+be.
 
 Pictures that cards show: arrays on their way to textures, or textures a pass has filled.
 
