@@ -156,7 +156,7 @@ def _buried(session: Any) -> tuple[int, Any]:
     buried = []
     for object_id in sorted(session.ids, key=lambda i: -voxels[i]):
         if answer.blocking.blockers([object_id]):
-            buried.append((object_id, session.unearthing(object_id)))
+            buried.append((object_id, session.reveal_plan(object_id)))
             if 3 <= len(buried[-1][1].first) <= 6:
                 return buried[-1]
     return min(buried, key=lambda one: abs(len(one[1].first) - 4))

@@ -111,7 +111,7 @@ def test_nobody_is_sure_to_a_hundred_percent_as_in_the_panel(tmp_path):
     labels = np.zeros((12, 12, 24), np.uint16)
     labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2
     session = nu.Session(np.where(labels > 0, 1500, 0).astype(np.uint16), labels)
-    session.judge_by(None, {1: 0.9999, 2: 0.25})
+    session.use_oracle(None, {1: 0.9999, 2: 0.25})
     cells = Cells()
     path = save_objects_page(session, tmp_path / "bag.html", "A bag")
     cells.feed(Path(path).read_text(encoding="utf-8"))

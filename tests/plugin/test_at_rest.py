@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.background_queries import AtRest
 
 
@@ -20,10 +21,9 @@ class Lanes:
 
 
 def test_nothing_is_asked_while_the_picture_of_a_turn_is_on_its_way(qtbot: Any) -> None:
-    question = SimpleNamespace(answer=lambda: None)
-    session = SimpleNamespace(
-        flights={}, occlusion_question=lambda: question, hue_question=lambda: question
-    )
+    task = Task("nothing", lambda progress: None)
+    queries = SimpleNamespace(occlusion_task=lambda: task, hues_task=lambda: task)
+    session = SimpleNamespace(flights={}, queries=queries)
     jobs = Lanes()
     resting = AtRest(session, jobs, lambda: True, lambda: None)
     resting.moved()

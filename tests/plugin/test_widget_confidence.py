@@ -36,11 +36,11 @@ def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
     assert not box.mark.isEnabled()
     _select(panel, [1, 2])
     press(qtbot, box.mark)
-    assert session.good == {1, 2}
+    assert session.examples == {1, 2}
     qtbot.waitUntil(lambda: _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
     assert not _texts(panel, Column.NAME)[3].endswith("✓")
     session.undo()
-    assert session.good == frozenset()
+    assert session.examples == frozenset()
     qtbot.waitUntil(lambda: not _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
 
 
@@ -49,7 +49,7 @@ def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp
     warned = []
     monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
     box = panel.objects.confidence
-    session.mark_good([1, 2, 3])
+    session.mark_examples([1, 2, 3])
     box.refresh()
     # Before a file is asked for.
     assert "training needs 8" in box.told.text()
@@ -89,9 +89,9 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
 def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:
     panel, session = taught
     box = panel.objects.confidence
-    session.judge_by(None, dict.fromkeys(session.ids, 1e-9))
+    session.use_oracle(None, dict.fromkeys(session.ids, 1e-9))
     box.refresh()
     assert "taught on other things" in box.told.text()
-    session.judge_by(None, {i: 0.1 * i for i in session.ids})
+    session.use_oracle(None, {i: 0.1 * i for i in session.ids})
     box.refresh()
     assert "taught on other things" not in box.told.text()

@@ -39,9 +39,9 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         hues={ids[0]: 0.0},
         tint_mode="hsv",
         selected=frozenset(),
-        good=frozenset(),
+        examples=frozenset(),
         label_of=lambda object_id: object_id,
-        free_groups=lambda: (),
+        unpackable_groups=lambda: (),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)

@@ -123,7 +123,7 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     panel._watch.known.disconnect()
     panel.unpack.tell_free(frozenset())
     qtbot.waitUntil(panel.unpack.way.isVisible, timeout=60000)
-    best = session.way_out()
+    best = session.best_direction()
     assert f"({len(best.ids)} free)" in panel.unpack.way.text()
     words = words_of(best.direction, session.camera)
     assert words in panel.unpack.news.text().lower()

@@ -33,7 +33,7 @@ def real_session(labels: np.ndarray) -> Session:
 
 def test_the_least_that_frees_the_core_is_the_lid():
     session = real_session(boxed_in())
-    found = session.unearthing(1)
+    found = session.reveal_plan(1)
     assert found.ids == {1, 2}
     np.testing.assert_allclose(found.direction, (0, -1, 0))
     session.direction = "+z"
@@ -60,12 +60,12 @@ def test_a_survey_serves_while_objects_leave_and_not_when_one_comes_back():
     assert session.survey_question() is None
     session.restore()
     assert session.survey_question() is None
-    assert session.way_out() is not None
+    assert session.best_direction() is not None
     session.show(2)
     assert session.survey_question() is not None
-    assert session.way_out() is None
+    assert session.best_direction() is None
     assert not session.accept_survey(survey)
-    assert session.way_out(ask=True) is not None
+    assert session.best_direction(ask=True) is not None
 
 
 def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
@@ -85,7 +85,7 @@ def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
 
 def test_the_best_way_out_of_plates_is_sideways_and_along_hooks_too():
     session = session_of(stack_of_plates())
-    assert session.way_out(ask=True).ids == {1, 2, 3, 4, 5}
+    assert session.best_direction(ask=True).ids == {1, 2, 3, 4, 5}
     held = session_of(hooked())
     held.direction = "-z"
     assert held.reveal(3) == (1, 2, 3)
@@ -97,6 +97,6 @@ def test_reveal_says_what_is_wrong():
     session = session_of(stack_of_plates())
     session.unpack(1)
     with pytest.raises(ValueError, match="Object 1 is not in the bag"):
-        session.unearthing(1)
+        session.reveal_plan(1)
     with pytest.raises(ValueError, match="direction must be one of"):
         session.reveal(3, "sideways")

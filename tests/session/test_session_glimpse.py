@@ -87,7 +87,7 @@ def test_chosen_objects_that_are_free_leave_and_no_ray_is_cast() -> None:
     for session in (slow, quick):
         session.direction = "-y"
     slow.unpackable()
-    free = [i for (i,) in (g for g in slow.free_groups() if len(g) == 1)][:2]
+    free = [i for (i,) in (g for g in slow.unpackable_groups() if len(g) == 1)][:2]
     held = next(i for i in slow.ids if i not in slow.unpackable())
     without_rays(quick)
     assert quick.glimpse_question([held]).answer() is None

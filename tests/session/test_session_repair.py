@@ -276,7 +276,7 @@ def test_a_new_confidence_stays_when_a_repair_is_taken_back() -> None:
     s = session()
     s.judge = lambda region: 0.5
     s.merge([2, 3])
-    s.judge_by(None, dict.fromkeys(s.ids, 0.7))
+    s.use_oracle(None, dict.fromkeys(s.ids, 0.7))
     s.undo()
     assert s.objects.at[1, "confidence"] == 0.7
 

@@ -91,7 +91,7 @@ def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
     assert inner.states[1] is ObjectState.UNPACKED
     assert [inner.states[i] for i in (2, 3)] == [ObjectState.PACKED] * 2
     assert inner.history.undo(inner._situation) is None
-    assert inner.unearthing(inner.ids[-1]).ids
+    assert inner.reveal_plan(inner.ids[-1]).ids
     assert session.labels[10, 10, 10] == 1
     with pytest.raises(ValueError, match="same density"):
         opened(session, 2)

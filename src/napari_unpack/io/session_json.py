@@ -172,7 +172,7 @@ def situation_record(session: Session) -> dict[str, Any]:
         "out": [_placement(i, placement) for i, placement in now.out.items()],
         "ahead": [[_placement(i, b) for i, b in departure.items()] for departure in now.ahead],
         "hidden": sorted(now.hidden),
-        "good": sorted(session.good),
+        "good": sorted(session.examples),
         "inspected": now.inspected,
         "direction": list(now.direction) if isinstance(now.direction, tuple) else now.direction,
         "queue": {

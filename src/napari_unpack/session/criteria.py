@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import get_args
 
 from napari_unpack.session.asking import OcclusionAnswer
-from napari_unpack.session.repair import SessionRepair
+from napari_unpack.session.label_edits import SessionRepair
 from napari_unpack.unpacking.occlusion import Rule
 
 

@@ -21,7 +21,9 @@ from napari_unpack.unpacking.direction_survey import (
     DIRECTIONS_26,
     BestDirection,
     DirectionalBlocking,
-    best_direction,
+)
+from napari_unpack.unpacking.direction_survey import (
+    best_direction as best_of,
 )
 
 MOST_SURVEY_RAYS = 512
@@ -194,7 +196,7 @@ class SessionDirections(SessionCriteria):
         self._survey = survey
         return True
 
-    def way_out(self, ask: bool = False) -> BestDirection | None:
+    def best_direction(self, ask: bool = False) -> BestDirection | None:
         """Return the direction of 26 along which the most objects can leave now.
 
         Parameters
@@ -211,7 +213,7 @@ class SessionDirections(SessionCriteria):
         if survey is None:
             return None
         packed = self._packed(self._situation)
-        return best_direction(survey.outlooks, packed, self.max_group_size, self.unpack_direction)
+        return best_of(survey.outlooks, packed, self.max_group_size, self.unpack_direction)
 
     def _asked_so(self, survey: DirectionSurvey) -> bool:
         return survey.tolerance == self.tolerance and survey.edition == self._edition

@@ -20,7 +20,7 @@ class SessionInquiry(SessionDirections):
 
     _other_answer: OcclusionAnswer | None = None
 
-    def least_blocked(self) -> tuple[int, float] | None:
+    def least_occluded_object(self) -> tuple[int, float] | None:
         """Return who is blocked least along D and how much of it, None while that is unknown."""
         packed, known = self._packed(self._situation), self._answer
         if known is None or not packed or not known.serves(self.unpack_direction, packed):
@@ -28,7 +28,7 @@ class SessionInquiry(SessionDirections):
         least = known.least_occluded(packed)
         return least, float(known.first_hit.get(least, 0.0))
 
-    def unearthing(self, object_id: int) -> RevealPlan:
+    def reveal_plan(self, object_id: int) -> RevealPlan:
         """Return the least that must leave for a buried object to leave, and along which way.
 
         Of D and 26 directions; ties go to D. Casts rays where that is not known yet.

@@ -42,7 +42,7 @@ class SessionLeaving(SessionGlimpses):
             self._enter(replace(self._situation, queue=queue))
         return queue.ids
 
-    def free_groups(self) -> tuple[Group, ...]:
+    def unpackable_groups(self) -> tuple[Group, ...]:
         """Return who can leave now as far as that is known, groups whole; casts no rays.
 
         The queue is used up before it is asked anew, so it may hold fewer.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session.asking import OcclusionAnswer
 from napari_unpack.session.errors import BlockedError, NoTableError
+from napari_unpack.session.label_edits import LabelEditor
+from napari_unpack.session.queries import Queries
 from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.session.steps import SessionSteps
 from napari_unpack.session.validation import checked_count, checked_ids
@@ -29,6 +32,16 @@ class Session(SessionSteps):
     Li et al. 2012, section 5. Verbs that cannot do what they are told raise `ValueError` with a
     sentence and change nothing; what is merely already so is no error.
     """
+
+    @cached_property
+    def queries(self) -> Queries:
+        """What is derived by casting rays, with its tasks."""
+        return Queries(self)
+
+    @cached_property
+    def label_editor(self) -> LabelEditor:
+        """The tasks that change labels."""
+        return LabelEditor(self)
 
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Take objects out of the bag.
@@ -92,7 +105,9 @@ class Session(SessionSteps):
         if direction is None:
             along = self.unpack_direction
         elif isinstance(direction, str):
-            along = named(direction) if direction != "any" else self.unearthing(object_id).direction
+            along = (
+                named(direction) if direction != "any" else self.reveal_plan(object_id).direction
+            )
         else:
             along = named(tuple(direction))
         answer = self.answer_along(along)

@@ -168,17 +168,17 @@ class SessionSight(SessionTints):
         self._do("rename", replace(self._situation, names=names))
 
     @property
-    def good(self) -> frozenset[int]:
+    def examples(self) -> frozenset[int]:
         """The objects marked as examples of whole ones, to train the confidence on."""
         return self._situation.good & self._known
 
-    def mark_good(self, ids: int | Iterable[int], good: bool = True) -> None:
+    def mark_examples(self, ids: int | Iterable[int], examples: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away."""
         wanted = frozenset(checked_ids(ids, self._known))
         now = self._situation.good
-        after = now | wanted if good else now - wanted
+        after = now | wanted if examples else now - wanted
         if after != now:
-            self._do("mark" if good else "unmark", replace(self._situation, good=after))
+            self._do("mark" if examples else "unmark", replace(self._situation, good=after))
 
     def hide(self, ids: int | Iterable[int]) -> None:
         """Put objects out of sight, in the bag or outside; a flight of theirs ends."""
@@ -224,7 +224,8 @@ class SessionSight(SessionTints):
         dict of int to float
             All hues.
         """
-        self.accept_hues(self.hue_question(keep).answer(), undoable)
+        found = self.__dict__.pop("_hues_found", None)
+        self.accept_hues(self.hue_question(keep).answer() if found is None else found, undoable)
         return self.hues
 
     def hue_question(self, keep: bool = True) -> HueQuestion:

@@ -14,6 +14,7 @@ import numpy as np
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import object_patch, sprite_patch
+from napari_unpack.tasks import Task, no_progress
 from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
 
 REST_MS = 250
@@ -67,23 +68,27 @@ class AtRest:
         if self._session.flights or self._jobs.turning:
             self._timer.start()
             return
-        leaving = self._session.occlusion_question()
+        queries = self._session.queries
+        leaving = queries.occlusion_task()
         if leaving is not None:
-            self._jobs.ask("queue", "queue", leaving.answer, self._accept)
+            run = partial(leaving.run, no_progress)
+            self._jobs.ask("queue", "queue", run, partial(self._accept, leaving))
         if self._recolors():
-            hues = self._session.hue_question()
-            self._jobs.ask("rest", "hues", hues.answer, lambda found: self._take(found, state))
+            hues = queries.hues_task()
+            if hues is not None:
+                run = partial(hues.run, no_progress)
+                self._jobs.ask("rest", "hues", run, partial(self._take, state, hues))
 
         if leaving is None:
             self._warm()
 
-    def _accept(self, answer: Any) -> None:
-        if self._session.accept_answer(answer):
+    def _accept(self, task: Task[Any], result: Any) -> None:
+        if self._session.queries.store(task, result):
             self._warm()
 
-    def _take(self, hues: dict[int, float], state: int) -> None:
-        if state == self._state:
-            self._session.accept_hues(hues, undoable=False)
+    def _take(self, state: int, task: Task[Any], result: Any) -> None:
+        if self._session.queries.store(task, result) and state == self._state:
+            self._session.recolor(undoable=False)
 
 
 AHEAD = 3

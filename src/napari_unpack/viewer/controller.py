@@ -25,6 +25,7 @@ from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import ALIKE, Frame, napari_view, parts_of
 from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
+from napari_unpack.tasks import no_progress
 from napari_unpack.viewer.background_queries import AtRest, Prefetch
 from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.clipping_sync import ClippingSync
@@ -511,27 +512,27 @@ def know_who_leaves(
     At once where moving a few objects tells; the whole answer is then asked for when everything
     is at rest. Else that answer is waited for, drawing meanwhile.
     """
-    question = None if n_or_ids is None else session.glimpse_question(n_or_ids)
-    glimpse = None
-    if question is not None:
+    queries = session.queries
+    quick = None if n_or_ids is None else queries.next_unpackable_task(n_or_ids, GLIMPSE_SECONDS)
+    if quick is not None:
         with INTERACTIVE_PRIORITY.taken():
-            glimpse = question.answer(GLIMPSE_SECONDS)
-    if glimpse is not None and session.accept_glimpse(glimpse):
-        return
-    if session.occlusion_question() is None:
+            found = quick.run(no_progress)
+        if queries.store(quick, found):
+            return
+    if queries.occlusion_task() is None:
         return
     looking(True)
     try:
-        if question is not None:
-            glimpse = jobs.do("queue", "glimpse", partial(question.answer, LONGER_SECONDS))
-            if glimpse is not None and session.accept_glimpse(glimpse):
+        if quick is not None:
+            longer = queries.next_unpackable_task(n_or_ids, LONGER_SECONDS)
+            run = partial(longer.run, no_progress)
+            if queries.store(longer, jobs.do("queue", "glimpse", run)):
                 return
         # What was asked at rest may be the same.
         jobs.wait("queue")
-        whole = session.occlusion_question()
-        answer = None if whole is None else jobs.do("queue", "queue", whole.answer)
-        if answer is not None:
-            session.accept_answer(answer)
+        whole = queries.occlusion_task()
+        if whole is not None:
+            queries.store(whole, jobs.do("queue", "queue", partial(whole.run, no_progress)))
     finally:
         looking(False)
 
@@ -551,9 +552,10 @@ def travel(session: Any, jobs: Jobs, way: Literal["undo", "redo"]) -> Any:
     str or None
         See `Session.undo`.
     """
-    question = session.labels_question(way)
-    if question is not None:
-        session.accept_labels(jobs.do("queue", "labels", question.answer))
+    task = session.queries.labels_task(way)
+    if task is not None:
+        run = partial(task.run, no_progress)
+        session.queries.store(task, jobs.do("queue", "labels", run))
     return getattr(session, way)()
 
 

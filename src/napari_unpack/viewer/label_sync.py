@@ -28,7 +28,7 @@ class LabelSync:
     sources : sequence of napari layers
         The user's own.
     ask : callable
-        Given a `RepairQuestion`, has it answered on another thread and accepted; returns False
+        Given a task of `LabelEditor`, has it run on another thread and applied; returns False
         where that must wait.
     told : callable
         Given a sentence for the user.
@@ -114,7 +114,7 @@ class LabelSync:
             return
         if np.shape(layer.data) != self._session.labels.shape:
             return
-        if not self._ask(self._session.paint_question(np.asarray(layer.data))):
+        if not self._ask(self._session.label_editor.paint_task(np.asarray(layer.data))):
             self._timer.start()
 
     def _show(self, ids: Iterable[int]) -> None:

@@ -142,8 +142,8 @@ class MarkPainter:
         if frame is None or self._session.flights:
             return
         packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")
-        groups = self._session.free_groups() if marks.free else ()
-        least = self._session.least_blocked() if marks.free and not groups else None
+        groups = self._session.unpackable_groups() if marks.free else ()
+        least = self._session.least_occluded_object() if marks.free and not groups else None
         inks = marks.inks(packed, groups, 0 if least is None else least[0])
         buried = marks.buried if marks.buried in packed else 0
         if not inks and not buried:

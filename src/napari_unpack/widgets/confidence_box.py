@@ -72,7 +72,7 @@ class ConfidenceBox(Collapsible):
     def refresh(self) -> None:
         """Say how many objects are marked, and enable what can be done."""
         session = self._workspace.session
-        marked = frozenset() if session is None else session.good
+        marked = frozenset() if session is None else session.examples
         whose = "your confidence" if self._oracle is not None else "the default confidence"
         if self.job.running:
             self.told.setText("Working…")
@@ -100,7 +100,7 @@ class ConfidenceBox(Collapsible):
         return " It was taught on other things than these: mark good ones and train your own."
 
     def _mark(self, good: bool) -> None:
-        self._workspace.mark_good(self._chosen(), good)
+        self._workspace.mark_examples(self._chosen(), good)
         self.refresh()
 
     def _ask_where_to_save(self) -> None:
@@ -116,7 +116,7 @@ class ConfidenceBox(Collapsible):
     def train_to(self, path: str) -> None:
         """Train on the marked objects, save the result and judge by it."""
         session = self._workspace.session
-        labels, good = session.labels, session.good
+        labels, good = session.labels, session.examples
 
         def work(progress: Progress) -> tuple[Any, Mapping[int, float]]:
             from napari_unpack.segmentation.training import train_on_marked
@@ -154,7 +154,7 @@ class ConfidenceBox(Collapsible):
         if not outcome.cancelled:
             with notifications.spoken():
                 self._oracle, scores = outcome.get()
-                session.judge_by(self._oracle, scores)
+                session.use_oracle(self._oracle, scores)
                 self._rescored()
         self.refresh()
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from qtpy.QtCore import QObject, QTimer, Signal
 
-from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.tasks import TaskResult
 from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.workspace import Workspace
 
@@ -68,22 +68,19 @@ class FreeWatch(QObject):
         if controller.flying or self._job.running:
             self._rest.start()
             return
-        question = controller.session.occlusion_question()
-        if question is None:
+        task = controller.session.queries.occlusion_task()
+        if task is None:
             self._tell()
             return
-
-        def answer(_progress: Progress) -> Any:
-            return question.answer()
-
-        self._asked = controller.session
-        self._job.start(answer)
+        self._asked = controller.session, task
+        self._job.start(task.run)
 
     def _take(self, outcome: TaskResult[Any]) -> None:
-        session, self._asked = self._asked, None
-        if session is None or session is not self._workspace.session:
+        asked, self._asked = self._asked, None
+        if asked is None or asked[0] is not self._workspace.session:
             return
-        if session.accept_answer(outcome.get()):
+        session, task = asked
+        if session.queries.store(task, outcome.get()):
             self._tell()
         else:
             self._rest.start()
@@ -93,4 +90,4 @@ class FreeWatch(QObject):
         session = self._workspace.session
         # The queue comes up to date, which may name the least blocked for want of a free one.
         session.unpackable()
-        self.known.emit(frozenset(int(i) for group in session.free_groups() for i in group))
+        self.known.emit(frozenset(int(i) for group in session.unpackable_groups() for i in group))

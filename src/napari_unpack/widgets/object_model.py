@@ -159,8 +159,8 @@ class ObjectModel(QAbstractTableModel):
         states, hues = self._session.states, self._session.hues
         names = self._session.objects["name"].to_dict()
         colors = _colors(hues, self._session.tint_mode)
-        good = self._session.good
-        groups = self._session.free_groups()
+        good = self._session.examples
+        groups = self._session.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
         def mark(object_id: int) -> str:

@@ -205,11 +205,15 @@ class ObjectsSection(Section):
                 bool(set(ids) & workspace.kept_hues),
             ),
             (None, None, False),
-            ("Mark good", lambda: workspace.mark_good(ids), not set(ids) <= workspace.session.good),
+            (
+                "Mark good",
+                lambda: workspace.mark_examples(ids),
+                not set(ids) <= workspace.session.examples,
+            ),
             (
                 "Unmark",
-                lambda: workspace.mark_good(ids, False),
-                bool(set(ids) & workspace.session.good),
+                lambda: workspace.mark_examples(ids, False),
+                bool(set(ids) & workspace.session.examples),
             ),
         )
         for text, act, enabled in entries:

@@ -7,7 +7,8 @@ from typing import Any
 
 from qtpy.QtCore import QObject, Signal
 
-from napari_unpack.tasks import TaskResult
+from napari_unpack.session.label_edits import LabelEditor
+from napari_unpack.tasks import Task, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.workspace import Workspace
@@ -66,17 +67,17 @@ class RepairTools(QObject):
 
     def merge(self, ids: list[int]) -> None:
         """Make one object of several."""
-        self._put(lambda session: session.merge_question(ids))
+        self._put(lambda editor: editor.merge_task(ids))
 
     def delete(self, ids: list[int]) -> None:
         """Make background of objects."""
-        self._put(lambda session: session.delete_question(ids))
+        self._put(lambda editor: editor.delete_task(ids))
 
     def _clicked(self, object_id: int, a: Any, b: Any) -> None:
         self.cancel()
-        self._put(lambda session: session.split_question(object_id, a, b))
+        self._put(lambda editor: editor.split_task(object_id, a, b))
 
-    def _put(self, question_of: Callable[[Any], Any]) -> None:
+    def _put(self, task_of: Callable[[LabelEditor], Task[Any]]) -> None:
         session = self._workspace.session
         if session is None:
             return
@@ -84,18 +85,18 @@ class RepairTools(QObject):
             notifications.inform("The last repair is still being worked out: wait a moment.")
             return
         with notifications.spoken():
-            self._start(session, question_of(session))
+            self._start(session, task_of(session.label_editor))
 
-    def _ask(self, question: Any) -> bool:
+    def _ask(self, task: Task[Any]) -> bool:
         if self._job.running or self._workspace.session is None:
             return False
-        self._start(self._workspace.session, question)
+        self._start(self._workspace.session, task)
         return True
 
-    def _start(self, session: Any, question: Any) -> None:
+    def _start(self, session: Any, task: Task[Any]) -> None:
         self._session = session
         self.busy.emit(True)
-        self._job.start(lambda _progress: question.answer())
+        self._job.start(task.run)
 
     def _take(self, outcome: TaskResult[Any]) -> None:
         session, self._session = self._session, None
@@ -103,8 +104,8 @@ class RepairTools(QObject):
         if session is None or session is not self._workspace.session:
             return
         with notifications.spoken():
-            repair = outcome.get()
-            if repair is not None and not session.accept_repair(repair):
+            edit = outcome.get()
+            if edit is not None and not session.label_editor.apply(edit):
                 notifications.warn("The labels have changed meanwhile: repair once more.")
 
     def _follow(self) -> None:

@@ -12,7 +12,7 @@ from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed
-from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.tasks import Task, TaskResult
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.notifications import spoken
@@ -41,7 +41,7 @@ class RevealPlanner(QObject):
         super().__init__(parent)
         self._workspace = workspace
         self._job = Job(self)
-        self._asked: tuple[Any, str] | None = None
+        self._asked: tuple[Any, Task[Any], int] | None = None
         self._next: tuple[str, int] | None = None
         self._found: Any = None
         self._job.ended.connect(self._take)
@@ -63,18 +63,23 @@ class RevealPlanner(QObject):
         session = self._workspace.session
         if session is None:
             return
-        question = session.survey_question()
-        if question is None:
-            self.best.emit(session.way_out())
+        task = session.queries.survey_task()
+        if task is None:
+            self.best.emit(session.best_direction())
         else:
-            self._start("survey", question, 0)
+            self._start("survey", task, 0)
 
     def reveal(self, object_id: int) -> None:
         """Find what frees a buried object; `found` tells."""
-        if self._workspace.session is None:
+        session = self._workspace.session
+        if session is None:
             return
         with spoken():
-            self._start("reveal", self._workspace.session.reveal_question(object_id), object_id)
+            task = session.queries.reveal_plan_task(object_id)
+            if task is None:
+                self._settle(session.reveal_plan(object_id))
+            else:
+                self._start("reveal", task, object_id)
 
     def unpack_found(self) -> None:
         """Unpack those who free the buried object, and it as well."""
@@ -95,18 +100,14 @@ class RevealPlanner(QObject):
         self._job.cancel()
         self._asked = self._next = None
 
-    def _start(self, kind: str, question: Any, object_id: int) -> None:
+    def _start(self, kind: str, task: Task[Any], object_id: int) -> None:
         if self._job.running:
             # The one that runs is finished or cancelled first.
             self._next = (kind, object_id)
             return
-        self._asked = self._workspace.session, kind
-
-        def answer(progress: Progress) -> Any:
-            return question.answer(progress)
-
+        self._asked = self._workspace.session, task, object_id
         self.busy.emit(True)
-        self._job.start(answer)
+        self._job.start(task.run)
 
     def _take(self, outcome: TaskResult[Any]) -> None:
         asked, self._asked = self._asked, None
@@ -116,12 +117,12 @@ class RevealPlanner(QObject):
         if asked is None or session is None or session is not asked[0]:
             return
         with spoken():
-            result = outcome.get()
-            if asked[1] == "survey":
-                if session.accept_survey(result):
-                    self.best.emit(session.way_out())
-            elif session.accept_reveal(result):
-                self._settle(result.unearthing)
+            _, task, object_id = asked
+            if session.queries.store(task, outcome.get()):
+                if object_id:
+                    self._settle(session.reveal_plan(object_id))
+                else:
+                    self.best.emit(session.best_direction())
         if waiting is not None:
             kind, object_id = waiting
             self.look() if kind == "survey" else self.reveal(object_id)

@@ -318,7 +318,7 @@ class UnpackSection(Section):
     def _stuck(self) -> str:
         """Say that nobody is free, who is blocked least, and what another direction would free."""
         session = self._workspace.session
-        least = session.least_blocked()
+        least = session.least_occluded_object()
         which = "the least blocked"
         if least is not None:
             object_id, ratio = least

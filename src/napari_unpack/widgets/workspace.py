@@ -259,9 +259,9 @@ class Workspace(QObject):
             before = self.kept_hues
             self.session.locked_hues = before | set(ids) if kept else before - set(ids)
 
-    def mark_good(self, ids: Iterable[int], good: bool = True) -> None:
+    def mark_examples(self, ids: Iterable[int], good: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away."""
-        self._perform("mark_good", list(ids), good)
+        self._perform("mark_examples", list(ids), good)
 
     def select(self, ids: Iterable[int]) -> None:
         """Select these objects everywhere."""

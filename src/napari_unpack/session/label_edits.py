@@ -21,6 +21,7 @@ from napari_unpack.session.errors import listed
 from napari_unpack.session.labels import Edit, Judge, LabelData
 from napari_unpack.session.sight import SessionSight
 from napari_unpack.session.validation import MOST_ID, checked_ids
+from napari_unpack.tasks import Progress, Task
 from napari_unpack.unpacking import Queue
 
 
@@ -274,7 +275,7 @@ class SessionRepair(SessionSight):
 
         return RepairQuestion(answer)
 
-    def judge_by(self, judge: Callable[[Any], float] | None, scores: Mapping[int, float]) -> None:
+    def use_oracle(self, judge: Callable[[Any], float] | None, scores: Mapping[int, float]) -> None:
         """Take another confidence for the table and for repairs to come.
 
         Parameters
@@ -334,3 +335,32 @@ class SessionRepair(SessionSight):
                 f"{listed(str(names[i]) for i in away)} must be in the bag to be repaired: "
                 "restore first"
             )
+
+
+class LabelEditor:
+    """Tasks for split, merge, delete and paint; `apply` takes over a result.
+
+    Parameters
+    ----------
+    session : SessionRepair
+    """
+
+    def __init__(self, session: SessionRepair) -> None:
+        self._session = session
+
+    def __getattr__(self, name: str) -> Callable[..., Task[Any]]:
+        make = getattr(self._session, name.replace("_task", "_question"))
+
+        def task(*arguments: Any) -> Task[Any]:
+            question = make(*arguments)
+
+            def run(_: Progress) -> Any:
+                return question.answer()
+
+            return Task(question, run)
+
+        return task
+
+    def apply(self, result: Any) -> bool:
+        """Take over an edit; return False where the labels have changed since."""
+        return bool(self._session.accept_repair(result))
