@@ -11,8 +11,8 @@ from qtpy.QtWidgets import QApplication
 from napari_unpack.layers.compat import native_canvas
 from napari_unpack.layers.view_camera import same_camera
 from napari_unpack.viewer import redraw_throttle
+from napari_unpack.viewer.jobs import Jobs
 from napari_unpack.viewer.packed_renderer import PackedRenderer
-from napari_unpack.viewer.scheduler import Jobs
 
 
 @pytest.fixture

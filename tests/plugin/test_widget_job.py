@@ -6,6 +6,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.tasks import Cancelled, Progress, TaskResult
+from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.task_progress import TaskProgress
 
@@ -66,7 +67,7 @@ def test_cancelling_stops_the_work_at_its_next_report(qtbot: QtBot) -> None:
 
 
 def test_waiting_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> None:
-    waiting, started = TaskProgress("Nothing changes."), threading.Event()
+    waiting, started = TaskProgress(Scheduler(), "Nothing changes."), threading.Event()
     qtbot.addWidget(waiting)
     assert waiting.isHidden()
 

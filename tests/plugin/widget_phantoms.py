@@ -70,7 +70,7 @@ def at_rest(controller: Any, qtbot: QtBot) -> None:
 def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
     """Wait until the stage is at rest and the sections have heard of all that changed."""
     at_rest(panel.workspace.controller, qtbot)
-    qtbot.waitUntil(lambda: not panel.workspace._timer.isActive(), timeout=20000)
+    qtbot.waitUntil(lambda: panel.workspace.settled, timeout=20000)
 
 
 def states(session: Any) -> dict[int, str]:

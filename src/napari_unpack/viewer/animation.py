@@ -23,7 +23,7 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.viewer.scheduler import Clock
+from napari_unpack.viewer.jobs import Clock
 
 FADE_SECONDS = 0.3
 

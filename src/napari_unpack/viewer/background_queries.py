@@ -15,7 +15,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import object_patch, sprite_patch
 from napari_unpack.tasks import Task, no_progress
-from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
+from napari_unpack.viewer.jobs import Jobs, single_shot, stop
 
 REST_MS = 250
 

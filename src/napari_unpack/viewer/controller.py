@@ -30,10 +30,10 @@ from napari_unpack.viewer.background_queries import AtRest, Prefetch
 from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.clipping_sync import ClippingSync
 from napari_unpack.viewer.interaction import Hands, Pointer
+from napari_unpack.viewer.jobs import Jobs
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.redraw_throttle import RedrawThrottle
 from napari_unpack.viewer.scene_renderer import SceneRenderer
-from napari_unpack.viewer.scheduler import Jobs
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
 from napari_unpack.viewer.viewer_state import SavedViewerState
 

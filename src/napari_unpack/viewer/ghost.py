@@ -16,7 +16,7 @@ from napari_unpack.rendering.compose import object_patch
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.rendering.outlines import Silhouette, decorated
-from napari_unpack.viewer.scheduler import Clock, Jobs
+from napari_unpack.viewer.jobs import Clock, Jobs
 
 SECONDS = 0.18
 FILL = 0.4

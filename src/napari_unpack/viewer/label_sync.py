@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.viewer.scheduler import single_shot, stop
+from napari_unpack.viewer.jobs import single_shot, stop
 from napari_unpack.viewer.slice_sync import shows_labels
 
 QUIET_MS = 300

@@ -19,7 +19,7 @@ from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Ink, outlined
 from napari_unpack.viewer.direction_arrow import DirectionArrow
 from napari_unpack.viewer.ghost import Ghost
-from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
+from napari_unpack.viewer.jobs import Jobs, single_shot, stop
 
 REST_MS = 160
 

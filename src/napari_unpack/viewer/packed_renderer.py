@@ -21,7 +21,7 @@ from napari_unpack.rendering.subvolumes import Subvolume, SubvolumeCache
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.dirty_region import recast_objects
-from napari_unpack.viewer.scheduler import Jobs, single_shot, stop
+from napari_unpack.viewer.jobs import Jobs, single_shot, stop
 
 FEWEST_RAYS = 384
 FRAME_SECONDS = 0.055

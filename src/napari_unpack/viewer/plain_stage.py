@@ -18,7 +18,7 @@ from napari_unpack.viewer import controller
 from napari_unpack.viewer.background_queries import AtRest
 from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.controller import ControllerEvents, SessionController
-from napari_unpack.viewer.scheduler import Jobs
+from napari_unpack.viewer.jobs import Jobs
 from napari_unpack.viewer.viewer_state import SavedViewerState
 
 OPACITY = 0.9

@@ -9,7 +9,7 @@ from typing import Any
 from napari_unpack.layers.compat import is_drawing
 from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.viewer.scheduler import single_shot, stop
+from napari_unpack.viewer.jobs import single_shot, stop
 
 LONGEST_MS = 100
 """A redraw is put off at most so long: whatever else is in the scene turns with the bag."""

@@ -19,10 +19,10 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.viewer.animation import Animator, Glides
 from napari_unpack.viewer.canvas_backend import CanvasBackend
+from napari_unpack.viewer.jobs import Clock, Jobs
 from napari_unpack.viewer.layer_tables import set_table
 from napari_unpack.viewer.packed_renderer import PackedRenderer, VolumeUpload
 from napari_unpack.viewer.picking import pick_packed
-from napari_unpack.viewer.scheduler import Clock, Jobs
 from napari_unpack.viewer.sprite_renderer import SpriteRenderer
 from napari_unpack.viewer.transition_renderer import TransitionRenderer
 

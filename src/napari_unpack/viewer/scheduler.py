@@ -1,245 +1,610 @@
-"""Work for other threads: the newest request of each kind, results back on the main thread.
+"""Every thread, timer and animation frame of the viewer side.
 
-The clock of flights, about sixty ticks a second while something moves, and other timers.
+Results, progress and timers arrive on the main thread. Nothing else under `viewer`, `layers` and
+`widgets` starts threads or timers, so what runs when can be read here and nowhere else.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from threading import Lock
-from typing import Any
+from enum import Enum
+from functools import partial
+from time import monotonic, perf_counter
+from typing import Any, Protocol, TypeVar
 
 from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, QTimer, Signal
 from qtpy.QtGui import QGuiApplication
 
+from napari_unpack.tasks import Cancelled, Task, TaskResult
 
-def stop(timer: QTimer) -> None:
-    """Stop a timer, also one that Qt has deleted at the end of the application."""
-    with contextlib.suppress(RuntimeError):
-        timer.stop()
+T = TypeVar("T")
+Call = Callable[[], None]
 
+FRAME_MS = 16
+"""About sixty animation frames a second, as screens show them."""
 
-def single_shot(then: Callable[[], None], milliseconds: int = 0) -> QTimer:
-    """Return a timer that calls once, so long after it was started last."""
-    timer = QTimer()
-    timer.setSingleShot(True)
-    timer.setInterval(milliseconds)
-    timer.timeout.connect(then)
-    return timer
+PROGRESS_SECONDS = 1 / 30
+"""Progress is passed on no more often: more would only fill the event queue."""
 
 
-class Clock:
-    """Ticks while it is needed.
+class Worker(Enum):
+    """Where a task runs, and on how many threads."""
 
-    Parameters
-    ----------
-    tick : callable
-        Called with the time, s. Ticks that come late are dropped, never made up for, so a slow
-        machine shows fewer frames of the same flight.
-    now : callable
-        Returns the time, s.
-    """
-
-    def __init__(self, tick: Callable[[float], None], now: Callable[[], float]) -> None:
-        self._tick, self.now = tick, now
-        self._timer = QTimer()
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.setInterval(16)
-        self._timer.timeout.connect(self._on_timeout)
+    MOTION = "motion", 1
+    PREVIEW = "preview", 1
+    REFINE = "refine", 1
+    BACKGROUND = "background", 1
+    QUERY = "query", 1
+    # Segmenting takes minutes; a repair or a report must not wait for it.
+    LONG = "long", 4
 
     @property
-    def running(self) -> bool:
-        """Whether it ticks."""
-        return bool(self._timer.isActive())
+    def threads(self) -> int:
+        """The most tasks that run at once."""
+        return self.value[1]
 
-    def start(self) -> None:
-        """Tick from now on."""
-        if not self.running:
-            self._timer.start()
+
+class IdlePhase(Enum):
+    """What waits until nothing moves, by the milliseconds after the last movement."""
+
+    IMAGE = 120
+    QUERIES = 250
+
+
+class Timer(Protocol):
+    """A timer that can be started anew."""
+
+    @property
+    def active(self) -> bool:
+        """Whether it will fire."""
+
+    def start(self, milliseconds: int) -> None:
+        """Fire after so long from now, and not before."""
 
     def stop(self) -> None:
-        """Tick no more."""
-        stop(self._timer)
-
-    def _on_timeout(self) -> None:
-        self._tick(self.now())
+        """Do not fire."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Job:
-    lane: str
-    key: str
-    work: Callable[[], Any]
-    then: Callable[[Any], None]
+class Timers(Protocol):
+    """Makes timers, and tells their time; tests have one that is moved by hand."""
+
+    def make(self, call: Call, repeating: bool = False) -> Timer:
+        """Return a stopped timer."""
+
+    def now(self) -> float:
+        """Return the time, s."""
+
+
+class _QtTimer:
+    def __init__(self, call: Call, repeating: bool) -> None:
+        self._timer = QTimer()
+        self._timer.setSingleShot(not repeating)
+        if repeating:
+            # A coarse timer may be a frame late.
+            self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._call = call
+        # A bound method: Qt would keep whatever a function or a lambda knows.
+        self._timer.timeout.connect(self._fire)
+
+    def _fire(self) -> None:
+        self._call()
+
+    @property
+    def active(self) -> bool:
+        return bool(self._timer.isActive())
+
+    def start(self, milliseconds: int) -> None:
+        self._timer.start(milliseconds)
+
+    def stop(self) -> None:
+        # Qt may have deleted it at the end of the application.
+        with contextlib.suppress(RuntimeError):
+            self._timer.stop()
+
+
+class QtTimers:
+    """Timers of Qt's event loop."""
+
+    def make(self, call: Call, repeating: bool = False) -> Timer:
+        """Return a stopped timer."""
+        return _QtTimer(call, repeating)
+
+    def now(self) -> float:
+        """Return the time, s."""
+        return perf_counter()
 
 
 @dataclass(eq=False)
-class _Lane:
-    pool: ThreadPoolExecutor
-    running: _Job | None = None
-    waiting: dict[str, _Job] = field(default_factory=dict)
-    done: list[_Job] = field(default_factory=list)
-    """Whose results are on their way to the main thread."""
-
-
-class _Post(QObject):  # type: ignore[misc]
-    finished = Signal(object, object, object)
-
-
-class Jobs:
-    """Lanes of one thread each.
+class Job:
+    """A task on its way through a worker.
 
     Parameters
     ----------
-    lanes : tuple of str
-        Names. What is in one lane is done one after another, first asked first.
-    failed : callable
-        Told the text of an error in a job.
+    owner : Scheduler
+        Delivers the result.
+    worker : Worker
+    slot : hashable
+        Of those that wait in one slot only the newest is kept.
+    task : Task
+    progress : callable, optional
+        Given the fraction done and what is being done, on the main thread.
+    listeners : list of (callable, callable or None)
+        What takes the result, and what takes the error.
+    """
+
+    owner: Scheduler
+    worker: Worker
+    slot: Hashable
+    task: Task[Any]
+    progress: Callable[[float, str], None] | None
+    listeners: list[tuple[Callable[[Any], None], Callable[[Exception], None] | None]]
+    stopping: threading.Event = field(default_factory=threading.Event)
+
+    def run(self, report: Callable[[Job, float, str], None]) -> TaskResult[Any]:
+        """Run the task; `report` passes its progress on."""
+        last = 0.0
+
+        def progress(fraction: float, text: str) -> None:
+            nonlocal last
+            if self.stopping.is_set():
+                raise Cancelled
+            now = monotonic()
+            if self.progress is not None and (now - last >= PROGRESS_SECONDS or fraction >= 1.0):
+                last = now
+                report(self, float(fraction), str(text))
+
+        try:
+            return TaskResult(result=self.task.run(progress))
+        except Exception as error:
+            return TaskResult(error=error)
+
+
+class Workers(Protocol):
+    """Runs jobs; tests have one that runs them when told."""
+
+    def add(self, job: Job) -> None:
+        """Run a job when its worker gets to it."""
+
+    def jobs(self, owner: Scheduler) -> list[Job]:
+        """List an owner's jobs that wait, run, or are not delivered."""
+
+    def waiting(self, owner: Scheduler) -> list[Job]:
+        """List an owner's jobs that have not begun."""
+
+    def drop(self, job: Job) -> None:
+        """Forget a job that waits."""
+
+    def wait_while(self, waits: Callable[[], bool]) -> None:
+        """Go on drawing while something holds, without mouse and keyboard."""
+
+    def post(self, call: Call) -> None:
+        """Call soon, on the main thread; from any thread."""
+
+    def close(self) -> None:
+        """Start nothing more."""
+
+
+@dataclass(eq=False)
+class _Pool:
+    threads: int
+    executor: ThreadPoolExecutor
+    waiting: list[Job] = field(default_factory=list)
+    running: list[Job] = field(default_factory=list)
+    finished: list[Job] = field(default_factory=list)
+    """Their results are on their way to the main thread."""
+
+
+class _Post(QObject):  # type: ignore[misc]
+    finished = Signal(object, object)
+    progressed = Signal(object, float, str)
+    called = Signal(object)
+
+
+class ThreadWorkers:
+    """A pool of threads for each worker. First come, first served.
 
     Notes
     -----
-    A request replaces one of the same key that still waits. A job that already runs is finished
-    and its result delivered; whoever asked decides whether it is stale. A lane goes on with what
-    waits while the main thread is busy drawing; results come in the order of the jobs.
+    A worker goes on with what waits while the main thread is busy drawing; results come in the
+    order in which tasks were finished.
     """
 
-    def __init__(self, lanes: tuple[str, ...], failed: Callable[[str], None]) -> None:
-        self._lanes = {
-            name: _Lane(ThreadPoolExecutor(1, thread_name_prefix=f"unpack-{name}"))
-            for name in lanes
+    def __init__(self) -> None:
+        self._pools = {
+            worker: _Pool(
+                worker.threads, ThreadPoolExecutor(worker.threads, f"unpack-{worker.name}")
+            )
+            for worker in Worker
         }
-        self._failed = failed
-        self._lock = Lock()
+        self._lock = threading.Lock()
         self._closed = False
         self._post = _Post()
-        self._post.finished.connect(self._on_finished, Qt.ConnectionType.QueuedConnection)
+        self._post.finished.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
+        self._post.progressed.connect(_show_progress, Qt.ConnectionType.QueuedConnection)
+        self._post.called.connect(_call, Qt.ConnectionType.QueuedConnection)
 
-    @property
-    def busy(self) -> bool:
-        """Whether anything runs or waits."""
+    def add(self, job: Job) -> None:
+        """Run a job when its worker gets to it."""
         with self._lock:
-            return any(lane.running or lane.waiting or lane.done for lane in self._lanes.values())
+            pool = self._pools[job.worker]
+            pool.waiting.append(job)
+            self._start(pool)
 
-    def has(self, key: str, within: str | None = None) -> bool:
-        """Return whether a job of this key, in one lane or any, runs, waits, or is undelivered."""
+    def jobs(self, owner: Scheduler) -> list[Job]:
+        """List an owner's jobs that wait, run, or are not delivered."""
         with self._lock:
-            return any(
-                key in lane.waiting
-                or any(job.key == key for job in lane.done)
-                or (lane.running is not None and lane.running.key == key)
-                for name, lane in self._lanes.items()
-                if within in (None, name)
-            )
+            pools = self._pools.values()
+            found = [j for p in pools for part in (p.finished, p.running, p.waiting) for j in part]
+        return [job for job in found if job.owner is owner]
 
-    @property
-    def turning(self) -> bool:
-        """Whether a picture of the bag as it moves is on its way: nothing has come to rest.
+    def waiting(self, owner: Scheduler) -> list[Job]:
+        """List an owner's jobs that have not begun."""
+        with self._lock:
+            return [j for p in self._pools.values() for j in p.waiting if j.owner is owner]
 
-        Where the machine is slow, redraws are further apart than a camera takes to rest.
-        """
-        return self.has("packed", "quick")
+    def drop(self, job: Job) -> None:
+        """Forget a job that waits."""
+        with self._lock:
+            waiting = self._pools[job.worker].waiting
+            if job in waiting:
+                waiting.remove(job)
 
-    def ask(
-        self, lane: str, key: str, work: Callable[[], Any], then: Callable[[Any], None]
-    ) -> None:
-        """Have work done in a lane.
-
-        Parameters
-        ----------
-        lane, key : str
-            Where, and what kind of request it is.
-        work : callable
-            Runs in the lane's thread; must touch neither Qt nor GL.
-        then : callable
-            Takes the result on the main thread.
-        """
-        if self._closed:
+    def wait_while(self, waits: Callable[[], bool]) -> None:
+        """Go on drawing while something holds, without mouse and keyboard."""
+        if not waits():
             return
-        with self._lock:
-            self._lanes[lane].waiting[key] = _Job(lane, key, work, then)
-            self._start(self._lanes[lane])
-
-    def do(self, lane: str, key: str, work: Callable[[], Any]) -> Any:
-        """Have work done in a lane and return its result, drawing meanwhile.
-
-        Parameters
-        ----------
-        lane, key, work
-            As for `ask`.
-
-        Returns
-        -------
-        object
-            None if the work failed (which `failed` was told) or the lanes were closed meanwhile.
-
-        Notes
-        -----
-        The mouse and the keyboard wait until it is done, so that nobody asks again.
-        """
-        found: list[Any] = []
-        self.ask(lane, key, work, found.append)
-        self.wait(key)
-        return found[0] if found else None
-
-    def wait(self, key: str) -> None:
-        """Wait until no job of a key runs or waits, drawing meanwhile; see `do`."""
-        if not self.has(key):
-            return
+        flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
         QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
-            while self.has(key) and not self._closed:
-                flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
+            while waits():
                 QCoreApplication.processEvents(
                     flags | QEventLoop.ProcessEventsFlag.WaitForMoreEvents
                 )
         finally:
             QGuiApplication.restoreOverrideCursor()
 
-    def drop(self, key: str) -> None:
-        """Forget what waits under a key."""
-        with self._lock:
-            for lane in self._lanes.values():
-                lane.waiting.pop(key, None)
+    def post(self, call: Call) -> None:
+        """Call soon, on the main thread; from any thread."""
+        self._post.called.emit(call)
 
     def close(self) -> None:
-        """Forget everything; what runs is finished and its result thrown away."""
+        """Start nothing more; what runs is finished, and its result thrown away."""
         with self._lock:
             self._closed = True
-            for lane in self._lanes.values():
-                lane.waiting.clear()
-                lane.pool.shutdown(wait=False, cancel_futures=True)
+            for pool in self._pools.values():
+                pool.waiting.clear()
+                pool.executor.shutdown(wait=False, cancel_futures=True)
 
-    def _start(self, lane: _Lane) -> None:
-        # Under the lock.
-        if lane.running is not None or not lane.waiting or self._closed:
-            return
-        job = lane.running = lane.waiting.pop(next(iter(lane.waiting)))
-        lane.pool.submit(self._run, job)
+    def _start(self, pool: _Pool) -> None:
+        # Under the lock. Two tasks of one slot would race for what they both replace.
+        while len(pool.running) < pool.threads and not self._closed:
+            taken = {(job.owner, job.slot) for job in pool.running}
+            job = next((j for j in pool.waiting if (j.owner, j.slot) not in taken), None)
+            if job is None:
+                return
+            pool.waiting.remove(job)
+            pool.running.append(job)
+            pool.executor.submit(self._run, job)
 
-    def _run(self, job: _Job) -> None:
-        result, error = None, None
-        try:
-            result = job.work()
-        except Exception as caught:
-            error = caught
+    def _run(self, job: Job) -> None:
+        result = job.run(self._post.progressed.emit)
         with self._lock:
             if self._closed:
                 return
-            lane = self._lanes[job.lane]
-            lane.running = None
-            lane.done.append(job)
-            self._start(lane)
-        self._post.finished.emit(job, result, error)
+            pool = self._pools[job.worker]
+            pool.running.remove(job)
+            pool.finished.append(job)
+            self._start(pool)
+        self._post.finished.emit(job, result)
 
-    def _on_finished(self, job: _Job, result: Any, error: Exception | None) -> None:
-        if self._closed:
-            return
+    def _deliver(self, job: Job, result: TaskResult[Any]) -> None:
         with self._lock:
-            self._lanes[job.lane].done.remove(job)
-        if error is None:
-            job.then(result)
-        else:
-            self._failed(f"{job.key}: {error}")
+            self._pools[job.worker].finished.remove(job)
+        job.owner.deliver(job, result)
+
+
+def _show_progress(job: Job, fraction: float, text: str) -> None:
+    if job.progress is not None and not job.owner.closed:
+        job.progress(fraction, text)
+
+
+def _call(call: Call) -> None:
+    call()
+
+
+class Animation:
+    """Ticks while it is needed; see `Scheduler.animate`."""
+
+    def __init__(
+        self, tick: Callable[[float], None], now: Callable[[], float], changed: Call
+    ) -> None:
+        self.tick, self.now, self._changed = tick, now, changed
+        self.running = False
+
+    def start(self) -> None:
+        """Tick from now on."""
+        self.running = True
+        self._changed()
+
+    def stop(self) -> None:
+        """Tick no more."""
+        self.running = False
+        self._changed()
+
+
+@dataclass(eq=False)
+class _Idle:
+    timer: Timer
+    milliseconds: int
+    calls: list[Call] = field(default_factory=list)
+    holds: dict[str, Callable[[], bool]] = field(default_factory=dict)
+
+
+class Scheduler:
+    """Says what runs when, for one dock widget or one controller.
+
+    Parameters
+    ----------
+    failed : callable, optional
+        Given a sentence when a task without a `failed` of its own raised an error.
+    workers : Workers, optional
+        By default a set of threads of its own, which `close` ends.
+    timers : Timers, optional
+        By default Qt's.
+
+    Notes
+    -----
+    To be used on the main thread, but for `soon`.
+    """
+
+    def __init__(
+        self,
+        failed: Callable[[str], None] | None = None,
+        workers: Workers | None = None,
+        timers: Timers | None = None,
+    ) -> None:
+        self.closed = False
+        self._failed = failed
+        self._owns_workers = workers is None
+        self._workers: Workers = ThreadWorkers() if workers is None else workers
+        self._timers: Timers = QtTimers() if timers is None else timers
+        self._debounced: dict[Hashable, tuple[Timer, list[Call]]] = {}
+        self._animations: list[Animation] = []
+        self._frames = self._timers.make(self._on_frame, repeating=True)
+        self._idle = {
+            phase: _Idle(self._timers.make(partial(self._on_idle, phase)), phase.value)
+            for phase in IdlePhase
+        }
+
+    def scope(self, failed: Callable[[str], None] | None = None) -> Scheduler:
+        """Return a scheduler on the same threads whose slots, timers and end are its own."""
+        return Scheduler(failed, self._workers, self._timers)
+
+    # Tasks.
+
+    @property
+    def busy(self) -> bool:
+        """Whether any task waits, runs or is not delivered."""
+        return bool(self._workers.jobs(self))
+
+    def has(self, slot: Hashable, worker: Worker | None = None) -> bool:
+        """Return whether a task of a slot waits, runs or is not delivered, in one worker or any."""
+        return any(
+            job.slot == slot and worker in (None, job.worker) for job in self._workers.jobs(self)
+        )
+
+    def submit(
+        self,
+        task: Task[T],
+        worker: Worker,
+        done: Callable[[T], None],
+        progress: Callable[[float, str], None] | None = None,
+        failed: Callable[[Exception], None] | None = None,
+        slot: Hashable | None = None,
+    ) -> None:
+        """Run a task in a worker.
+
+        Parameters
+        ----------
+        task : Task
+            Touches neither Qt nor GL.
+        worker : Worker
+        done : callable
+            Takes the result.
+        progress : callable, optional
+            Takes the fraction done, in [0, 1], and what is being done.
+        failed : callable, optional
+            Takes the error, `Cancelled` among them; by default the scheduler's own `failed` does.
+        slot : hashable, optional
+            Replaces what waits in this slot of the worker; by default the task's key. Where a
+            task of the same key waits or runs in a given slot, its result serves both.
+        """
+        if self.closed:
+            return
+        place = task.key if slot is None else slot
+        here = [j for j in self._workers.jobs(self) if (j.worker, j.slot) == (worker, place)]
+        same = [j for j in here if slot is not None and j.task.key == task.key]
+        if same:
+            same[-1].listeners.append((done, failed))
+            return
+        for job in self._workers.waiting(self):
+            if (job.worker, job.slot) == (worker, place):
+                self._workers.drop(job)
+        self._workers.add(Job(self, worker, place, task, progress, [(done, failed)]))
+
+    def run_modal(self, task: Task[T], worker: Worker, slot: Hashable | None = None) -> T | None:
+        """Run a task and return its result, drawing meanwhile.
+
+        Parameters
+        ----------
+        task, worker, slot
+            As for `submit`.
+
+        Returns
+        -------
+        object
+            None if the task failed or the scheduler was closed meanwhile.
+
+        Notes
+        -----
+        Mouse and keyboard wait until it is done, so that nothing else is asked for.
+        """
+        found: list[T] = []
+        place = task.key if slot is None else slot
+        self.submit(task, worker, found.append, slot=slot)
+        self._workers.wait_while(lambda: not (found or self.closed) and self.has(place, worker))
+        return found[0] if found else None
+
+    def cancel(self, slot: Hashable) -> None:
+        """Forget what waits in a slot, and ask what runs in it to stop at its next report."""
+        waiting = self._workers.waiting(self)
+        for job in self._workers.jobs(self):
+            if job.slot == slot:
+                job.stopping.set()
+                if job in waiting:
+                    self._workers.drop(job)
+                    self.deliver(job, TaskResult(error=Cancelled()))
+
+    def deliver(self, job: Job, result: TaskResult[Any]) -> None:
+        """Hand a result over; called by the workers."""
+        for done, failed in job.listeners:
+            if self.closed:
+                return
+            if result.error is None:
+                done(result.result)
+            elif failed is not None:
+                failed(result.error)
+            elif self._failed is not None and not result.cancelled:
+                self._failed(f"{job.slot}: {result.error}")
+
+    # Timers.
+
+    def soon(self, call: Call) -> None:
+        """Call once the event loop gets to it; from any thread."""
+        self._workers.post(lambda: None if self.closed else call())
+
+    def later(self, milliseconds: int, call: Call) -> None:
+        """Call once, after so long."""
+        self.debounce(object(), milliseconds, call)
+
+    def debounce(self, key: Hashable, milliseconds: int, call: Call) -> None:
+        """Call once, so long after this was last asked for under a key."""
+        if self.closed:
+            return
+        known = self._debounced.get(key)
+        if known is None:
+            calls = [call]
+
+            def fire() -> None:
+                del self._debounced[key]
+                calls[0]()
+
+            known = self._debounced[key] = self._timers.make(fire), calls
+        known[1][0] = call
+        known[0].start(milliseconds)
+
+    def throttle(self, key: Hashable, milliseconds: int, call: Call) -> None:
+        """Call once, so long after this was first asked for under a key."""
+        if not self.pending(key):
+            self.debounce(key, milliseconds, call)
+
+    def pending(self, key: Hashable) -> bool:
+        """Return whether a call of `debounce` or `throttle` is to come."""
+        return key in self._debounced
+
+    def forget(self, key: Hashable) -> None:
+        """Do not make a call of `debounce` or `throttle`."""
+        if key in self._debounced:
+            self._debounced.pop(key)[0].stop()
+
+    # Idle phases.
+
+    def on_idle(self, phase: IdlePhase, call: Call) -> None:
+        """Call whenever a phase is reached after `touch`."""
+        self._idle[phase].calls.append(call)
+
+    def touch(self, *phases: IdlePhase) -> None:
+        """Take note that something moved: phases, all where none is named, begin anew."""
+        for phase in phases or IdlePhase:
+            if not self.closed:
+                self._idle[phase].timer.start(self._idle[phase].milliseconds)
+
+    def skip_idle(self, phase: IdlePhase) -> None:
+        """Do not call until the next `touch`: what would be done at rest has been begun."""
+        self._idle[phase].timer.stop()
+
+    def idle_pending(self, phase: IdlePhase) -> bool:
+        """Return whether the calls of a phase are to come."""
+        return self._idle[phase].timer.active
+
+    def set_idle_delay(self, phase: IdlePhase, milliseconds: int) -> None:
+        """Wait longer where frames are slow and far apart; never less than the phase's own time."""
+        self._idle[phase].milliseconds = max(phase.value, milliseconds)
+
+    def hold_idle(self, reason: str, held: Callable[[], bool], *phases: IdlePhase) -> None:
+        """Put phases, all where none is named, off as long as something holds."""
+        for phase in phases or IdlePhase:
+            self._idle[phase].holds[reason] = held
+
+    def idle_held(self, phase: IdlePhase) -> bool:
+        """Return whether something puts a phase off."""
+        return any(held() for held in self._idle[phase].holds.values())
+
+    def _on_idle(self, phase: IdlePhase) -> None:
+        if self.closed:
+            return
+        if self.idle_held(phase):
+            self.touch(phase)
+            return
+        for call in tuple(self._idle[phase].calls):
+            call()
+
+    # Animation.
+
+    def animate(
+        self, tick: Callable[[float], None], now: Callable[[], float] | None = None
+    ) -> Animation:
+        """Return an animation, which is to be started.
+
+        Parameters
+        ----------
+        tick : callable
+            Called about sixty times a second with the time, s. Frames that come late are left
+            out, never made up for, so a slow machine shows fewer frames of the same flight.
+        now : callable, optional
+            Returns the time; by default the scheduler's.
+        """
+        made = Animation(tick, self._timers.now if now is None else now, self._on_animations)
+        self._animations.append(made)
+        return made
+
+    def _on_animations(self) -> None:
+        wanted = not self.closed and any(one.running for one in self._animations)
+        if wanted and not self._frames.active:
+            self._frames.start(FRAME_MS)
+        elif not wanted:
+            self._frames.stop()
+
+    def _on_frame(self) -> None:
+        for one in tuple(self._animations):
+            if one.running:
+                one.tick(one.now())
+
+    def close(self) -> None:
+        """Forget everything; what runs is asked to stop and its result thrown away."""
+        self.closed = True
+        for job in self._workers.jobs(self):
+            job.stopping.set()
+            self._workers.drop(job)
+        for timer, _ in self._debounced.values():
+            timer.stop()
+        self._debounced.clear()
+        for idle in self._idle.values():
+            idle.timer.stop()
+        self._frames.stop()
+        if self._owns_workers:
+            self._workers.close()

@@ -10,7 +10,7 @@ import numpy as np
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import sprite_patch
-from napari_unpack.viewer.scheduler import Jobs
+from napari_unpack.viewer.jobs import Jobs
 
 PIXELS_PER_VOXEL = 6.0
 """No sprite is finer than this: more pixels show nothing more."""

@@ -18,7 +18,7 @@ from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
 from napari_unpack.rendering.upsampling import has_stairs
 from napari_unpack.viewer.animation import Moving
 from napari_unpack.viewer.canvas_backend import CanvasBackend
-from napari_unpack.viewer.scheduler import Jobs
+from napari_unpack.viewer.jobs import Jobs
 
 FRAME_SECONDS = 0.025
 GL_FRAME_SECONDS = 0.008

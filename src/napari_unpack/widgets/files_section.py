@@ -143,7 +143,7 @@ class FilesSection(Section):
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
         self.fps.setToolTip("Pictures a second of films.")
-        self.waiting = TaskProgress("Stop; no half file is left.")
+        self.waiting = TaskProgress(workspace.scheduler, "Stop; no half file is left.")
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)

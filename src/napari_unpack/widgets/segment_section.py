@@ -67,7 +67,9 @@ class SegmentSection(Section):
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
-        self.waiting = TaskProgress("Stop the work; nothing that is open changes.")
+        self.waiting = TaskProgress(
+            workspace.scheduler, "Stop the work; nothing that is open changes."
+        )
         self.options = SegmentOptions()
         self._arrange()
 

@@ -1,7 +1,4 @@
-"""What a section shows while it works: a bar, what is being done, and Cancel.
-
-A progress bar that moves smoothly between the steps it is told.
-"""
+"""What a section shows while it works: a bar that moves smoothly, what is being done, Cancel."""
 
 from __future__ import annotations
 
@@ -11,8 +8,8 @@ from typing import Any
 from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Signal
 from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
-from napari_unpack.tasks import Progress, TaskResult
-from napari_unpack.widgets.job import Job
+from napari_unpack.tasks import Progress, Task, TaskResult
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.section import button, column, label
 
 STEPS = 1000
@@ -57,18 +54,21 @@ class TaskProgress(QWidget):
 
     Parameters
     ----------
+    scheduler : Scheduler
     promise : str
         What Cancel leaves as it was, for its tooltip.
     """
 
     ended = Signal(object)
 
-    def __init__(self, promise: str) -> None:
+    def __init__(self, scheduler: Scheduler, promise: str) -> None:
         super().__init__()
+        self._scheduler = scheduler
+        # Its own slot: sections work at the same time.
+        self._slot = object()
         self.bar = GlidingBar()
         self.told = label("", "hint", wrap=True)
         self.cancel = button("Cancel", promise)
-        self.job = Job(self)
         layout = column(self)
         layout.addWidget(self.bar)
         line = QHBoxLayout()
@@ -76,14 +76,12 @@ class TaskProgress(QWidget):
         line.addWidget(self.cancel)
         layout.addLayout(line)
         self.cancel.clicked.connect(self.stop)
-        self.job.progressed.connect(self._show)
-        self.job.ended.connect(self._end)
         self.hide()
 
     @property
     def running(self) -> bool:
         """Whether work is under way."""
-        return self.job.running
+        return self._scheduler.has(self._slot)
 
     def begin(self, work: Callable[[Progress], Any]) -> None:
         """Begin work, and show how far it is.
@@ -91,14 +89,22 @@ class TaskProgress(QWidget):
         Parameters
         ----------
         work : callable
-            As `Job.start` takes it.
+            Takes a `Progress`, returns the result; touches no Qt and no GL.
 
         Raises
         ------
         RuntimeError
             If earlier work is still under way.
         """
-        self.job.start(work)
+        if self.running:
+            raise RuntimeError("earlier work is still under way; cancel it first")
+        self._scheduler.submit(
+            Task(self._slot, work),
+            Worker.LONG,
+            lambda result: self._end(TaskResult(result)),
+            self._show,
+            lambda error: self._end(TaskResult(error=error)),
+        )
         self.cancel.setEnabled(True)
         self.bar.start()
         self.told.setText("Starting")
@@ -108,7 +114,7 @@ class TaskProgress(QWidget):
         """Ask the work to stop; harmless when nothing runs."""
         self.cancel.setEnabled(False)
         self.told.setText("Stopping")
-        self.job.cancel()
+        self._scheduler.cancel(self._slot)
 
     def _show(self, fraction: float, text: str) -> None:
         self.bar.glide(fraction)

@@ -148,7 +148,7 @@ class UnpackingWidget(QWidget):
         self.color.picture.end()
         self._watch.end()
         self.ways.end()
-        self.workspace.close()
+        self.workspace.end()
         self.keys.close()
         self._viewer.events.theme.disconnect(self._dress)
 

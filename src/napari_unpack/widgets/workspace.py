@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from qtpy.QtCore import QObject, QTimer, Signal
+from qtpy.QtCore import QObject, Signal
 
 from napari_unpack.session.containers import OpenedBefore
+from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.widgets import notifications
 
 _GATHER_MS = 30
@@ -31,6 +32,11 @@ class Workspace(QObject):
     viewer : napari.Viewer
         Or the public proxy of it that plugins get.
     parent : QObject, optional
+
+    Attributes
+    ----------
+    scheduler : Scheduler
+        Runs everything of the panel and its stage.
     """
 
     staged = Signal()
@@ -44,10 +50,7 @@ class Workspace(QObject):
         self.controller: Any = None
         self._camera: Any = None
         self._news: set[str] = set()
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(_GATHER_MS)
-        self._timer.timeout.connect(self._publish)
+        self.scheduler = Scheduler(notifications.inform)
         self._heard.connect(self._gather)
         self._told.connect(notifications.inform)
         self._links: list[tuple[Any, Any]] = []
@@ -58,6 +61,11 @@ class Workspace(QObject):
     def session(self) -> Any:
         """The session on the stage, or None."""
         return None if self.controller is None else self.controller.session
+
+    @property
+    def settled(self) -> bool:
+        """Whether every change has been handed to the sections."""
+        return not self.scheduler.pending(self._publish)
 
     def open(
         self, session: Any, sources: Sequence[Any] = (), camera: Any = None, **settings: Any
@@ -139,13 +147,18 @@ class Workspace(QObject):
             self._forget()
             controller.close()
 
+    def end(self) -> None:
+        """Take the stage down for good; nothing runs or is delivered after."""
+        self.close()
+        self.scheduler.close()
+
     def _forget(self) -> None:
         if self.controller is None:
             return
         for signal, slot in self._links:
             signal.disconnect(slot, missing_ok=True)
         self._links.clear()
-        self._timer.stop()
+        self.scheduler.forget(self._publish)
         self._news.clear()
         self.controller = None
         self._outer = []
@@ -157,8 +170,7 @@ class Workspace(QObject):
 
     def _gather(self, name: str) -> None:
         self._news.add(name)
-        if not self._timer.isActive():
-            self._timer.start()
+        self.scheduler.throttle(self._publish, _GATHER_MS, self._publish)
 
     def _publish(self) -> None:
         news, self._news = frozenset(self._news), set()
