@@ -16,7 +16,7 @@ def slow(staged, monkeypatch):
     viewer, controller = staged
     controller.recolor_at_rest = False
     assert controller.settle(30)
-    monkeypatch.setattr(animation, "SECONDS", 1e9)
+    monkeypatch.setattr(animation, "FADE_SECONDS", 1e9)
     controller.fade.allowed = True
     yield viewer, controller
     monkeypatch.undo()
