@@ -2,8 +2,7 @@ import cc3d
 import numpy as np
 import pytest
 
-from napari_unpack.simulation import kinds_clothing, kinds_containers
-from napari_unpack.simulation.catalogue import KINDS
+from napari_unpack.simulation.catalogue import BUILDERS, KINDS
 from napari_unpack.simulation.planning import plan
 from napari_unpack.simulation.rasterizing import rasterize
 
@@ -13,7 +12,7 @@ MODELLED = [kind for kind in KINDS if kind.build is not None]
 
 def raster_of(build, seed, length, wall=1.6):
     thing = build(np.random.default_rng(seed), length, wall)
-    return rasterize(thing.program, thing.lower, thing.upper, np.eye(3), CUBE)
+    return rasterize(thing.clay, np.eye(3), CUBE)
 
 
 @pytest.mark.parametrize("kind", MODELLED, ids=lambda kind: kind.name)
@@ -50,8 +49,8 @@ def test_a_plan_counts_what_containers_hold(count):
 
 
 def test_a_bottle_is_one_object_of_water_and_air_above_it():
-    seed = next(s for s in range(50) if _name(kinds_containers.bottle, s) == "water bottle")
-    raster = raster_of(kinds_containers.bottle, seed, 100.0)
+    seed = next(s for s in range(50) if _name(BUILDERS["bottle"], s) == "water bottle")
+    raster = raster_of(BUILDERS["bottle"], seed, 100.0)
     middle = raster.inside.shape[0] // 2, raster.inside.shape[2] * 7 // 10
     column = raster.density[middle[0], :, middle[1]]
     inside = raster.inside[middle[0], :, middle[1]]
@@ -67,9 +66,9 @@ def test_a_bottle_is_one_object_of_water_and_air_above_it():
 def test_water_stays_level_however_the_bottle_is_turned():
     from napari_unpack.simulation.clay import turned
 
-    seed = next(s for s in range(50) if _name(kinds_containers.bottle, s) == "water bottle")
-    thing = kinds_containers.bottle(np.random.default_rng(seed), 80.0, 1.6)
-    raster = rasterize(thing.program, thing.lower, thing.upper, turned("z", 30.0), CUBE)
+    seed = next(s for s in range(50) if _name(BUILDERS["bottle"], s) == "water bottle")
+    thing = BUILDERS["bottle"](np.random.default_rng(seed), 80.0, 1.6)
+    raster = rasterize(thing.clay, turned("z", 30.0), CUBE)
     water = np.abs(raster.density - 1000) < 1
     air = raster.inside & (raster.density < 5)
     shore = water & (np.roll(air, 1, 1) | np.roll(air, 2, 1))
@@ -78,7 +77,7 @@ def test_water_stays_level_however_the_bottle_is_turned():
 
 
 def test_a_boot_is_open_and_its_shaft_is_not_part_of_it():
-    raster = raster_of(kinds_clothing.boot, 0, 100.0)
+    raster = raster_of(BUILDERS["boot"], 0, 100.0)
     opening = raster.inside[raster.inside.shape[0] // 2, 12]
     leather = np.flatnonzero(opening)
     gap = np.diff(leather).max()
@@ -87,17 +86,17 @@ def test_a_boot_is_open_and_its_shaft_is_not_part_of_it():
 
 def test_a_closed_carton_owns_the_air_inside():
     for seed in range(40):
-        thing = kinds_containers.carton(np.random.default_rng(seed), 60.0, 1.6)
+        thing = BUILDERS["carton"](np.random.default_rng(seed), 60.0, 1.6)
         if thing.room is not None:
             break
-    raster = rasterize(thing.program, thing.lower, thing.upper, np.eye(3), CUBE)
+    raster = rasterize(thing.clay, np.eye(3), CUBE)
     middle = tuple(n // 2 for n in raster.inside.shape)
     assert raster.inside[middle]
     assert raster.density[middle] < 5
 
 
 def test_edges_are_antialiased():
-    raster = raster_of({k.name: k.build for k in KINDS}["ball"], 0, 60.0)
+    raster = raster_of(BUILDERS["ball"], 0, 60.0)
     partial = (raster.density > 50) & (raster.density < 800)
     assert partial.sum() > 1000
 

@@ -17,7 +17,13 @@ from napari_unpack.simulation.shell import Shell
 from napari_unpack.tasks import Progress
 
 SMALLEST_SHAPE = 24
+"""Voxels of the shortest edge: in less, shell and margins leave no room for things."""
+
 MOST_OBJECTS = 2000
+"""Far below `nestling.WALL`, the label that means no room."""
+
+VAIN_TRIES = 5
+"""Small things that find no place before the bag counts as full."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +113,7 @@ def simulate_bag(
         report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
         packing.add(order, rng)
     in_vain = 0
-    while len(packing.records) < count and in_vain < 5:
+    while len(packing.records) < count and in_vain < VAIN_TRIES:
         in_vain += not packing.add(trifle(rng, size, mm), rng)
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)

@@ -1,7 +1,8 @@
-"""A modelled object before it is packed."""
+"""A modelled object before it is packed, and the kind it is of."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,10 +27,8 @@ class Blueprint:
     ----------
     kind, name, material : str
         For the table of objects; the material is the one it mostly is.
-    program : (N, ROW) ndarray of float64
-        How it is painted, see `Clay`.
-    lower, upper : (3,) ndarray of float64
-        Its box in its own frame, mm, z y x.
+    clay : Clay
+        Its shape and what it is painted with.
     rests : tuple of (3, 3) ndarray
         The ways it may lie (world from object), before it is turned about the vertical.
     square : bool
@@ -41,24 +40,34 @@ class Blueprint:
     kind: str
     name: str
     material: str
-    program: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    clay: Clay
     rests: tuple[Rotation, ...] = (FLAT,)
     square: bool = False
     room: tuple[float, float, float] | None = None
 
 
-def blueprint(
-    kind: str,
-    name: str,
-    material: str,
-    clay: Clay,
-    rests: tuple[Rotation, ...] = (FLAT,),
-    square: bool = False,
-    room: tuple[float, float, float] | None = None,
-) -> Blueprint:
-    """Make a blueprint of what was modelled."""
-    return Blueprint(
-        kind, name, material, clay.program(), clay.lower, clay.upper, rests, square, room
-    )
+Builder = Callable[[np.random.Generator, float, float], Blueprint]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of object.
+
+    Parameters
+    ----------
+    name : str
+        As it stands in the table of objects.
+    build : callable
+        Models one from a random generator, its longest extent (mm) and the thinnest wall that
+        the scanner resolves (mm). It lies along x, its face upwards (-y). None for cloth, which
+        is draped.
+    lengths : (float, float)
+        Longest extent, as a share of the bag's.
+    often : float
+        How often it is met, against the others.
+    """
+
+    name: str
+    build: Builder | None
+    lengths: tuple[float, float]
+    often: float

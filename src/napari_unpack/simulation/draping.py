@@ -58,9 +58,20 @@ class Draped:
 
 
 def tailor(rng: np.random.Generator, kind: str, length: float, wall: float) -> Cloth:
-    """Return a sweater, trousers or scarf of a given length (mm)."""
+    """Return a sweater, trousers or scarf of a given length (mm).
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Chooses the thickness.
+    kind : {"sweater", "trousers", "scarf"}
+        What it is.
+    length, wall : float
+        Longest extent, and the thinnest wall that is resolved, mm.
+    """
     material = {"sweater": "wool", "trousers": "denim", "scarf": "cotton"}[kind]
     name = {"sweater": "knitted sweater", "trousers": "jeans", "scarf": "scarf"}[kind]
+    # Folded clothes are a tenth of their length thick; thinner than 3 walls the layers vanish.
     thickness = max(length * rng.uniform(0.10, 0.15), 3.0 * wall)
     return Cloth(kind, name, material, length, thickness)
 
@@ -86,6 +97,7 @@ def drape(
     Draped or None
         None where it fits nowhere.
     """
+    # Twenty places are judged at a few points; only the four best are laid, which is slow.
     tries = [_place(rng, cloth, stack, spacing) for _ in range(20)]
     laid = [(cost, place) for cost, place in tries if np.isfinite(cost)]
     for _, (z, x, angle) in sorted(laid, key=lambda pair: pair[0])[:4]:
@@ -102,6 +114,7 @@ def _place(
     open_columns = np.argwhere(stack.height > BLOCKED)
     low, high = open_columns.min(axis=0), open_columns.max(axis=0)
     z, x = rng.uniform(low, high)
+    # People lay clothes square to the bag, nearly.
     angle = rng.choice([0.0, 90.0, 180.0, 270.0]) + rng.normal(0.0, 9.0)
     step = 3
     zz, xx = np.mgrid[0 : stack.height.shape[0] : step, 0 : stack.height.shape[1] : step]
@@ -141,6 +154,7 @@ def _lay(
     rows = np.arange(top, bottom)[None, :, None]
     surface, base = over[:, None, :], under[:, None, :] - 0.5
     shown = covered[:, None, :]
+    # One row of overlap less below: cloth that rests on a thing takes none of its voxels.
     inside = (rows > surface - 0.5) & (rows < base) & shown
     cover = np.clip(np.minimum(rows - surface + 0.5, base - rows) + 0.5, 0.0, 1.0) * shown
     weave = _weave(rng, cloth, (base - rows) / np.maximum(thick, 1.0)[:, None, :], spacing)

@@ -1,4 +1,4 @@
-"""Boots, shoes, rolled socks, belts and towels; see `kinds_containers` for the arguments.
+"""Boots, shoes, rolled socks, belts and towels.
 
 Clothes that give way to what they lie on are made in `draping`.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.simulation.blueprint import FLAT, SIDE, Blueprint, blueprint
+from napari_unpack.simulation.blueprint import FLAT, SIDE, Blueprint, Kind
 from napari_unpack.simulation.clay import (
     ACROSS,
     KNIT,
@@ -28,7 +28,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a laced boot, its open shaft empty: welt, heel, tread and laces."""
     skin = max(0.028 * L, 1.4 * wall)
     clay = Clay()
@@ -54,10 +54,10 @@ def boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         y, x = (0.13 - 0.115 * i) * L, (-0.02 + 0.045 * max(0.0, 1 - i / 1.5)) * L
         clay.start(round_cone(0.02 * L, 0.02 * L, 0.075 * L), (0, y, x), ACROSS @ turned("z", 8.0))
         clay.paint("cotton")
-    return blueprint("boot", "boot", "leather", clay, (SIDE, SIDE.T, FLAT))
+    return Blueprint("boot", "boot", "leather", clay, (SIDE, SIDE.T, FLAT))
 
 
-def shoe(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _shoe(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a running shoe: thick sole, toe cap, tongue, laces and an open collar."""
     skin = max(0.024 * L, 1.4 * wall)
     clay = Clay()
@@ -81,10 +81,10 @@ def shoe(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for i in range(4):
         x, y = (-0.02 + 0.065 * i) * L, (-0.148 + 0.012 * i) * L
         clay.start(round_cone(0.018 * L, 0.018 * L, 0.065 * L), (0, y, x), ACROSS).paint("nylon")
-    return blueprint("shoe", "running shoe", "rubber", clay, (FLAT, SIDE, SIDE.T))
+    return Blueprint("shoe", "running shoe", "rubber", clay, (FLAT, SIDE, SIDE.T))
 
 
-def socks(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _socks(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a pair of socks rolled up, the cuff folded over the roll."""
     r = L * rng.uniform(0.33, 0.38)
     clay = Clay()
@@ -93,10 +93,10 @@ def socks(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(round_cone(0.03 * L, 0.1 * L, 0.1 * L), (0, 0, 0.42 * L), soft=0.05 * L)
     clay.join(arc(0.75 * r, 0.1 * L), (0, 0, -0.36 * L), STANDING, soft=0.05 * L)
     clay.paint("cotton", texture=ROLLED, grain=max(0.13 * L, 3 * wall), depth=0.35)
-    return blueprint("socks", "rolled socks", "cotton", clay, (FLAT,))
+    return Blueprint("socks", "rolled socks", "cotton", clay, (FLAT,))
 
 
-def rolled_towel(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _rolled_towel(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a rolled towel: a spiral of terry cloth and its loose edge."""
     r = L * rng.uniform(0.17, 0.2)
     clay = Clay()
@@ -109,10 +109,10 @@ def rolled_towel(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.cut(coil, (0, 0, side * 0.49 * L), STANDING)
         clay.cut(arc(0.25 * r, 0.018 * L), (0, 0, side * 0.49 * L), STANDING)
     clay.paint("cotton", texture=ROLLED, grain=max(0.07 * L, 3 * wall), depth=0.4)
-    return blueprint("towel", "rolled towel", "cotton", clay, (FLAT,))
+    return Blueprint("towel", "rolled towel", "cotton", clay, (FLAT,))
 
 
-def belt(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _belt(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a rolled leather belt with its buckle."""
     thick = max(0.02 * L, wall)
     half = 0.14 * L
@@ -131,4 +131,13 @@ def belt(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(box(half * 0.6, half * 0.85, 0.1 * L), (-0.02 * L, 0, 0.54 * L))
     clay.join(box(0.012 * L + half * 0.6, 0.02 * L, 0.016 * L), (-0.02 * L, 0, 0.44 * L))
     clay.paint("brass")
-    return blueprint("belt", "rolled belt", "leather", clay, (FLAT,))
+    return Blueprint("belt", "rolled belt", "leather", clay, (FLAT,))
+
+
+KINDS = (
+    Kind("boot", _boot, (0.44, 0.50), 1.1),
+    Kind("shoe", _shoe, (0.42, 0.48), 1.0),
+    Kind("socks", _socks, (0.22, 0.26), 1.0),
+    Kind("towel", _rolled_towel, (0.42, 0.50), 0.8),
+    Kind("belt", _belt, (0.24, 0.28), 0.6),
+)

@@ -14,7 +14,7 @@ from napari_unpack.simulation.blueprint import (
     SIDE,
     UPRIGHT,
     Blueprint,
-    blueprint,
+    Kind,
 )
 from napari_unpack.simulation.clay import (
     CRUMPLED,
@@ -34,7 +34,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def bottle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _bottle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a bottle: body, shoulder, neck and screw cap, part full."""
     if rng.random() < 0.4:
         return _flask(rng, L, wall)
@@ -57,7 +57,7 @@ def bottle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(cylinder(0.078 * L, 0.01 * L, 0.004 * L), (0, 0, -0.365 * L))
     clay.paint("polypropylene")
     name = "wine bottle" if glass else "water bottle"
-    return blueprint("bottle", name, drink, clay, (FLAT,))
+    return Blueprint("bottle", name, drink, clay, (FLAT,))
 
 
 def _flask(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
@@ -73,10 +73,10 @@ def _flask(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     )
     clay.cut(arc(0.125 * L, 0.016 * L), (0, 0, -0.36 * L), STANDING)
     clay.paint("polypropylene")
-    return blueprint("bottle", "shampoo bottle", "cosmetic", clay, (FLAT, SIDE))
+    return Blueprint("bottle", "shampoo bottle", "cosmetic", clay, (FLAT, SIDE))
 
 
-def spray_can(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _spray_can(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model an aerosol can: a seamed cylinder, a dome and a nozzle cap."""
     r = L * rng.uniform(0.13, 0.15)
     clay = Clay()
@@ -91,10 +91,10 @@ def spray_can(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(cylinder(0.04 * L, 0.04 * L, 0.015 * L), (0, 0, -0.46 * L))
     clay.cut(ball(0.025 * L), (0, -0.05 * L, -0.45 * L))
     clay.paint("polypropylene")
-    return blueprint("spray can", "spray can", "ethanol", clay, (FLAT,))
+    return Blueprint("spray can", "spray can", "ethanol", clay, (FLAT,))
 
 
-def tin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _tin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a food tin: hooped and round, or flat with a pull ring."""
     clay = Clay()
     if rng.random() < 0.4:
@@ -104,17 +104,17 @@ def tin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.start(arc(0.085 * L, 0.022 * L, flat=1.4), (0, -0.1 * L, 0.24 * L))
         clay.join(box(0.03 * L, 0.02 * L, 0.06 * L), (0, -0.09 * L, 0.36 * L))
         clay.paint("steel sheet")
-        return blueprint("tin", "sardine tin", "food", clay, (FLAT,))
+        return Blueprint("tin", "sardine tin", "food", clay, (FLAT,))
     r = L * rng.uniform(0.36, 0.42)
     clay.start(ribs(r, 0.47 * L, 0.02 * L, 0.12 * L, 0.007 * L))
     for x in (-0.46, 0.46):
         clay.join(arc(r, 0.035 * L), (0, 0, x * L), STANDING)
         clay.cut(cylinder(r * 0.9, 0.04 * L), (0, 0, np.sign(x) * 0.48 * L))
     clay.paint("steel sheet").paint("food", inset=wall, texture=GRAINS, grain=7, depth=0.08)
-    return blueprint("tin", "food tin", "food", clay, (FLAT, UPRIGHT))
+    return Blueprint("tin", "food tin", "food", clay, (FLAT, UPRIGHT))
 
 
-def mug(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _mug(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a mug with a handle, open and empty."""
     r = L * rng.uniform(0.33, 0.36)
     half, rim = 0.42 * L, max(0.045 * L, wall)
@@ -123,10 +123,10 @@ def mug(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(cylinder(r - rim, half * 2))
     clay.join(cylinder(r, half, 0.03 * L), soft=0.03 * L).paint("ceramic")
     clay.start(cylinder(r - rim, half, 0.06 * L), (0, 0, -rim * 1.4)).carve()
-    return blueprint("mug", "mug", "ceramic", clay, (turned("x", 35.0), FLAT, UPRIGHT))
+    return Blueprint("mug", "mug", "ceramic", clay, (turned("x", 35.0), FLAT, UPRIGHT))
 
 
-def tube(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _tube(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a toothpaste tube: round at the cap, pressed flat at the end."""
     r = 0.13 * L
     clay = Clay()
@@ -136,10 +136,10 @@ def tube(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.paint("polyethylene").paint("cosmetic", inset=wall)
     clay.start(ribs(0.075 * L, 0.1 * L, 0.02 * L, 0.03 * L, 0.006 * L), (0, 0, -0.4 * L))
     clay.paint("polypropylene")
-    return blueprint("tube", "toothpaste tube", "cosmetic", clay, (FLAT, BACK))
+    return Blueprint("tube", "toothpaste tube", "cosmetic", clay, (FLAT, BACK))
 
 
-def pill_box(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _pill_box(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a jar of tablets with a ribbed lid."""
     clay = Clay()
     r = 0.3 * L
@@ -148,10 +148,10 @@ def pill_box(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.paint("sugar", inset=wall, fill=0.7, texture=GRAINS, grain=5, depth=0.5)
     clay.start(ribs(r * 1.05, 0.14 * L, 0.03 * L, 0.05 * L, 0.012 * L), (0, 0, -0.36 * L))
     clay.paint("polypropylene")
-    return blueprint("jar", "pill jar", "sugar", clay, (FLAT, UPRIGHT))
+    return Blueprint("jar", "pill jar", "sugar", clay, (FLAT, UPRIGHT))
 
 
-def carton(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _carton(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a taped cardboard box, full of tea or with room for separate things."""
     hz, hy, hx = L * rng.uniform(0.3, 0.38), L * rng.uniform(0.17, 0.24), 0.5 * L
     thick = max(1.2 * wall, 0.018 * L)
@@ -171,10 +171,10 @@ def carton(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     room = (hz - thick, hy - thick, hx - thick) if roomy else None
     name = "carton" if roomy else "box of tea"
     material = "cardboard" if roomy else "tea"
-    return blueprint("carton", name, material, clay, (FLAT,), True, room)
+    return Blueprint("carton", name, material, clay, (FLAT,), True, room)
 
 
-def pouch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _pouch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a zipped pouch with room for coins."""
     hz, hy, hx = 0.34 * L, 0.15 * L, 0.5 * L
     thick = 1.3 * wall
@@ -186,10 +186,10 @@ def pouch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(box(0.03 * L, 0.015 * L, 0.05 * L), (-0.3 * L, -0.09 * L, 0.3 * L)).paint("ABS")
     clay.start(arc(0.06 * L, 0.018 * L), (-0.3 * L, -0.07 * L, 0.46 * L)).paint("aluminium")
     room = (hz * 0.72, hy * 0.45, hx * 0.78)
-    return blueprint("pouch", "pouch", "leather", clay, (FLAT,), True, room)
+    return Blueprint("pouch", "pouch", "leather", clay, (FLAT,), True, room)
 
 
-def coin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _coin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a coin with a raised rim."""
     clay = Clay()
     thick = max(0.07 * L, 0.9 * wall)
@@ -197,10 +197,10 @@ def coin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for side in (-1, 1):
         dish = cylinder(0.4 * L, 0.35 * thick)
         clay.start(dish, (0, side * thick, 0), STANDING).carve()
-    return blueprint("coin", "coin", "brass", clay, (FLAT,))
+    return Blueprint("coin", "coin", "brass", clay, (FLAT,))
 
 
-def spectacle_case(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _spectacle_case(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a closed spectacle case with the glasses' lenses seen inside."""
     clay = Clay()
     clay.start(round_cone(0.17 * L, 0.17 * L, 0.33 * L))
@@ -209,4 +209,19 @@ def spectacle_case(rng: np.random.Generator, L: float, wall: float) -> Blueprint
     for x in (-0.17, 0.17):
         clay.start(cylinder(0.13 * L, 0.6 * wall), (0, 0.03 * L, x * L), STANDING).paint("glass")
     clay.start(box(0.015 * L, 0.03 * L, 0.3 * L), (-0.12 * L, 0.03 * L, 0)).paint("ABS")
-    return blueprint("case", "spectacle case", "leather", clay, (FLAT, SIDE))
+    return Blueprint("case", "spectacle case", "leather", clay, (FLAT, SIDE))
+
+
+KINDS = (
+    Kind("bottle", _bottle, (0.40, 0.50), 1.6),
+    Kind("spray can", _spray_can, (0.32, 0.38), 0.9),
+    Kind("tin", _tin, (0.20, 0.26), 1.0),
+    Kind("mug", _mug, (0.22, 0.26), 0.9),
+    Kind("tube", _tube, (0.28, 0.34), 0.8),
+    Kind("jar", _pill_box, (0.18, 0.23), 0.5),
+    Kind("carton", _carton, (0.34, 0.44), 1.3),
+    Kind("pouch", _pouch, (0.26, 0.32), 1.0),
+    Kind("case", _spectacle_case, (0.30, 0.34), 0.6),
+)
+COIN = Kind("coin", _coin, (0.0, 0.0), 0.0)
+"""Never packed by itself: `nesting` puts coins into pouches, as large as fit."""

@@ -1,10 +1,10 @@
-"""Phones, cameras, cables and other devices; see `kinds_containers` for the arguments."""
+"""Phones, cameras, cables and other devices."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.simulation.blueprint import BACK, FLAT, SIDE, Blueprint, blueprint
+from napari_unpack.simulation.blueprint import BACK, FLAT, SIDE, Blueprint, Kind
 from napari_unpack.simulation.clay import (
     ACROSS,
     STANDING,
@@ -22,7 +22,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def phone(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _phone(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a phone, camera side up: case, lenses, battery and board."""
     hz, hy = 0.245 * L, max(0.042 * L, 1.8 * wall)
     clay = Clay()
@@ -36,10 +36,10 @@ def phone(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for z, x in ((-0.155, -0.4), (-0.155, -0.3), (-0.07, -0.35)):
         clay.start(cylinder(0.035 * L, 0.022 * L), (z * L, -hy - 0.02 * L, x * L), STANDING)
         clay.paint("glass")
-    return blueprint("phone", "phone", "ABS", clay, (FLAT,))
+    return Blueprint("phone", "phone", "ABS", clay, (FLAT,))
 
 
-def camera(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _camera(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a camera on its back: body, grip, prism, lens barrel and glass."""
     clay = Clay()
     clay.start(box(0.3 * L, 0.14 * L, 0.5 * L, 0.06 * L), (0.04 * L, 0.1 * L, 0))
@@ -68,10 +68,10 @@ def camera(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for y in (-0.23, -0.08):
         clay.start(ellipsoid(0.16 * L, 0.035 * L, 0.16 * L), (0.05 * L, y * L, 0.04 * L))
         clay.paint("glass")
-    return blueprint("camera", "camera", "ABS", clay, (FLAT,))
+    return Blueprint("camera", "camera", "ABS", clay, (FLAT,))
 
 
-def cable(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _cable(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a coiled cable with a tie and a plug."""
     tube, turns = max(0.034 * L, 1.3 * wall), float(rng.integers(3, 6))
     ring = 0.42 * L - tube
@@ -87,10 +87,10 @@ def cable(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for x in (-0.022, 0.022):
         pin = box(0.04 * L, max(0.008 * L, 0.5 * wall), max(0.006 * L, 0.5 * wall))
         clay.start(pin, (0.27 * L, stack * 0.6, x * L - ring)).paint("brass")
-    return blueprint("cable", "cable", "PVC", clay, (FLAT, BACK))
+    return Blueprint("cable", "cable", "PVC", clay, (FLAT, BACK))
 
 
-def headphones(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _headphones(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model headphones lying flat: a padded band and two cushioned cups."""
     ring, half = 0.38 * L, np.radians(100)
     clay = Clay()
@@ -104,10 +104,10 @@ def headphones(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         cushion = (side * 0.31 * L, 0, -0.22 * L)
         clay.start(arc(0.12 * L, 0.055 * L), cushion, turned("x", 90.0)).paint("leather")
         clay.paint("foam", inset=1.2 * wall)
-    return blueprint("headphones", "headphones", "ABS", clay, (FLAT,))
+    return Blueprint("headphones", "headphones", "ABS", clay, (FLAT,))
 
 
-def hair_dryer(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _hair_dryer(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a hair dryer: barrel with nozzle and grille, and a handle."""
     r = 0.17 * L
     clay = Clay()
@@ -131,10 +131,10 @@ def hair_dryer(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(helix(0.075 * L, 0.6 * wall, 0.05 * L, 4), (-0.22 * L, 0, 0.0), STANDING)
     clay.paint("steel sheet")
     clay.start(box(0.03 * L, 0.03 * L, 0.025 * L, 0.01 * L), (0.08 * L, 0, 0.165 * L)).paint("ABS")
-    return blueprint("hair dryer", "hair dryer", "ABS", clay, (FLAT, BACK))
+    return Blueprint("hair dryer", "hair dryer", "ABS", clay, (FLAT, BACK))
 
 
-def torch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _torch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a torch: a knurled body with two batteries and a flared head."""
     r = 0.085 * L
     clay = Clay()
@@ -147,10 +147,10 @@ def torch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.start(cylinder(r - 1.6 * wall, 0.125 * L, 0.01 * L), (0, 0, x * L)).paint("battery")
     clay.start(cylinder(0.14 * L, 0.02 * L), (0, 0, -0.45 * L)).paint("glass")
     clay.start(box(0.03 * L, 0.02 * L, 0.05 * L, 0.015 * L), (0, -r, 0.1 * L)).paint("rubber")
-    return blueprint("torch", "torch", "aluminium", clay, (FLAT, SIDE))
+    return Blueprint("torch", "torch", "aluminium", clay, (FLAT, SIDE))
 
 
-def game_controller(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _game_controller(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a game controller: two grips, sticks, a cross and buttons."""
     clay = Clay()
     clay.start(box(0.17 * L, 0.09 * L, 0.36 * L, 0.08 * L), (-0.08 * L, 0, 0))
@@ -178,4 +178,15 @@ def game_controller(rng: np.random.Generator, L: float, wall: float) -> Blueprin
     for z, x in ((-0.17, 0.29), (-0.05, 0.29), (-0.11, 0.23), (-0.11, 0.35)):
         clay.start(cylinder(0.028 * L, 0.03 * L, 0.01 * L), (z * L, -0.09 * L, x * L), STANDING)
         clay.paint("ABS")
-    return blueprint("game controller", "game controller", "ABS", clay, (FLAT,))
+    return Blueprint("game controller", "game controller", "ABS", clay, (FLAT,))
+
+
+KINDS = (
+    Kind("phone", _phone, (0.27, 0.32), 0.9),
+    Kind("camera", _camera, (0.28, 0.34), 1.0),
+    Kind("cable", _cable, (0.24, 0.30), 1.0),
+    Kind("headphones", _headphones, (0.36, 0.42), 0.8),
+    Kind("hair dryer", _hair_dryer, (0.42, 0.48), 0.8),
+    Kind("torch", _torch, (0.30, 0.36), 0.6),
+    Kind("game controller", _game_controller, (0.30, 0.34), 0.6),
+)

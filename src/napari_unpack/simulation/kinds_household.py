@@ -1,4 +1,4 @@
-"""Soap, candles, books, fruit, brushes and umbrellas; see `kinds_containers` for the arguments."""
+"""Soap, candles, books, fruit, brushes and umbrellas."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from napari_unpack.simulation.blueprint import (
     SIDE,
     UPRIGHT,
     Blueprint,
-    blueprint,
+    Kind,
 )
 from napari_unpack.simulation.clay import (
     LAYERS,
@@ -31,7 +31,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def soap(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _soap(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a bar of soap: pillowed, dished and stamped."""
     hz, hy = L * rng.uniform(0.3, 0.35), L * rng.uniform(0.16, 0.2)
     clay = Clay()
@@ -40,10 +40,10 @@ def soap(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.cut(ellipsoid(0.8 * hz, 0.4 * hy, 0.37 * L), (0, side * 1.08 * hy, 0), soft=0.05 * L)
     clay.join(round_cone(0.04 * L, 0.04 * L, 0.16 * L), (0, -0.82 * hy, 0), soft=0.03 * L)
     clay.paint("soap")
-    return blueprint("soap", "bar of soap", "soap", clay, (FLAT, SIDE))
+    return Blueprint("soap", "bar of soap", "soap", clay, (FLAT, SIDE))
 
 
-def candle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _candle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a candle with a wick: a taper or a pillar."""
     clay = Clay()
     if rng.random() < 0.5:
@@ -61,10 +61,10 @@ def candle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     half = (wick - tip) / 2 * L
     thick = max(0.016 * L, 0.7 * wall)
     clay.start(round_cone(thick, thick, half - thick), (0, 0, tip * L + half)).paint("cotton")
-    return blueprint("candle", "candle", "wax", clay, (FLAT, UPRIGHT))
+    return Blueprint("candle", "candle", "wax", clay, (FLAT, UPRIGHT))
 
 
-def book(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _book(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a hardback: two boards, a round spine and a block of pages set back."""
     hz, hy, hx = L * rng.uniform(0.33, 0.38), L * rng.uniform(0.06, 0.11), 0.5 * L
     board = max(0.7 * wall, 0.009 * L)
@@ -80,10 +80,10 @@ def book(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(cylinder(2.2 * hy, hx), (hz + 1.55 * hy, 0, 0))
     clay.paint("paper", texture=LAYERS, grain=max(2.2 * wall, 0.02 * L), depth=0.12)
     clay.start(box(0.05 * L, 0.4 * board, 0.2 * L), (-0.08 * L, -hy, 0)).paint("PVC")
-    return blueprint("book", "book", "paper", clay, (FLAT, BACK))
+    return Blueprint("book", "book", "paper", clay, (FLAT, BACK))
 
 
-def banana(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _banana(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a banana."""
     ring, half = 0.42 * L, np.radians(66)
     clay = Clay()
@@ -93,10 +93,10 @@ def banana(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         r = 0.03 * L if side > 0 else 0.022 * L
         clay.join(round_cone(r, r, 0.05 * L), (z, 0, x), turned("y", -24.0 * side), soft=0.05 * L)
     clay.paint("fruit").paint("food", inset=0.03 * L)
-    return blueprint("banana", "banana", "fruit", clay, (FLAT, BACK))
+    return Blueprint("banana", "banana", "fruit", clay, (FLAT, BACK))
 
 
-def apple(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _apple(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model an apple with its hollow, stem and core."""
     r = 0.43 * L
     clay = Clay()
@@ -107,10 +107,10 @@ def apple(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(ellipsoid(0.16 * r, 0.3 * r, 0.16 * r)).paint("air")
     stem = max(0.03 * L, 0.7 * wall)
     clay.start(round_cone(stem, stem, 0.14 * L), (0, -0.9 * r, 0), STANDING).paint("wood")
-    return blueprint("apple", "apple", "fruit", clay, (FLAT, SIDE))
+    return Blueprint("apple", "apple", "fruit", clay, (FLAT, SIDE))
 
 
-def hairbrush(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _hairbrush(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a paddle brush, bristles up."""
     pin = max(0.011 * L, 0.55 * wall)
     clay = Clay()
@@ -121,10 +121,10 @@ def hairbrush(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(ellipsoid(0.1 * L, 0.035 * L, 0.19 * L), (0, 0.0, -0.25 * L)).paint("rubber")
     clay.start(bristles(0.085 * L, 0.16 * L, 0.042 * L, pin, 0.07 * L), (0, -0.045 * L, -0.25 * L))
     clay.clip(ellipsoid(0.095 * L, 0.3 * L, 0.18 * L), (0, 0, -0.25 * L)).paint("nylon")
-    return blueprint("hairbrush", "hairbrush", "wood", clay, (FLAT, SIDE))
+    return Blueprint("hairbrush", "hairbrush", "wood", clay, (FLAT, SIDE))
 
 
-def umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a folded umbrella with a hooked handle."""
     rod = max(0.011 * L, 0.6 * wall)
     folds = int(rng.integers(7, 9))
@@ -138,4 +138,15 @@ def umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(cylinder(0.026 * L, 0.07 * L), (0, 0, 0.32 * L))
     clay.join(ball(0.028 * L), (0.15 * L, 0, 0.385 * L))
     clay.paint("wood")
-    return blueprint("umbrella", "umbrella", "nylon", clay, (FLAT, BACK))
+    return Blueprint("umbrella", "umbrella", "nylon", clay, (FLAT, BACK))
+
+
+KINDS = (
+    Kind("soap", _soap, (0.18, 0.23), 1.0),
+    Kind("candle", _candle, (0.26, 0.36), 1.0),
+    Kind("book", _book, (0.38, 0.50), 1.4),
+    Kind("banana", _banana, (0.30, 0.36), 0.6),
+    Kind("apple", _apple, (0.16, 0.20), 0.6),
+    Kind("hairbrush", _hairbrush, (0.40, 0.46), 0.9),
+    Kind("umbrella", _umbrella, (0.52, 0.62), 0.9),
+)

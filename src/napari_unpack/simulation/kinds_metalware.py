@@ -1,10 +1,10 @@
-"""Scissors, keys and cutlery; see `kinds_containers` for the arguments."""
+"""Scissors, keys and cutlery."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.simulation.blueprint import BACK, FLAT, Blueprint, blueprint
+from napari_unpack.simulation.blueprint import BACK, FLAT, Blueprint, Kind
 from napari_unpack.simulation.clay import (
     ACROSS,
     STANDING,
@@ -20,7 +20,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def scissors(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _scissors(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model scissors a little open: two blades, a pivot and two finger rings."""
     opening = rng.uniform(6.0, 16.0)
     thick = max(0.013 * L, 0.75 * wall)
@@ -45,10 +45,10 @@ def scissors(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         )
         clay.paint("ABS")
     clay.start(cylinder(0.026 * L, 2.4 * thick), (0, 0, 0.05 * L), STANDING).paint("steel")
-    return blueprint("scissors", "scissors", "steel", clay, (FLAT, BACK))
+    return Blueprint("scissors", "scissors", "steel", clay, (FLAT, BACK))
 
 
-def keys(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _keys(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model keys on a ring: bows with holes, shafts and bits."""
     thick = max(0.026 * L, 0.75 * wall)
     clay = Clay()
@@ -66,10 +66,10 @@ def keys(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         for x, depth in ((0.5, 0.045), (0.6, 0.07), (0.7, 0.05), (0.78, 0.075)):
             clay.join(box(depth * L, thick, 0.025 * L), place(depth, x), turn)
         clay.paint("brass")
-    return blueprint("keys", "bunch of keys", "brass", clay, (FLAT,))
+    return Blueprint("keys", "bunch of keys", "brass", clay, (FLAT,))
 
 
-def cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a spoon or a fork."""
     thick = max(0.012 * L, 0.8 * wall)
     clay = Clay()
@@ -88,10 +88,10 @@ def cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(handle, (0, 0, 0.12 * L), soft=0.02 * L)
     clay.join(cylinder(0.05 * L, thick), (0, 0, 0.44 * L), STANDING)
     clay.paint("steel")
-    return blueprint("cutlery", name, "steel", clay, (FLAT, BACK))
+    return Blueprint("cutlery", name, "steel", clay, (FLAT, BACK))
 
 
-def spanner(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _spanner(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model an open-ended spanner."""
     thick = max(0.025 * L, 0.9 * wall)
     clay = Clay()
@@ -108,10 +108,10 @@ def spanner(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     )
     clay.cut(cylinder(0.055 * L, 0.2 * L), (0, 0, 0.39 * L), STANDING)
     clay.paint("steel")
-    return blueprint("spanner", "spanner", "steel", clay, (FLAT,))
+    return Blueprint("spanner", "spanner", "steel", clay, (FLAT,))
 
 
-def clothes_hanger(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _clothes_hanger(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a wooden coat hanger with a wire hook."""
     thick = 0.022 * L
     clay = Clay()
@@ -124,4 +124,13 @@ def clothes_hanger(rng: np.random.Generator, L: float, wall: float) -> Blueprint
     hook = turned("y", 120.0)
     clay.start(arc(0.07 * L, wire, np.radians(125)), (0, 0, -0.17 * L), hook)
     clay.join(cylinder(wire, 0.06 * L), (0, 0, -0.04 * L)).paint("steel")
-    return blueprint("hanger", "coat hanger", "wood", clay, (FLAT,))
+    return Blueprint("hanger", "coat hanger", "wood", clay, (FLAT,))
+
+
+KINDS = (
+    Kind("scissors", _scissors, (0.30, 0.36), 0.9),
+    Kind("keys", _keys, (0.24, 0.28), 0.9),
+    Kind("cutlery", _cutlery, (0.30, 0.34), 0.9),
+    Kind("spanner", _spanner, (0.28, 0.34), 0.5),
+    Kind("hanger", _clothes_hanger, (0.48, 0.54), 0.4),
+)

@@ -1,10 +1,10 @@
-"""Teddies, dolls, ducks, cars and balls; see `kinds_containers` for the arguments."""
+"""Teddies, dolls, ducks, cars and balls."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from napari_unpack.simulation.blueprint import FLAT, SIDE, Blueprint, blueprint
+from napari_unpack.simulation.blueprint import FLAT, SIDE, Blueprint, Kind
 from napari_unpack.simulation.clay import (
     ACROSS,
     CRUMPLED,
@@ -22,7 +22,7 @@ from napari_unpack.simulation.clay import (
 )
 
 
-def teddy(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _teddy(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a teddy bear on its back: ears, muzzle, eyes, paws and soles."""
     spread = rng.uniform(20, 40)
     clay = Clay()
@@ -54,10 +54,10 @@ def teddy(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         bow = round_cone(0.02 * L, 0.05 * L, 0.05 * L)
         clay.start(bow, (side * 0.06 * L, -0.125 * L, -0.1 * L), turned("y", side * 90.0))
         clay.paint("cotton")
-    return blueprint("teddy", "teddy bear", "plush", clay, (FLAT, turned("x", 25.0)))
+    return Blueprint("teddy", "teddy bear", "plush", clay, (FLAT, turned("x", 25.0)))
 
 
-def doll(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _doll(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a doll on its back: hair, face, a flared dress, arms, legs and shoes."""
     clay = Clay()
     clay.start(
@@ -92,10 +92,10 @@ def doll(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for side in (-1, 1):
         shoe = ellipsoid(0.045 * L, 0.075 * L, 0.04 * L)
         clay.start(shoe, (side * 0.07 * L, -0.035 * L, 0.455 * L)).paint("leather")
-    return blueprint("doll", "doll", "PVC", clay, (FLAT, turned("x", 20.0)))
+    return Blueprint("doll", "doll", "PVC", clay, (FLAT, turned("x", 20.0)))
 
 
-def duck(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _duck(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a rubber duck: hollow, with a beak, wings and a tail."""
     clay = Clay()
     clay.start(ellipsoid(0.31 * L, 0.25 * L, 0.4 * L), (0, 0.16 * L, 0.06 * L))
@@ -116,10 +116,10 @@ def duck(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for side in (-1, 1):
         eye = ball(0.04 * L)
         clay.start(eye, (side * 0.13 * L, -0.3 * L, -0.37 * L)).paint("PVC")
-    return blueprint("duck", "rubber duck", "PVC", clay, (FLAT, SIDE))
+    return Blueprint("duck", "rubber duck", "PVC", clay, (FLAT, SIDE))
 
 
-def toy_car(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _toy_car(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a toy car: body, cabin with window openings, wheels on axles, bumpers."""
     clay = Clay()
     clay.start(box(0.2 * L, 0.085 * L, 0.48 * L, 0.06 * L), (0, 0.03 * L, 0))
@@ -149,10 +149,10 @@ def toy_car(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for x in (-0.49, 0.49):
         clay.start(round_cone(0.022 * L, 0.022 * L, 0.17 * L), (0, 0.07 * L, x * L), ACROSS)
         clay.paint("aluminium")
-    return blueprint("toy car", "toy car", "ABS", clay, (FLAT, SIDE))
+    return Blueprint("toy car", "toy car", "ABS", clay, (FLAT, SIDE))
 
 
-def sports_ball(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _sports_ball(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a ball with the seams of a basketball, full of air."""
     r = 0.49 * L
     seam = 0.03 * L
@@ -163,10 +163,10 @@ def sports_ball(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.cut(arc(0.78 * r, seam), (side * 0.62 * r, 0, 0), turned("x", 90.0))
     clay.paint("rubber").paint("air", inset=1.8 * wall)
     tilt = turned("z", rng.uniform(0, 60)) @ turned("x", rng.uniform(0, 60))
-    return blueprint("ball", "ball", "rubber", clay, (tilt,))
+    return Blueprint("ball", "ball", "rubber", clay, (tilt,))
 
 
-def stacking_top(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
+def _stacking_top(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a wooden spinning top."""
     clay = Clay()
     clay.start(ellipsoid(0.4 * L, 0.4 * L, 0.17 * L), (0, 0, 0.02 * L))
@@ -175,4 +175,14 @@ def stacking_top(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.join(ball(0.07 * L), (0, 0, -0.44 * L))
     clay.cut(arc(0.39 * L, 0.02 * L), (0, 0, 0.02 * L), STANDING)
     clay.paint("wood", texture=RINGS, grain=7, depth=0.15)
-    return blueprint("top", "spinning top", "wood", clay, (turned("z", 24.0),))
+    return Blueprint("top", "spinning top", "wood", clay, (turned("z", 24.0),))
+
+
+KINDS = (
+    Kind("teddy", _teddy, (0.46, 0.56), 1.1),
+    Kind("doll", _doll, (0.44, 0.52), 0.8),
+    Kind("duck", _duck, (0.24, 0.28), 0.6),
+    Kind("toy car", _toy_car, (0.30, 0.36), 0.9),
+    Kind("ball", _sports_ball, (0.26, 0.32), 0.6),
+    Kind("top", _stacking_top, (0.20, 0.24), 0.4),
+)

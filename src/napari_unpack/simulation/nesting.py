@@ -2,47 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.simulation import (
-    kinds_containers,
-    kinds_devices,
-    kinds_household,
-    kinds_toys,
-)
-from napari_unpack.simulation.blueprint import Blueprint
+from napari_unpack.simulation.blueprint import Blueprint, Builder
+from napari_unpack.simulation.catalogue import BUILDERS
 from napari_unpack.simulation.stacking import BLOCKED, Stack
 
-Builder = Callable[[np.random.Generator, float, float], Blueprint]
-
-KEPSAKES: tuple[tuple[Builder, float], ...] = (
-    (kinds_toys.duck, 0.5),
-    (kinds_household.soap, 0.5),
-    (kinds_household.candle, 0.75),
-    (kinds_devices.cable, 0.55),
-    (kinds_toys.toy_car, 0.62),
-    (kinds_toys.sports_ball, 0.45),
-    (kinds_devices.torch, 0.75),
-    (kinds_toys.stacking_top, 0.5),
-    (kinds_containers.tin, 0.42),
+KEPT_IN_CARTONS = (
+    ("duck", 0.5),
+    ("soap", 0.5),
+    ("candle", 0.75),
+    ("cable", 0.55),
+    ("toy car", 0.62),
+    ("ball", 0.45),
+    ("torch", 0.75),
+    ("top", 0.5),
+    ("tin", 0.42),
 )
-"""What is kept in cartons, with its length as a share of the room's."""
+"""Kinds, with their length as a share of the room's."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """A thing to be put into a container: how it is modelled, its length (mm) and its seed."""
+    """A thing to be put into a container.
+
+    Parameters
+    ----------
+    build : callable
+        Models it, see `Kind`.
+    length : float
+        Longest extent, mm.
+    seed : int
+        Of its own generator, so that a smaller try is the same thing.
+    """
 
     build: Builder
     length: float
     seed: int
 
     def model(self, share: float, wall: float) -> Blueprint:
-        """Model it at a share of its length."""
+        """Model it at a share of its length.
+
+        Parameters
+        ----------
+        share : float
+            Of the planned length.
+        wall : float
+            The thinnest wall that is resolved, mm.
+        """
         return self.build(np.random.default_rng(self.seed), self.length * share, wall)
 
 
@@ -68,13 +78,14 @@ def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list
     hz, hy, hx = container.room
     if container.kind == "pouch":
         lengths = min(0.9 * hz, 0.55 * hx) * rng.uniform(0.85, 1.0, count)
-        builders: list[Builder] = [kinds_containers.coin] * count
+        builders = [BUILDERS["coin"]] * count
     else:
-        chosen = rng.choice(len(KEPSAKES), size=count, replace=count > len(KEPSAKES))
+        chosen = rng.choice(len(KEPT_IN_CARTONS), size=count, replace=count > len(KEPT_IN_CARTONS))
+        # Beyond two or three things, the cube root of the crowd shrinks each, so that all fit.
         crowd = min(1.0, (2.5 / count) ** (1 / 3))
-        lengths = np.array([KEPSAKES[i][1] for i in chosen]) * 2 * hx * crowd
+        lengths = np.array([KEPT_IN_CARTONS[i][1] for i in chosen]) * 2 * hx * crowd
         lengths = np.minimum(lengths, 3.2 * hy)
-        builders = [KEPSAKES[i][0] for i in chosen]
+        builders = [BUILDERS[KEPT_IN_CARTONS[i][0]] for i in chosen]
     return [
         Content(build, float(length), int(rng.integers(2**62)))
         for build, length in zip(builders, lengths, strict=True)

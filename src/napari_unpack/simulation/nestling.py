@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 from napari_unpack.simulation.stacking import Rest, Stack
 
 WALL = 65535
+"""The label of what is not room: the last of uint16, which no bag of 2000 objects reaches."""
+
 REACH = 7
+"""Voxels that a thing is pushed at most: further off it has no neighbour to lean on."""
+
 ROUNDS = 4
+"""Pushes; after so many things only slide to and fro between two neighbours."""
 
 
 def walled(labels: NDArray[np.uint16], room: Stack) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,16 +16,32 @@ from napari_unpack.simulation.planning import Order
 from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette
 from napari_unpack.simulation.stacking import Profile, Rest, Stack
 
-Progress = Callable[[float, str], object]
 SHRINK = 0.9
+"""A thing that finds no place is tried again at this share of its length..."""
+
 SMALLEST = 0.35
-SMALLER = (1.0, 0.8, 0.64, 0.51)
+"""...until this share is left: a third of a shoe is a toy's, less is nothing a person packs."""
+
+CONTENT_SHARES = (1.0, 0.8, 0.64, 0.51)
+"""The same for what lies in a container, in coarser steps: there are few turns to try."""
+
 FEWEST_VOXELS = 6
+"""Below this a thing is noise to any segmentation, and its truth would say nothing."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """What the table of objects says of one."""
+    """What the table of objects says of one.
+
+    Parameters
+    ----------
+    kind, name, material : str
+        See `Blueprint`.
+    parent : int
+        ID of the object that it lies in, 0 for none.
+    mass_g : float
+        Mass, g.
+    """
 
     kind: str
     name: str
@@ -61,7 +76,17 @@ class Packing:
     def empty(
         cls, shape: tuple[int, int, int], room: Stack, spacing: NDArray[np.float64]
     ) -> Packing:
-        """Return an empty bag of a given room."""
+        """Return an empty bag of a given room.
+
+        Parameters
+        ----------
+        shape : (int, int, int)
+            Of the volume, z y x.
+        room : Stack
+            The inside of the bag.
+        spacing : (3,) ndarray of float64
+            Voxel size, mm.
+        """
         labels = np.zeros(shape, np.uint16)
         walled(labels, room)
         return cls(labels, np.zeros(shape, np.float32), room, spacing)
@@ -74,10 +99,18 @@ class Packing:
     @property
     def wall(self) -> float:
         """Thinnest wall that is resolved, mm."""
+        # Thinner than 1.6 voxels a wall breaks into holes on the grid.
         return 1.6 * float(np.prod(self.spacing)) ** (1 / 3)
 
     def add(self, order: Order, rng: np.random.Generator) -> bool:
         """Place one ordered thing and what it holds, smaller where it does not fit.
+
+        Parameters
+        ----------
+        order : Order
+            What to place.
+        rng : numpy.random.Generator
+            Chooses the places to try.
 
         Returns
         -------
@@ -112,6 +145,7 @@ class Packing:
         assert order.kind.build is not None
         own = np.random.default_rng(order.seed)
         thing = order.kind.build(own, order.length, self.wall)
+        # Beyond the two best ways of lying the coarse search rarely finds a place that fits.
         for rotation, spot in self._spots(thing, rng)[:2]:
             raster = self._raster(thing, rotation)
             profile = Profile.of(raster.inside)
@@ -157,7 +191,7 @@ class Packing:
         self, content: Content, room: Stack, rng: np.random.Generator
     ) -> tuple[Blueprint, Raster, Rest] | None:
         # The best of a few turns, at the first size that fits.
-        for share in SMALLER:
+        for share in CONTENT_SHARES:
             thing = content.model(share, self.wall)
             found = []
             for degrees in rng.uniform(0, 360, 3):
@@ -176,16 +210,14 @@ class Packing:
         stack = self.stack.coarse(pool)
         found = []
         for rotation in ways_to_lie(thing, rng):
-            profile = silhouette(
-                thing.program, thing.lower, thing.upper, rotation, self.spacing, pool
-            )
+            profile = silhouette(thing.clay, rotation, self.spacing, pool)
             spot = stack.best(profile)
             if spot is not None:
                 found.append((rotation, spot))
         return sorted(found, key=lambda pair: pair[1].cost)
 
     def _raster(self, thing: Blueprint, rotation: Rotation) -> Raster:
-        return rasterize(thing.program, thing.lower, thing.upper, rotation, self.spacing)
+        return rasterize(thing.clay, rotation, self.spacing)
 
     def _put(
         self,
@@ -205,6 +237,7 @@ class Packing:
 
 def pool_of(shape: tuple[int, ...]) -> int:
     """Return how many voxels a column of the coarse search is wide."""
+    # Some 45 columns across: fine enough for small things, quick for the search of all places.
     return int(np.clip(round(min(shape) / 45), 1, 6))
 
 

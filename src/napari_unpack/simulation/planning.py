@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.simulation.catalogue import KINDS, Kind
+from napari_unpack.simulation.blueprint import Kind
+from napari_unpack.simulation.catalogue import KINDS
 from napari_unpack.simulation.rasterizing import silhouette
 from napari_unpack.simulation.stacking import BLOCKED
 
@@ -78,6 +79,7 @@ def plan(
     """
     extent = float(np.max(np.array(shape) * spacing))
     orders = _choose(rng, count, extent)
+    # Sizes follow the bag, so that few things fill it as well as many.
     volumes = np.array([_volume(order) for order in orders])
     wanted = FILLED * float(np.prod(np.array(shape) * spacing))
     limits = LONGEST * extent / np.array([order.length for order in orders])
@@ -87,6 +89,7 @@ def plan(
         for order, limit in zip(orders, limits, strict=True)
     ]
     early = np.array([EARLY_CLOTH if order.kind.build is None else 1.0 for order in orders])
+    # Large things first, but not strictly: a book may lie on top of socks.
     haste = early * volumes * np.exp(rng.normal(0.0, 0.45, len(orders)))
     return [sized[i] for i in np.argsort(-haste)]
 
@@ -94,7 +97,15 @@ def plan(
 def trifle(
     rng: np.random.Generator, shape: tuple[int, int, int], spacing: NDArray[np.float64]
 ) -> Order:
-    """Return one more small thing, for where a container holds fewer than was planned."""
+    """Return one more small thing, for where a container holds fewer than was planned.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Chooses.
+    shape, spacing : see `plan`
+        Of the bag.
+    """
     small = [kind for kind in KINDS if kind.lengths[1] <= 0.34 and kind.name not in HOLDERS]
     kind = small[int(rng.integers(len(small)))]
     extent = float(np.max(np.array(shape) * spacing))
@@ -137,9 +148,10 @@ def _volume(order: Order) -> float:
     # Cubic mm, the hollows of its columns included, seen at a thirtieth of the length.
     if order.kind.build is None:
         return CLOTH_SOLIDITY * order.length**3
+    # A thirtieth of the length gives volumes to about 5 %, enough to share out the room.
     step = order.length / 30
     thing = order.kind.build(np.random.default_rng(order.seed), order.length, 0.3 * step)
     cube = np.full(3, step)
-    profile = silhouette(thing.program, thing.lower, thing.upper, np.eye(3), cube, 1)
+    profile = silhouette(thing.clay, np.eye(3), cube, 1)
     deep = (profile.under - profile.over)[profile.under > BLOCKED]
     return float(deep.sum()) * step**3

@@ -1,4 +1,4 @@
-"""A scanner that counts photons and reconstructs from rays (fidelity B).
+"""A scanner that counts photons and reconstructs from rays.
 
 Beam hardening, photon starvation and the streaks of metal come out of the physics, slice by
 slice, instead of being painted on.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from napari_unpack.simulation.scanner import HIGHEST, check_least, gaussian
+from napari_unpack.simulation.scanner import FWHM_PER_SIGMA, HIGHEST, check_least, gaussian
 from napari_unpack.simulation.tomography import ParallelBeam
 
 ENERGIES = np.array([50.0, 70.0, 100.0])
@@ -28,6 +28,7 @@ WATER = np.array([0.02269, 0.01930, 0.01707])
 REFERENCE = 1
 """The bin whose energy the CT numbers of `materials` belong to: 70 keV."""
 
+# Shares are interpolated over the logarithm of the value, between plastics, PVC, aluminium, steel.
 _VALUES = np.log([1300.0, 1900.0, 3200.0, 32000.0])
 _PHOTOELECTRIC = np.array([0.0, 0.25, 0.28, 0.80])
 
@@ -103,7 +104,7 @@ class ProjectionScanner:
         """
         np.clip(density, 0, HIGHEST, out=density)
         if self.thickness:
-            profile = gaussian(self.thickness / 2.3548)
+            profile = gaussian(self.thickness / FWHM_PER_SIGMA)
             ndimage.correlate1d(density, profile, axis=0, output=density, mode="nearest")
         height, width = density.shape[1:]
         beam = ParallelBeam.around((height, width), (spacing[1], spacing[2]), self.views)

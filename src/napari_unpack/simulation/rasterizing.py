@@ -22,6 +22,7 @@ from napari_unpack.simulation.clay import (
     RINGS,
     ROLLED,
     START,
+    Clay,
 )  # fmt: skip
 from napari_unpack.simulation.materials import MATERIALS
 from napari_unpack.simulation.primitives import solid_distance
@@ -30,6 +31,7 @@ from napari_unpack.simulation.stacking import BLOCKED, Profile
 VALUES = np.array([material.value for material in MATERIALS.values()])
 DENSITIES = np.array([material.density for material in MATERIALS.values()])
 FAR = 1e9
+"""Of no lump, mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,19 +56,17 @@ class Raster:
     origin: NDArray[np.float64]
 
 
-def bounds(
-    lower: NDArray[np.float64], upper: NDArray[np.float64], rotation: NDArray[np.float64]
+def _bounds(
+    clay: Clay, rotation: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the box (mm) that holds a box turned about its frame's origin."""
-    middle = rotation @ ((lower + upper) / 2)
-    half = np.abs(rotation) @ ((upper - lower) / 2)
+    """Return the box (mm) that holds an object turned about its frame's origin."""
+    middle = rotation @ ((clay.lower + clay.upper) / 2)
+    half = np.abs(rotation) @ ((clay.upper - clay.lower) / 2)
     return middle - half, middle + half
 
 
 def rasterize(
-    program: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
+    clay: Clay,
     rotation: NDArray[np.float64],
     spacing: NDArray[np.float64],
 ) -> Raster:
@@ -74,10 +74,8 @@ def rasterize(
 
     Parameters
     ----------
-    program : (N, ROW) ndarray of float64
-        Of `Clay`.
-    lower, upper : (3,) ndarray of float64
-        Its box in its own frame, mm.
+    clay : Clay
+        The modelled object.
     rotation : (3, 3) ndarray of float64
         World from object.
     spacing : (3,) ndarray of float64
@@ -92,7 +90,9 @@ def rasterize(
     -----
     Cost is linear in the voxels of the box near the object times the rows of the program.
     """
-    low, high = bounds(lower, upper, rotation)
+    program = clay.program()
+    low, high = _bounds(clay, rotation)
+    # A voxel more on each side for antialiased edges, and one for the box that is not centred.
     size = np.maximum(np.ceil((high - low) / spacing).astype(np.int64), 1) + 3
     origin = (low + high) / 2 - (size - 1) / 2 * spacing
     levels = _fill_levels(program, low, high, rotation)
@@ -110,9 +110,7 @@ def rasterize(
 
 
 def silhouette(
-    program: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
+    clay: Clay,
     rotation: NDArray[np.float64],
     spacing: NDArray[np.float64],
     pool: int,
@@ -121,7 +119,7 @@ def silhouette(
 
     Parameters
     ----------
-    program, lower, upper, rotation, spacing
+    clay, rotation, spacing
         As for `rasterize`.
     pool : int
         Columns are so many voxels wide. They are a little too full rather than too empty.
@@ -131,12 +129,14 @@ def silhouette(
     Profile
         In rows of voxels.
     """
-    low, high = bounds(lower, upper, rotation)
+    program = clay.program()
+    low, high = _bounds(clay, rotation)
     step = spacing * (pool, 1, pool)
     size = np.maximum(np.ceil((high - low) / step).astype(np.int64), 1)
     origin = (low + high) / 2 - (size - 1) / 2 * step
     under = np.full((size[0], size[2]), BLOCKED, np.int32)
     over = np.zeros((size[0], size[2]), np.int32)
+    # Columns may not be missed between two samples: the object is grown by most of half a step.
     margin = 0.4 * max(step[0], step[2])
     _march(program, rotation, origin, step, size[1], margin, under, over)
     return Profile(under, over)
@@ -256,7 +256,7 @@ def _noise(z, y, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def texture_at(kind, grain, z, y, x):  # type: ignore[no-untyped-def]
+def _texture(kind, grain, z, y, x):  # type: ignore[no-untyped-def]
     """Return a texture's relief at a point of the object's frame (mm), about -1..1."""
     turn = 2.0 * math.pi / grain
     if kind == KNIT:
@@ -281,6 +281,7 @@ def texture_at(kind, grain, z, y, x):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _paint(program, levels, rotation, origin, spacing, values, densities, inside, density):  # type: ignore[no-untyped-def]
     edge = (spacing[0] * spacing[1] * spacing[2]) ** (1.0 / 3.0)
+    # Blocks of 4 voxels far outside are skipped by one distance: most of a box is empty.
     block = 4
     clear = block * math.sqrt(spacing[0] ** 2 + spacing[1] ** 2 + spacing[2] ** 2)
     depth, height, width = inside.shape
@@ -336,7 +337,7 @@ def _voxel(program, levels, edge, values, densities, height, z, y, x):  # type: 
             continue
         new = values[int(r[1])]
         if verb == PAINT and r[4] > 0.0:
-            new *= 1.0 + r[6] * texture_at(int(r[4]), r[5], z, y, x)
+            new *= 1.0 + r[6] * _texture(int(r[4]), r[5], z, y, x)
         value += cover * (new - value)
         weight += cover * (densities[int(r[1])] - weight)
     return whole, value, weight
@@ -364,6 +365,7 @@ def _march(program, rotation, origin, step, rows, margin, under, over):  # type:
                     if d <= 0.0:
                         found += 1
                         break
+                    # Soft joins make distances too long by up to a fifth.
                     row += max(0.8 * d / step[1], 1.0)
                 if found == 0:
                     break

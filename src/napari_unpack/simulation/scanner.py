@@ -1,4 +1,4 @@
-"""What a scanner makes of a bag: blur, noise and streaks (fidelity A, in the image's domain)."""
+"""What a scanner makes of a bag: blur, noise and streaks, added to the image."""
 
 from __future__ import annotations
 
@@ -11,10 +11,27 @@ from scipy import ndimage
 from napari_unpack.simulation.streaks import add_streaks
 
 HIGHEST = 32000
+"""CT numbers + 1000 are clipped here, as CONVENTIONS.md says: metal saturates scanners too."""
+
+FWHM_PER_SIGMA = 2.3548
+"""Full width at half maximum of a Gaussian, in standard deviations: 2 sqrt(2 ln 2)."""
 
 
 def check_least(scanner: object, **least: float) -> None:
-    """Raise `ValueError` where a setting of a scanner is less than this, or not finite."""
+    """Raise `ValueError` where a setting of a scanner is less than this, or not finite.
+
+    Parameters
+    ----------
+    scanner : object
+        Whose settings are checked.
+    **least : float
+        The least value of each setting.
+
+    Raises
+    ------
+    ValueError
+        If a setting is less, or not finite.
+    """
     for name, limit in least.items():
         value = getattr(scanner, name)
         if not np.isfinite(value) or value < limit:
@@ -81,7 +98,7 @@ class Scanner:
         """
         np.clip(density, 0, HIGHEST, out=density)
         add_streaks(density, self.streaks, self.starvation, rng)
-        kernel = gaussian(self.blur / 2.3548)
+        kernel = gaussian(self.blur / FWHM_PER_SIGMA)
         gain = self.noise / float((kernel**2).sum()) ** 1.5
         for z in range(density.shape[0]):
             density[z] += gain * rng.standard_normal(density.shape[1:], dtype=np.float32)

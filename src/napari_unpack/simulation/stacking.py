@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Field = NDArray[np.int32]
 BLOCKED = -(1 << 20)
+"""A height above every bag: nothing fits under it, and sums of it stay within int32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,15 @@ class Profile:
 
 @dataclass(frozen=True)
 class Rest:
-    """A resting place: the first voxel of a thing's box, and what the place costs (rows)."""
+    """A resting place.
+
+    Parameters
+    ----------
+    z, y, x : int
+        First voxel of the thing's box.
+    cost : float
+        Rows; the place that costs least is taken.
+    """
 
     z: int
     y: int
@@ -90,7 +99,15 @@ class Stack:
         return None if z < 0 else Rest(z, y, x, cost)
 
     def near(self, profile: Profile, z: int, x: int, reach: int) -> Rest | None:
-        """Return the best resting place within `reach` columns of (z, x)."""
+        """Return the best resting place within `reach` columns of (z, x).
+
+        Parameters
+        ----------
+        profile : Profile
+            Of the thing.
+        z, x, reach : int
+            Columns.
+        """
         a, b, c, cost = _search(
             self.height, self.ceiling, profile.under, profile.over,
             max(z - reach, 0), z + reach + 1, max(x - reach, 0), x + reach + 1,
@@ -98,16 +115,34 @@ class Stack:
         return None if a < 0 else Rest(a, b, c, cost)
 
     def settle(self, profile: Profile, rest: Rest) -> Rest:
-        """Let a thing slide, column by column, as long as that brings it lower."""
+        """Let a thing slide, column by column, as long as that brings it lower.
+
+        Parameters
+        ----------
+        profile : Profile
+            Of the thing.
+        rest : Rest
+            Where it begins.
+        """
+        # Two dozen columns bring it off any slope that the coarse search left it on.
         for _ in range(24):
             lower = self.near(profile, rest.z, rest.x, 1)
+            # Rounding must not let it slide for ever between two equal places.
             if lower is None or lower.cost >= rest.cost - 1e-6:
                 return rest
             rest = lower
         return rest
 
     def load(self, profile: Profile, rest: Rest) -> None:
-        """Raise the stack by what has come to rest on it."""
+        """Raise the stack by what has come to rest on it.
+
+        Parameters
+        ----------
+        profile : Profile
+            Of the thing.
+        rest : Rest
+            Where it lies.
+        """
         z, x = profile.under.shape
         window = self.height[rest.z : rest.z + z, rest.x : rest.x + x]
         used = profile.under > BLOCKED
@@ -126,6 +161,7 @@ def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-un
     if columns == 0:
         return -1, 0, 0, np.inf
     rim = _rim(under)
+    # At most half the thing's thickness and four rows: neighbours attract, they do not lift.
     saving = 0.5 * thickness + 4.0
     for z in range(z0, min(z1, height.shape[0] - depth + 1)):
         for x in range(x0, min(x1, height.shape[1] - width + 1)):
@@ -138,6 +174,7 @@ def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-un
                         gap = height[z + i, x + k] - under[i, k]
                         total += gap
                         y = min(y, gap)
+                # No later column can make this place better than the best: stop early.
                 if y < BLOCKED // 2 or deepest - y - middle - saving >= best:
                     lost = True
                     break

@@ -48,6 +48,7 @@ def add_streaks(
     slices = np.flatnonzero(density.max(axis=(1, 2)) > metal)
     done: dict[int, NDArray[np.float32]] = {}
     for z in slices:
+        # Neighbouring slices share one error: it is smooth along z, and takes half the time.
         key = int(z) // 2
         if key not in done:
             near = density[2 * key : 2 * key + 2].max(axis=0)
@@ -65,6 +66,7 @@ def _error(
 ) -> NDArray[np.float32]:
     height, width = image.shape
     padded = np.pad(image, ((0, height % 2), (0, width % 2)))
+    # Half resolution: streaks are smooth, and projection costs a quarter.
     small = padded.reshape(padded.shape[0] // 2, 2, padded.shape[1] // 2, 2).mean(axis=(1, 3))
     dense = np.where(small > 0.5 * metal, small / 32000.0, 0.0).astype(np.float32)
     reach = int(math.hypot(*dense.shape)) + 3

@@ -88,6 +88,7 @@ class ParallelBeam:
         Ram-Lak, taken from its samples in space so that the mean is right (Kak & Slaney 1988,
         eq. 3.61), times a Hann window; linear interpolation between cells.
         """
+        # Twice the detectors and a power of two: no wrap-around of the filter, a fast transform.
         size = 1 << (2 * self.detectors - 1).bit_length()
         n = np.fft.fftfreq(size, 1 / size)
         kernel = np.zeros(size)

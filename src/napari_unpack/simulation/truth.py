@@ -70,6 +70,7 @@ def removable(labels: Labels, axis: int, sign: int) -> set[int]:
     planes = np.moveaxis(labels, axis, 0)
     if sign > 0:
         planes = planes[::-1]
+    # Two different IDs are enough: whichever object comes next, one of them is not its own.
     one = np.zeros(planes.shape[1:], labels.dtype)
     two = np.zeros_like(one)
     present: set[int] = set()
