@@ -151,7 +151,7 @@ class Packing:
             profile = Profile.of(raster.inside)
             if raster.inside.sum() < FEWEST_VOXELS:
                 return False
-            pool = pool_of(self.labels.shape)
+            pool = _pool(self.labels.shape)
             rest = self.stack.near(profile, spot.z * pool, spot.x * pool, pool + 1)
             if rest is None:
                 continue
@@ -206,10 +206,10 @@ class Packing:
 
     def _spots(self, thing: Blueprint, rng: np.random.Generator) -> list[tuple[Rotation, Rest]]:
         # Coarse resting places, one for each way of lying, the best first.
-        pool = pool_of(self.labels.shape)
+        pool = _pool(self.labels.shape)
         stack = self.stack.coarse(pool)
         found = []
-        for rotation in ways_to_lie(thing, rng):
+        for rotation in _ways_to_lie(thing, rng):
             profile = silhouette(thing.clay, rotation, self.spacing, pool)
             spot = stack.best(profile)
             if spot is not None:
@@ -235,27 +235,14 @@ class Packing:
         self.density[target] += density[source]
 
 
-def pool_of(shape: tuple[int, ...]) -> int:
+def _pool(shape: tuple[int, ...]) -> int:
     """Return how many voxels a column of the coarse search is wide."""
     # Some 45 columns across: fine enough for small things, quick for the search of all places.
     return int(np.clip(round(min(shape) / 45), 1, 6))
 
 
-def ways_to_lie(thing: Blueprint, rng: np.random.Generator) -> list[Rotation]:
-    """Return the rotations to try: each way of resting, turned about the vertical.
-
-    Parameters
-    ----------
-    thing : Blueprint
-        What is to lie.
-    rng : numpy.random.Generator
-        Chooses the turns and the tilts.
-
-    Returns
-    -------
-    list of (3, 3) ndarray
-        World from object.
-    """
+def _ways_to_lie(thing: Blueprint, rng: np.random.Generator) -> list[Rotation]:
+    """Return the rotations to try: each way of resting, turned about the vertical."""
     ways = []
     for index, rest in enumerate(thing.rests):
         quarters = rng.permutation(4)[: 4 if index == 0 else 2]
