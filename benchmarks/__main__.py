@@ -10,14 +10,13 @@ import time
 import traceback
 from pathlib import Path
 
-from benchmarks import plots, shortfall, table
+from benchmarks import plots, table
 from benchmarks.on_screen import keep_screen_for_children
 from benchmarks.row import Row
 from benchmarks.rows import ORDER, chosen
 from benchmarks.scenes import Scenes
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
-ACCURACY = DOCUMENT.with_name("segmentation.md")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -55,16 +54,14 @@ def main(arguments: list[str] | None = None) -> int:
         DOCUMENT.write_text(
             "# Measurements\n\n`make workspace` made this table; `python -m benchmarks --write` "
             f"renews it. {_machine()}. What limits the casters is in profiles.md.\n\n{MISSED}\n"
-            f"{table.markdown(done)}"
-            + shortfall.section(ACCURACY.read_text("utf-8"))
-            + plots.section(scenes.figures)
+            f"{table.markdown(done)}" + plots.section(scenes.figures)
         )
     return 1 if broken else 0
 
 
 MISSED = """\
-How well segmentation does, by kind of object and beside its peers, is in segmentation.md; where it
-falls short, and why, is told below the table.
+How well segmentation does, by kind of object and beside its peers, is in segmentation.md, with what
+fails and why.
 """
 
 

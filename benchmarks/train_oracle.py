@@ -1,6 +1,7 @@
 """Train the confidence that ships with the package, and say how well it tells objects apart.
 
-Run `python benchmarks/train_oracle.py src/napari_unpack/segmentation/oracle.npz` to make the
+Run `python benchmarks/train_oracle.py
+src/napari_unpack/segmentation/weights/oracle.npz` to make the
 shipped file, to the bit for one state of the code, and `python benchmarks/train_oracle.py --judge`
 to test it on bags it has not seen. Seeds 200 to 280 are for training; no test and no row of the
 tables uses them.

@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks import plots, shortfall, table
+from benchmarks import plots, table
 from benchmarks.__main__ import main
 from benchmarks.packing import pack
 from benchmarks.row import Row, ms
@@ -46,45 +46,6 @@ def test_long_cells_wrap_and_times_are_rounded() -> None:
     assert text.splitlines()[0].endswith("met")
     assert [ms(0.1234), ms(12.3), ms(1234)] == ["0.12 ms", "12 ms", "1.23 s"]
     assert "| 1 ms |" in table.markdown([Row("a", "b", "1 ms")])
-
-
-def test_what_segmentation_misses_is_told_with_the_reason() -> None:
-    page = """# Title
-
-## Bags of the package's generator (10)
-
-| method | f1 | voi | count_error |
-|---|---|---|---|
-| peer | 0.10 | 3.00 | 0.90 |
-| ours | 0.90 | 0.20 | 0.02 |
-
-| kind | objects | peer | ours |
-|---|---|---|---|
-| coin | 18 | 0.11 | 0.05 |
-| soap | 12 | 0.25 | 1.00 |
-
-## Bags of the second generator (10)
-
-| method | f1 | voi | count_error |
-|---|---|---|---|
-| ours | 0.80 | 0.50 | 0.10 |
-
-| kind | objects | peer | ours |
-|---|---|---|---|
-| wrap | 33 | 0.03 | 0.27 |
-
-## Bags scanned by rays (5)
-
-| kind | objects | peer | ours |
-|---|---|---|---|
-| phone | 3 | 0.00 | 0.00 |
-"""
-    told = shortfall.section(page)
-    assert "| mean of both | 0.85 | 0.35 | 6% |" in told
-    assert "| coin | the package's | 18 | 5% | one and a half voxels" in told
-    assert told.index("| coin |") < told.index("| wrap |")
-    assert "soap" not in told
-    assert "phone" not in told
 
 
 def test_a_packing_has_as_many_objects_as_cells() -> None:

@@ -150,6 +150,10 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
         assert message in result.stderr
         assert "Traceback" not in result.output
     assert run("order", bag, "--count", -2).exit_code == 2
+    for retired in ("--method", "--judge"):
+        refused = run("segment", bag, tmp_path / "a.npz", retired, "affinity")
+        assert refused.exit_code == 2
+        assert f"No such option: {retired}" in refused.stderr
 
 
 def test_a_simulated_bag_knows_what_its_objects_are(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Write a trained network as the ONNX file that the package runs.
 
-`python -m benchmarks.boundaries.export CHECKPOINT src/napari_unpack/segmentation/boundaries.onnx`;
+`python -m benchmarks.boundaries.export CHECKPOINT
+src/napari_unpack/segmentation/weights/boundary_network.onnx`;
 of several checkpoints, each with its weight after a colon, it writes the mean (a network and one
 trained on from it lie close enough: Wortsman et al., Model soups, ICML 2022).
 """

@@ -5,7 +5,7 @@
    `python -m benchmarks.boundaries.volumes DATA 1000 1260 --clad`
 3. `python -m benchmarks.boundaries.train DATA CHECKPOINT --steps 3000 --decay 800`
 4. `python -m benchmarks.boundaries.export CHECKPOINT
-   src/napari_unpack/segmentation/boundaries.onnx`
+   src/napari_unpack/segmentation/weights/boundary_network.onnx`
 
 The shipped network was trained in stages, each from the one before, and without the coated and
 clad solids; docs/decisions/0004-a-learned-affinity-beside-the-cuts.md has their options.

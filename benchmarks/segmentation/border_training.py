@@ -1,7 +1,8 @@
 """Train the judge of borders, which says whose a voxel is where objects touch.
 
-`python -m benchmarks.segmentation.border_training src/napari_unpack/segmentation/borders.npz
---workers 2` gives it, to the bit for one state of the code, one network, the judges before it and
+`python -m benchmarks.segmentation.border_training
+src/napari_unpack/segmentation/weights/border_classifier.npz --workers 2` gives it,
+to the bit for one state of the code, one network, the judges before it and
 one machine; the shipped file is of the judge of parts of commit f0e3710, see `parting_training`. No
 test and no row of the tables uses its seeds, nor did the network see them. To be run after every
 training of the network or of the judges of parts and of pieces.

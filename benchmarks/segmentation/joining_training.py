@@ -1,7 +1,8 @@
 """Train the judge that joins large parts with the network's help, and that ships with the package.
 
-`python -m benchmarks.segmentation.joining_training src/napari_unpack/segmentation/joining.npz
---workers 2` gives it, to the bit for one state of the code, one network and one machine; no test
+`python -m benchmarks.segmentation.joining_training
+src/napari_unpack/segmentation/weights/part_merging.npz --workers 2` gives it,
+to the bit for one state of the code, one network and one machine; no test
 and no row of the tables uses its seeds, nor did the network see them. To be run after every
 training of the network.
 """

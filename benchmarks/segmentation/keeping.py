@@ -84,12 +84,10 @@ def _state(method: str) -> str:
     here, package = Path(__file__).parent, Path(napari_unpack.segmentation.__file__).parent
     paths = [here / "bags.py", here / "report.py", here / "peers.py"]
     if method in dict(PEERS):
-        paths += [
-            package / f"{name}.py" for name in ("foreground", "grainy", "shape_cuts", "evaluation")
-        ]
+        paths += [*(package / "foreground").glob("*.py"), package / "evaluation.py"]
     else:
         paths += [here / "ours.py"]
-        paths += [p for p in package.iterdir() if p.suffix in (".py", ".npz", ".onnx")]
+        paths += [p for p in package.rglob("*") if p.suffix in (".py", ".npz", ".onnx")]
     digest = hashlib.sha256()
     for path in sorted(paths):
         digest.update(path.name.encode() + path.read_bytes())

@@ -1,7 +1,8 @@
 """Train the judge of pieces, which parts what was joined over a step of density.
 
-`python -m benchmarks.segmentation.parting_training src/napari_unpack/segmentation/parting.npz
---workers 2` gives it, to the bit for one state of the code, one network, one judge of parts and one
+`python -m benchmarks.segmentation.parting_training
+src/napari_unpack/segmentation/weights/part_splitting.npz --workers 2` gives it,
+to the bit for one state of the code, one network, one judge of parts and one
 machine; the shipped file is of the judge of parts of commit f0e3710, which was better on simulated
 bags and took a real cable apart. No test and no row of the tables uses its seeds, nor did the
 network see them. To be run after every training of the network or of the judge of parts.

@@ -12,12 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.common.validation import checked_spacing
 from napari_unpack.segmentation.foreground.denoising import flattened, is_grainy
 from napari_unpack.segmentation.foreground.thresholds import find_levels, foreground, peel
-from napari_unpack.segmentation.isoperimetric.shape_cuts import shape_cuts
-from napari_unpack.segmentation.isoperimetric.splitting import parts_of
 
 Labels = NDArray[np.integer[Any]]
 Found = Iterator[tuple[str, Labels]]
@@ -75,27 +72,6 @@ def random_walks(volume: NDArray[Any], spacing: Any) -> Found:
         yield f"random walker d{distance}", whole[tuple(slice(n) for n in volume.shape)]
 
 
-def distance_trees(volume: NDArray[Any], spacing: Any) -> Found:
-    """Yield recursive distance-tree cuts that stop at an isoperimetric ratio."""
-    pieces = cc3d.connected_components(matter_of(volume, spacing), connectivity=6)
-    pieces = cc3d.dust(pieces, threshold=SMALLEST)
-    size = checked_spacing(spacing)
-    for stop in (0.02, 0.04, 0.08):
-        labels = np.zeros(volume.shape, np.int32)
-        whole = Region(pieces > 0, volume, (0, 0, 0), size)
-        stack = [whole.part(pieces == name) for name in np.unique(pieces)[1:]]
-        count = 0
-        while stack:
-            region = stack.pop()
-            cut = next((c for c in shape_cuts(region, SMALLEST) if c.ratio <= stop), None)
-            if cut is None:
-                count += 1
-                labels[region.box][region.mask] = count
-            else:
-                stack.extend(parts_of(region, cut))
-        yield f"distance tree {stop:g}/mm", labels
-
-
 def _peaks(depth: NDArray[Any], matter: NDArray[np.bool_], distance: int) -> NDArray[np.int32]:
     from skimage.feature import peak_local_max
 
@@ -109,6 +85,5 @@ PEERS: tuple[tuple[str, Callable[[NDArray[Any], Any], Found]], ...] = (
     ("components", components),
     ("watershed", watersheds),
     ("random walker", random_walks),
-    ("distance tree", distance_trees),
 )
 """Families of settings; the best of each by mean F1 stands in the table."""

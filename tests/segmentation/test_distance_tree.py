@@ -2,11 +2,8 @@ import itertools
 
 import numpy as np
 import pytest
-from phantoms import ball, box, two_balls
 
-from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.distance_tree import significant_minima, tree_sweep
-from napari_unpack.segmentation.isoperimetric.shape_cuts import shape_cuts
 
 UNIT = (1.0, 1.0, 1.0)
 
@@ -92,49 +89,3 @@ def test_only_minima_that_stand_out_are_significant():
     assert significant_minima(curve, 0, 8, 1.15, 5) == [2, 6]
     assert significant_minima(curve, 0, 8, 1.15, 1) == [2]
     assert significant_minima(curve, 5, 5, 1.15, 5) == []
-
-
-@pytest.mark.parametrize("spacing", [UNIT, (2.5, 1.0, 1.0)])
-def test_two_overlapping_balls_come_apart_with_dice_of_98_percent(spacing):
-    truth = two_balls()[:: int(spacing[0])]
-    region = Region(truth > 0, np.ones(truth.shape), (0, 0, 0), spacing)
-    cut = next(iter(shape_cuts(region, smallest=500)))
-    assert cut.parts.max() == 2
-    for name in (1, 2):
-        side = truth == name
-        dice = max(
-            2 * (side & (cut.parts == k)).sum() / (side.sum() + (cut.parts == k).sum())
-            for k in (1, 2)
-        )
-        assert dice >= 0.98
-    assert cut.neck < 0.6
-
-
-def test_a_large_region_is_cut_at_its_neck_to_the_voxel():
-    shape = (80, 80, 130)
-    truth = two_balls(shape, radius=36, distance=56)
-    region = Region(truth > 0, np.ones(shape), (0, 0, 0), UNIT)
-    assert region.voxels > 120_000
-    cut = next(iter(shape_cuts(region, smallest=500)))
-    left = cut.parts == cut.parts[40, 40, 30]
-    assert (left != (truth == 1))[truth > 0].mean() < 0.01
-
-
-def test_a_ball_alone_has_no_neck():
-    mask = ball((40, 40, 40), (20, 20, 20), 15)
-    region = Region(mask, np.ones(mask.shape), (0, 0, 0), UNIT)
-    assert all(cut.neck > 0.65 for cut in shape_cuts(region, smallest=500))
-
-
-def test_the_ring_part_of_a_cut_is_relabelled_by_component():
-    # A rod with a ball at each end: the middle is the ground's or an end's, never two things.
-    shape = (24, 24, 90)
-    mask = ball(shape, (12, 12, 14), 10) | ball(shape, (12, 12, 75), 10)
-    mask |= ball(shape, (12, 12, 45), 10) | box(shape, (9, 9, 14), (15, 15, 75))
-    region = Region(mask, np.ones(shape), (0, 0, 0), UNIT)
-    import cc3d
-
-    for cut in shape_cuts(region, smallest=200):
-        for k in range(1, cut.parts.max() + 1):
-            assert cc3d.connected_components(cut.parts == k, connectivity=6).max() == 1
-        assert (cut.parts > 0).sum() == mask.sum()

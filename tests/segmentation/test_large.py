@@ -100,7 +100,7 @@ def test_labels_refined_from_a_reduced_grid_are_nearly_the_truth(factor, least):
     truth = np.roll(truth, (1, 1, 1), axis=(0, 1, 2))
     volume = scanned(truth, densities)
     cells = np.prod([-(-n // factor) for n in truth.shape])
-    found = segment(volume, MM, working=int(cells), method="affinity")
+    found = segment(volume, MM, working=int(cells), method="cuts")
     assert len(found.objects) == 4
     assert min(ious(truth, found.labels)) >= least
     # Far better than the grid's own labels are when they are merely enlarged.
@@ -197,7 +197,7 @@ def test_cells_that_are_not_cubes():
     truth[box(shape, (4, 20, 20), (20, 92, 80))] = 1
     truth[box(shape, (4, 20, 80), (20, 92, 140))] = 2
     volume = scanned(truth, {1: 900, 2: 1500})
-    found = segment(volume, (4.0, 1.0, 1.0), working=24 * 28 * 40, method="affinity")
+    found = segment(volume, (4.0, 1.0, 1.0), working=24 * 28 * 40, method="cuts")
     assert len(found.objects) == 2
     assert min(ious(truth, found.labels)) > 0.95
 

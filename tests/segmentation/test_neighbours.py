@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.segmentation.common.adjacency import find_neighbours
-from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
 
 MM = (1.0, 1.0, 1.0)
 
@@ -54,3 +54,17 @@ def test_a_hundred_thousand_specks_take_no_more_memory_than_voxels_do():
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 500 * 48**3
+
+
+def test_a_lace_of_voxels_joins_what_it_lies_on_and_a_sheet_does_not():
+    labels = np.zeros((12, 20, 20), np.int32)
+    labels[2:8] = 1
+    lace = np.indices((20, 20)).sum(axis=0) % 2 == 0
+    labels[8][lace] = 2
+    labels[1] = 3
+    density = np.array([0, 1000, 600, 600])[labels]
+    found = absorb_fringes(labels, density, (1.0, 1.0, 1.0))
+    assert (found[8][lace] == 1).all()
+    assert (found[1] == 3).all()
+    denser = np.array([0, 1000, 1600, 600])[labels]
+    np.testing.assert_array_equal(absorb_fringes(labels, denser, (1.0, 1.0, 1.0)), labels)

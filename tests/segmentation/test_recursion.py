@@ -12,7 +12,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     kept,
     split_recursively,
 )
-from napari_unpack.segmentation.isoperimetric.oracle_refinement import refine_by_oracle
+from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
 
 UNIT = (1.0, 1.0, 1.0)
 
@@ -81,16 +81,16 @@ def test_a_sure_region_is_not_cut_and_every_split_can_be_cancelled():
         split_recursively([region], lambda r: 0.1, 500.0, cancel)
 
 
-def test_refining_splits_what_is_doubted_and_joins_what_was_cut_too_soon():
+def test_what_was_cut_too_soon_is_joined():
     truth = chain()
     density = np.where(truth > 0, 1000.0, 0.0)
     oracle = sizes_near(np.bincount(truth.ravel())[1])
-    wrong = np.where(truth == 2, 1, truth)
+    wrong = truth.copy()
     wrong[(truth == 3) & (np.arange(80) > 63)] = 9
-    result = score(truth, refine_by_oracle(wrong.astype(np.int32), density, UNIT, oracle))
+    result = score(truth, join_touching(wrong, density, UNIT, oracle, 0.2))
     assert result["found_objects"] == 3
     assert result["f1_75"] == 1
-    alike = refine_by_oracle(truth, density, UNIT, oracle)
+    alike = join_touching(truth, density, UNIT, oracle, 0.2)
     assert score(truth, alike)["mean_iou"] == 1
 
 
@@ -104,9 +104,9 @@ def test_pieces_of_which_no_two_look_better_than_one_come_together():
     def likes_the_whole(region):
         return 0.9 if region.voxels == 6000 else 0.2
 
-    assert refine_by_oracle(labels, density, UNIT, likes_the_whole).max() == 1
+    assert join_touching(labels, density, UNIT, likes_the_whole, 0.2).max() == 1
     # Where the whole is no better than its pieces, they stay as they were.
-    alike = refine_by_oracle(labels, density, UNIT, lambda region: 0.6)
+    alike = join_touching(labels, density, UNIT, lambda region: 0.6, 0.2)
     assert score(labels, alike)["mean_iou"] == 1
 
 
@@ -116,8 +116,8 @@ def test_shell_and_content_become_one_where_the_oracle_prefers_it():
     labels[box(shape, (8, 8, 8), (22, 22, 22))] = 2
     density = np.where(labels == 1, 400.0, np.where(labels == 2, 1000.0, 0))
     full = sizes_near(24**3)
-    assert refine_by_oracle(labels, density, UNIT, full).max() == 1
-    assert len(np.unique(refine_by_oracle(labels, density, UNIT, lambda r: 0.6))) == 3
+    assert join_touching(labels, density, UNIT, full, 0.2).max() == 1
+    assert len(np.unique(join_touching(labels, density, UNIT, lambda r: 0.6, 0.2))) == 3
 
 
 def test_the_method_of_the_paper_finds_two_touching_balls_with_the_oracle_that_ships():
@@ -135,6 +135,15 @@ def test_ten_thousand_specks_do_not_hang():
     assert len(segment(volume, method="cuts").objects) == 1
 
 
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match="method"):
-        segment(np.arange(27.0).reshape(3, 3, 3), method="magic")
+@pytest.mark.parametrize(
+    ("wrong", "kind", "words"),
+    [
+        ({"method": "magic"}, ValueError, "method must be one of learned, cuts, got 'magic'"),
+        ({"method": "affinity"}, ValueError, 'use method="learned" or method="cuts"'),
+        ({"judge": len}, TypeError, 'pass oracle= with method="cuts"'),
+    ],
+)
+def test_unknown_and_retired_methods_are_refused_in_one_sentence(wrong, kind, words):
+    with pytest.raises(kind, match=words) as refused:
+        segment(np.arange(27.0).reshape(3, 3, 3), **wrong)
+    assert "\n" not in str(refused.value)

@@ -14,18 +14,6 @@ def test_two_overlapping_balls_of_one_material_become_two_objects():
     assert result["mean_iou"] >= 0.961
 
 
-def test_two_boxes_that_share_a_whole_face_come_apart_by_their_densities():
-    shape = (40, 40, 70)
-    truth = np.zeros(shape, np.int32)
-    truth[box(shape, (8, 8, 8), (32, 32, 34))] = 1
-    truth[box(shape, (8, 8, 34), (32, 32, 60))] = 2
-    found = segment(scanned(truth, {1: 900, 2: 1250}), method="affinity")
-    assert score(truth, found.labels)["f1_75"] == 1.0
-    assert found.objects.mean_density.round(-2).tolist() == [1200, 900] or set(
-        found.objects.mean_density.round(-2)
-    ) == {900, 1200}
-
-
 def test_a_bottle_with_its_liquid_and_air_is_one_object():
     shape = (56, 40, 40)
     grid = np.indices(shape)
@@ -55,7 +43,7 @@ def test_the_table_of_objects_tells_what_was_put_in():
     shape = (40, 50, 60)
     spacing = (2.0, 1.0, 0.5)
     truth = box(shape, (10, 10, 10), (20, 30, 50)).astype(np.int32)
-    found = segment(scanned(truth, {1: 1000}, noise=5, blur=0.01), spacing, method="affinity")
+    found = segment(scanned(truth, {1: 1000}, noise=5, blur=0.01), spacing, method="cuts")
     (row,) = found.objects.itertuples()
     assert row.Index == 1
     assert row.voxels == 8000

@@ -14,12 +14,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
-from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.region import FEWEST, Oracle
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.denoising import looks_grainy
 from napari_unpack.segmentation.foreground.methods import find_matter, levels_of
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle
 from napari_unpack.segmentation.label_upsampling import (
     Coarse,
     coarse,

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import Box
-from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.oracle import default_oracle
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.segmentation.common.array_source import source_of
-from napari_unpack.segmentation.common.merging import absorb_small
-from napari_unpack.segmentation.common.region import FEWEST, SMALLEST, default_smallest
+from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
+from napari_unpack.segmentation.common.region import FEWEST, SMALLEST, Oracle, default_smallest
 from napari_unpack.segmentation.common.validation import (
     Spacing,
     check_out,
@@ -23,24 +23,22 @@ from napari_unpack.segmentation.common.validation import (
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.foreground.denoising import cleared, looks_grainy, to_half_height
 from napari_unpack.segmentation.foreground.methods import checked_way
-from napari_unpack.segmentation.isoperimetric.initial_parts import (
-    default_affinity,
-    join_parts,
-    split_parts,
-)
-from napari_unpack.segmentation.isoperimetric.oracle_refinement import RefineRule, join_touching
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle, SplitRule
+from napari_unpack.segmentation.isoperimetric.initial_parts import SplitRule, split_parts
+from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
 from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.learned.method import seen_objects
-from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.object_table import object_table, rank_labels
 from napari_unpack.segmentation.postprocessing.cables import gather_wires
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
+from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
 from napari_unpack.segmentation.working_grid import MOST
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, no_progress
 
-METHODS = ("learned", "affinity", "cuts")
+METHODS = ("learned", "cuts")
+
+FOLD_DENSITY = 2.2
+"""Folds of cloth are at most this many times as dense as the median of the foreground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ def segment(
     grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
-    judge: PairClassifier | None = None,
+    judge: None = None,
     working: int = MOST,
     out: Any = None,
 ) -> Segmentation:
@@ -93,11 +91,9 @@ def segment(
         oracle that ships with the package; with method "cuts" it also decides about cuts.
     progress : callable, optional
         Called with (fraction, text) before every step; raising in it cancels.
-    method : {"learned", "affinity", "cuts"}
-        "learned" joins what a network of boundaries sees belong together. "affinity" cuts at
-        materials and necks and joins parts again by a small trained judge of pairs. "cuts" is
-        the method of the paper (section 3), recursive cuts judged by the oracle; it is slow and
-        takes more apart than the others.
+    method : {"learned", "cuts"}
+        "learned" merges what a boundary network predicts to belong together. "cuts" is the method
+        of the paper (section 3), recursive cuts chosen by the oracle; it is slow and splits more.
     foreground : str or float
         How matter is told from air: one of `matter.WAYS`, or the density from which there is
         matter.
@@ -116,9 +112,8 @@ def segment(
         Log density step that tells two materials apart; see `materials.MaterialScale`.
     rule : SplitRule, optional
         When to cut.
-    judge : PairClassifier, optional
-        Decides with method "affinity" which parts are joined again; by default the one that
-        ships with the package.
+    judge : None
+        Refused: it belonged to the method "affinity", which is gone.
     working : int
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
         their labels are then refined to full resolution; see `large`.
@@ -133,19 +128,23 @@ def segment(
     Raises
     ------
     TypeError
-        If the volume does not hold real numbers, or `out` no integers.
+        If the volume does not hold real numbers, `out` no integers, or `judge` is given.
     ValueError
         If the volume, the spacing or `out` is not usable, or nothing is found.
     """
+    if judge is not None:
+        raise TypeError('judge= is gone with method="affinity"; pass oracle= with method="cuts"')
     source = source_of(volume)
     size = checked_spacing(spacing)
     way = checked_way(foreground)
+    if method == "affinity":
+        raise ValueError('method="affinity" is gone; use method="learned" or method="cuts"')
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     decides = (oracle or default_oracle()) if method == "cuts" else None
     if out is not None:
         check_out(out, source.shape)
-    tell = progress or _silent
+    tell = progress or no_progress
     least = default_smallest(source.shape, size) if smallest is None else smallest
     find = partial(
         segment_grid,
@@ -157,7 +156,6 @@ def segment(
         grainy=grainy,
         step=step,
         rule=rule,
-        judge=judge,
         oracle=decides,
     )
     if source.size > working:
@@ -200,7 +198,6 @@ def segment_grid(
     grainy: bool | None = None,
     step: float = 0.11,
     rule: SplitRule | None = None,
-    judge: PairClassifier | None = None,
     oracle: Oracle | None = None,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume that is small enough to be worked on whole.
@@ -213,7 +210,7 @@ def segment_grid(
         Voxel size z y x, mm.
     tell : callable
         Progress.
-    foreground, method, smallest, supports, shell, grainy, step, rule, judge, oracle
+    foreground, method, smallest, supports, shell, grainy, step, rule, oracle
         As for `segment`.
 
     Returns
@@ -247,22 +244,22 @@ def segment_grid(
             labels = gather_wires(labels, density)
             labels = take_out_inclusions(labels, density, spacing, smallest)
     else:
+        decides = oracle or default_oracle()
         parts, scale = split_parts(
             density,
             spacing,
             tell,
+            decides,
             foreground=foreground,
             supports=supports,
             shell=shell,
             step=step,
             rule=rule or SplitRule(smallest=2 * smallest),
-            oracle=oracle,
         )
-        if oracle is None:
-            tell(0.8, "Joining parts")
-            parts = join_parts(parts, density, spacing, scale, judge or default_affinity())
-        else:
-            parts = join_touching(parts, density, spacing, oracle, RefineRule(margin=0.0), tell)
+        # The knee is a quarter of the foreground's median density above air.
+        light = scale.air + FOLD_DENSITY * 4 * scale.knee
+        parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
+        parts = join_touching(parts, density, spacing, decides, tell=tell)
         labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
     if hidden:
         labels = to_half_height(labels, given, spacing)
@@ -274,7 +271,3 @@ def segment_grid(
             "pass a smaller smallest= or a lower foreground="
         )
     return labels
-
-
-def _silent(fraction: float, text: str) -> None:
-    """Report nothing."""

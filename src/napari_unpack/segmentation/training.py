@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.density_regions import log_density
 from napari_unpack.segmentation.common.merging import measure_contacts
 from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.segmentation.evaluation import contingency
-from napari_unpack.segmentation.isoperimetric.initial_parts import split_parts
 from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     Parts,
     agglomerate,
-    measure_parts,
 )
 from napari_unpack.tasks import Progress
 
@@ -229,32 +226,6 @@ def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Re
             yield region.part(mask)
 
 
-def pair_examples(
-    density: NDArray[np.generic],
-    truth: NDArray[np.integer],
-    spacing: Spacing,
-    affinity: PairClassifier | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return pairs of parts to learn from: their features, and whether they are one object.
-
-    Parameters
-    ----------
-    density, truth, spacing
-        A labelled volume.
-    affinity : PairClassifier, optional
-        A judge to follow, so that it learns from the states its own mistakes lead to; without
-        one the truth is followed.
-
-    Returns
-    -------
-    rows : (N, F) ndarray of float64
-    same : (N,) ndarray of bool
-    """
-    parts, scale = split_parts(density, spacing, lambda fraction, text: None)
-    measured = measure_parts(parts, log_density(density, parts > 0, scale), spacing)
-    return examples_of(measured, overlaps(parts, truth), affinity)
-
-
 def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np.float64]:
     """Return the (M, T) voxels that each part shares with each true object; row 0 is empty."""
     table = contingency(parts, truth)
@@ -279,7 +250,8 @@ def examples_of(
     shared : (M, T) ndarray of float64
         See `overlaps`.
     affinity : PairClassifier, optional
-        As for `pair_examples`.
+        A classifier to follow, so that it learns from the states its own mistakes lead to;
+        without one the truth is followed.
     described : callable, optional
         `described(one, two, features) -> features` that the judge goes by.
 

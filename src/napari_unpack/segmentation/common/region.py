@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -108,6 +109,10 @@ class Region:
         """The region's place in the volume."""
         a, b, c = (slice(o, o + n) for o, n in zip(self.origin, self.mask.shape, strict=True))
         return a, b, c
+
+
+Oracle = Callable[[Region], float]
+"""Returns the confidence in [0, 1] that a region is exactly one object."""
 
 
 def bounding_box(mask: NDArray[np.bool_]) -> Box:

@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cc3d
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.measures import chamfer
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.candidate_sources import (
@@ -25,7 +27,6 @@ from napari_unpack.segmentation.isoperimetric.candidate_sources import (
     tree_candidates,
 )
 from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
-from napari_unpack.segmentation.isoperimetric.shape_cuts import connected_parts
 
 SOURCES: tuple[Callable[[PreparedRegion], Proposals], ...] = (
     tree_candidates,
@@ -102,6 +103,29 @@ def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate
         if not any(_alike(candidate.parts, other.parts) for other in kept):
             kept.append(candidate)
     return kept
+
+
+def connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int32]:
+    """Relabel parts by 6-connected component; small fragments go to a neighbour.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        Not changed.
+    smallest : int
+        Components of fewer voxels are flooded by the others.
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        1, 2, ... by first voxel; 0 stays 0.
+    """
+    components, count = cc3d.connected_components(parts, connectivity=6, return_N=True)
+    sizes = np.bincount(components.reshape(-1), minlength=count + 1)
+    large = sizes >= min(smallest, sizes[1:].max(initial=0))
+    large[0] = False
+    seeds = np.where(large, np.cumsum(large), 0).astype(np.int32)[components]
+    return seeds if large[1:].all() else flood(seeds, parts > 0)
 
 
 def _reduced_pool(region: Region, smallest: float, most_parts: int) -> list[Candidate]:

@@ -14,9 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from napari_unpack.segmentation.common.region import FEWEST, Region
+from napari_unpack.segmentation.common.region import FEWEST, Oracle, Region
 from napari_unpack.segmentation.isoperimetric.candidates import pool
-from napari_unpack.segmentation.isoperimetric.splitting import Oracle
 from napari_unpack.tasks import Progress
 
 

@@ -362,7 +362,7 @@ def draw_borders(
 def default_border_judge() -> PairClassifier:
     """Return the judge of borders that ships with the package."""
     return PairClassifier.load(
-        Path(__file__).parents[1] / "weights" / "borders.npz", BORDER_FEATURES
+        Path(__file__).parents[1] / "weights" / "border_classifier.npz", BORDER_FEATURES
     )
 
 

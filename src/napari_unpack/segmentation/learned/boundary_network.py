@@ -158,7 +158,7 @@ class BoundaryNetwork:
 @cache
 def default_boundaries() -> BoundaryNetwork:
     """Return the network that ships with the package."""
-    return BoundaryNetwork.load(Path(__file__).parents[1] / "weights" / "boundaries.onnx")
+    return BoundaryNetwork.load(Path(__file__).parents[1] / "weights" / "boundary_network.onnx")
 
 
 def _tiles(

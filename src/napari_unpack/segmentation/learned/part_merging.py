@@ -194,4 +194,4 @@ def join_seen(
 @cache
 def default_judge() -> PairClassifier:
     """Return the judge that ships with the package."""
-    return PairClassifier.load(Path(__file__).parents[1] / "weights" / "joining.npz", FEATURES)
+    return PairClassifier.load(Path(__file__).parents[1] / "weights" / "part_merging.npz", FEATURES)

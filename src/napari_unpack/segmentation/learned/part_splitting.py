@@ -212,5 +212,5 @@ def part_seen(
 def default_piece_judge() -> PairClassifier:
     """Return the judge of pieces that ships with the package."""
     return PairClassifier.load(
-        Path(__file__).parents[1] / "weights" / "parting.npz", PIECE_FEATURES
+        Path(__file__).parents[1] / "weights" / "part_splitting.npz", PIECE_FEATURES
     )

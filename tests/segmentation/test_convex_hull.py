@@ -1,0 +1,15 @@
+import numpy as np
+
+from napari_unpack.segmentation.common.convex_hull import hull_volume, support_points
+
+
+def test_the_support_points_of_a_box_span_it_and_those_of_a_ball_nearly():
+    corners = np.array(np.meshgrid([0, 4], [0, 5], [0, 6])).reshape(3, -1).T.astype(float)
+    rng = np.random.default_rng(0)
+    filling = rng.uniform(0, 4, (500, 3))
+    assert hull_volume(support_points(np.concatenate([filling, corners]))) == 4 * 5 * 6
+    sphere = rng.normal(size=(20000, 3))
+    sphere /= np.linalg.norm(sphere, axis=1)[:, None]
+    few = support_points(sphere)
+    assert len(few) <= 96
+    assert 0.9 < hull_volume(few) / (4 / 3 * np.pi) < 1
