@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io import save_png
-from napari_unpack.rendering.compose import object_patch, packed_patch, scene, sprite_patch
+from napari_unpack.rendering.compose import object_image, packed_image, scene_image, sprite_image
 from napari_unpack.rendering.image_patch import compose
 
 PANEL = (640, 820)
@@ -94,20 +94,20 @@ def layers(session: Any) -> Image:
     session.unpack(6)
     camera, size = session.camera, PANEL
     flying, now = _in_the_air(session)
-    packed = [packed_patch(session, camera, size)]
+    packed = [packed_image(session.scene(), camera, size)]
     air = [
-        object_patch(session, i, flight.pose(now, camera), camera, size)
+        object_image(session.scene(), i, flight.pose(now, camera), camera, size)
         for i, flight in session.flights.items()
         if i in flying
     ]
     beside = []
     for i, pose in session.poses.items():
         nearness = 1.0 - pose.center[0] / camera.distance
-        patch = sprite_patch(session, i, pose, size[0] / camera.height / nearness)
+        patch = sprite_image(session.scene(), i, pose, size[0] / camera.height / nearness)
         row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
         beside.append(patch.at(patch.row + int(row), patch.col + int(col), patch.plane))
     apart = [compose(size, part, BACK) for part in (packed, air, beside)]
-    together = scene(session, camera, size, now)
+    together = scene_image(session.scene(), camera, size, now)
     _land(session)
     return _grid([*apart, together], 2)
 
@@ -174,7 +174,7 @@ def _interest(session: Any, object_id: int) -> float:
 
 def _flight(session: Any) -> Image:
     _, now = _in_the_air(session)
-    picture = scene(session, session.camera, PANEL, now)
+    picture = scene_image(session.scene(), session.camera, PANEL, now)
     _land(session)
     return picture
 
@@ -196,7 +196,7 @@ def _land(session: Any) -> None:
 
 def _scene(session: Any) -> Image:
     camera: Camera = session.camera
-    return np.array(scene(session, camera, PANEL))
+    return np.array(scene_image(session.scene(), camera, PANEL))
 
 
 def _trimmed(pictures: list[Image]) -> list[Image]:

@@ -14,11 +14,10 @@ from PIL import Image, ImageDraw, ImageFont
 from napari_unpack.appearance import PRESETS, Surroundings, TransferFunction, tints_of
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids
-from napari_unpack.rendering.compose import scene
+from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.image_patch import compose
 from napari_unpack.rendering.object_casting import Appearance, cast_crop
 from napari_unpack.rendering.scene import LIGHT
-from napari_unpack.rendering.subvolumes import SubvolumeCache
 from napari_unpack.session import Session
 
 ImageTexture = NDArray[np.float32]
@@ -115,14 +114,9 @@ def _look(session: Any, tints: Any, function: Any = None) -> Appearance:
 
 
 def _tinted(session: Any, tints: Any, ground: Any = GROUND, function: Any = None) -> ImageTexture:
-    whole = _cache(session).whole()
+    whole = session.scene().subvolumes.whole()
     patch = cast_crop(whole, None, session.camera, (SIDE, SIDE), _look(session, tints, function))
     return compose((SIDE, SIDE), [patch], ground.background)
-
-
-def _cache(session: Any) -> SubvolumeCache:
-    found: SubvolumeCache = session.__dict__.setdefault("_gallery", SubvolumeCache(session))
-    return found
 
 
 def _white(session: Any) -> Any:
@@ -169,7 +163,7 @@ def _isolated(session: Any, count: int) -> ImageTexture:
 def _before(session: Any, words: str) -> ImageTexture:
     around = Surroundings.of(words, ["box", "scale"])
     camera = replace(session.camera, height=1.22 * session.camera.height)
-    return scene(session, camera, (SIDE, SIDE), backend="cpu", surroundings=around)
+    return scene_image(session.scene(), camera, (SIDE, SIDE), backend="cpu", decorations=around)
 
 
 def _densest(session: Any, share: float) -> ImageTexture:

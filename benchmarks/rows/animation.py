@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.row import Row, best_ms, ms
 from benchmarks.scenes import MM, Scenes
 from napari_unpack.geometry.transforms import packed_pose
-from napari_unpack.rendering.compose import object_patch, packed_patch
+from napari_unpack.rendering.compose import object_image, packed_image
 from napari_unpack.rendering.image_patch import compose
 from napari_unpack.viewer.animation import Moving
 from napari_unpack.viewer.transition_renderer import FRAME_SECONDS, adapted, cast_moving
@@ -21,12 +21,12 @@ GOAL = "<= 30 ms CPU"
 def measure(scenes: Scenes) -> list[Row]:
     session, camera, size = scenes.session, scenes.camera, scenes.canvas
     rows = []
-    bag = packed_patch(session, camera, size, backend="cpu")
+    bag = packed_image(session.scene(), camera, size, backend="cpu")
     times = {}
     for object_id in (1, 2, 3):
         pose = packed_pose(session.boxes.center(object_id, MM), camera, -60 * camera.direction)
         casting = _in_flight(session, object_id, pose, camera, size)
-        flying = object_patch(session, object_id, pose, camera, size, backend="cpu")
+        flying = object_image(session.scene(), object_id, pose, camera, size, backend="cpu")
         laying = best_ms(lambda flying=flying: compose(size, [bag, flying]), scenes.repeats)
         times[object_id] = casting, laying
     casting = sorted(t[0][0] for t in times.values())
@@ -52,7 +52,7 @@ def _in_flight(session, object_id, pose, camera, size) -> tuple[float, float]:  
     share, frames = 1.0, []
     for _ in range(24):
         began = perf_counter()
-        cast_moving(session, object_id, Moving(pose), camera, size, share)
+        cast_moving(session.scene(), object_id, Moving(pose), camera, size, share)
         seconds = perf_counter() - began
         frames.append((1000 * seconds, share))
         share = adapted(share, seconds, FRAME_SECONDS)

@@ -50,15 +50,15 @@ def _frame(scenes: Scenes) -> Row:
 
 def _flight(scenes: Scenes) -> Row:
     from napari_unpack.geometry.transforms import packed_pose
-    from napari_unpack.rendering.compose import object_patch
+    from napari_unpack.rendering.compose import object_image
 
     session, camera, size = scenes.session, scenes.camera, scenes.canvas
     slowest = 0.0
     for object_id in (1, 2, 3):
         pose = packed_pose(session.boxes.center(object_id, MM), camera, -60 * camera.direction)
         took = best_ms(
-            lambda object_id=object_id, pose=pose: object_patch(
-                session, object_id, pose, camera, size, backend="gl"
+            lambda object_id=object_id, pose=pose: object_image(
+                session.scene(), object_id, pose, camera, size, backend="gl"
             ),
             2 * scenes.repeats,
         )

@@ -6,7 +6,7 @@ from itertools import cycle
 
 from benchmarks.row import Row, ms, paired_ms
 from benchmarks.scenes import Scenes
-from napari_unpack.rendering.compose import packed_patch
+from napari_unpack.rendering.compose import packed_image
 
 WHAT = "hiding an object to new picture"
 GOAL = "one frame"
@@ -17,7 +17,7 @@ def measure(scenes: Scenes) -> list[Row]:
     steps = cycle([session.hide, session.show])
 
     def frame() -> object:
-        return packed_patch(session, camera, size, 1.0, "cpu")
+        return packed_image(session.scene(), camera, size, 1.0, "cpu")
 
     def hidden() -> object:
         next(steps)([14])

@@ -234,7 +234,7 @@ def render(
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import framed, unpack_in_order
     from napari_unpack.io.session_archive import holds_session
-    from napari_unpack.rendering.compose import scene
+    from napari_unpack.rendering.compose import scene_image
 
     check_output(output, (".png",))
     around = wanted_surroundings(background, box, scale)
@@ -244,7 +244,9 @@ def render(
     camera = session.camera if holds_session(source) else framed(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
-    typer.echo(f"wrote {save_png(scene(session, camera, size, backend=backend), output)}")
+    typer.echo(
+        f"wrote {save_png(scene_image(session.scene(), camera, size, backend=backend), output)}"
+    )
 
 
 @app.command()

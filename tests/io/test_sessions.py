@@ -17,7 +17,7 @@ from napari_unpack.appearance import Surroundings
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
-from napari_unpack.rendering.compose import scene
+from napari_unpack.rendering.compose import scene_image
 
 SIZE = (72, 96)
 
@@ -122,8 +122,8 @@ def test_pictures_are_equal_to_the_pixel_and_unpacking_goes_on_alike(saved):
     session, found = used(), nu.open_session(saved)
     for _ in range(3):
         np.testing.assert_array_equal(
-            scene(found, found.overview(), SIZE, backend="cpu"),
-            scene(session, session.overview(), SIZE, backend="cpu"),
+            scene_image(found.scene(), found.overview(), SIZE, backend="cpu"),
+            scene_image(session.scene(), session.overview(), SIZE, backend="cpu"),
         )
         assert found.unpack(2) == session.unpack(2)
         assert everything(found)["poses"] == everything(session)["poses"]

@@ -47,7 +47,7 @@ def modules_and_manifests_read_once() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def kernels_compiled() -> None:
     """Compile what casts, which takes a slow machine minutes, before any test waits for it."""
-    from napari_unpack.rendering.compose import scene
+    from napari_unpack.rendering.compose import scene_image
     from napari_unpack.session import Session
 
     for density in (np.uint16, np.float32):
@@ -58,7 +58,7 @@ def kernels_compiled() -> None:
         session.unpack(1)
         session.restore(1)
         session.unpack(1)
-        scene(session, session.overview(), (48, 64), backend="cpu")
+        scene_image(session.scene(), session.overview(), (48, 64), backend="cpu")
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.sprite_layer import SpriteLayer
-from napari_unpack.rendering.compose import sprite_patch
+from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.session import Session
 from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, resolution
 
@@ -34,7 +34,7 @@ def test_forty_sprites_take_less_than_four_full_view_images() -> None:
     for object_id, pose in session.poses.items():
         fine = resolution(pixels_per_mm, PIXELS_PER_VOXEL / pose.scale)
         # One sample an edge shows the same pixels.
-        patch = sprite_patch(session, object_id, pose, fine, 3.0, "cpu")
+        patch = sprite_image(session.scene(), object_id, pose, fine, 3.0, "cpu")
         sprite = Sprite.of(patch, pose, 1.0 / fine)
         assert sprite is not None
         # As large as it is seen, at least.

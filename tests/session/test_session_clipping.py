@@ -3,7 +3,7 @@ import pytest
 
 from napari_unpack.appearance import Surroundings
 from napari_unpack.geometry.view import View
-from napari_unpack.rendering.compose import packed_patch, scene
+from napari_unpack.rendering.compose import packed_image, scene_image
 from napari_unpack.session import Session
 
 
@@ -25,13 +25,13 @@ def halves(image):
 def test_a_plane_takes_away_one_of_two_and_the_scene_is_cast_again(session):
     camera, size = session.camera, (48, 64)
     clear = Surroundings.of((0.0, 0.0, 0.0, 0.0))
-    assert min(halves(scene(session, camera, size, surroundings=clear))) > 0.5
+    assert min(halves(scene_image(session.scene(), camera, size, decorations=clear))) > 0.5
     session.clipping = [[[0, 0, 12], [0, 0, 2.0]]]
-    left, right = sorted(halves(scene(session, camera, size, surroundings=clear)))
+    left, right = sorted(halves(scene_image(session.scene(), camera, size, decorations=clear)))
     assert left == 0
     assert right > 0.5
     session.clipping = None
-    assert min(halves(scene(session, camera, size, surroundings=clear))) > 0.5
+    assert min(halves(scene_image(session.scene(), camera, size, decorations=clear))) > 0.5
 
 
 def test_hues_are_chosen_for_what_is_left_and_blocking_stays(session):
@@ -62,12 +62,15 @@ def test_planes_that_are_none_are_refused(session, planes):
 
 def test_flying_objects_are_whole(session):
     camera, size = session.camera, (48, 64)
-    whole = packed_patch(session, camera, size, backend="cpu").rgba.sum()
+    whole = packed_image(session.scene(), camera, size, backend="cpu").rgba.sum()
     session.clipping = [[[0, 0, 12], [0, 0, 1]]]
-    assert packed_patch(session, camera, size, backend="cpu").rgba.sum() < 0.6 * whole
+    assert packed_image(session.scene(), camera, size, backend="cpu").rgba.sum() < 0.6 * whole
     session.unpack([1])
-    sprites = scene(session, camera, (96, 128), surroundings=Surroundings.of((0, 0, 0, 0)))
+    sprites = scene_image(
+        session.scene(), camera, (96, 128), decorations=Surroundings.of((0, 0, 0, 0))
+    )
     session.clipping = None
     np.testing.assert_allclose(
-        scene(session, camera, (96, 128), surroundings=Surroundings.of((0, 0, 0, 0))), sprites
+        scene_image(session.scene(), camera, (96, 128), decorations=Surroundings.of((0, 0, 0, 0))),
+        sprites,
     )

@@ -9,7 +9,7 @@ import pytest
 from bags import hooked, session_of, stack_of_plates
 
 from napari_unpack.io.session_json import given_labels, record_of, session_from
-from napari_unpack.rendering.compose import scene
+from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import ObjectState
 
 
@@ -82,13 +82,15 @@ def test_scrubbing_is_one_step_of_undo_and_back_at_the_start_all_is_packed_as_be
     session = session_of(stack_of_plates())
     session.recolor()
     size = (60, 80)
-    first = scene(session, session.overview(), size, backend="cpu")
+    first = scene_image(session.scene(), session.overview(), size, backend="cpu")
     for step in (1, 3, 5, 2, 4, 1):
         session.go_to(step)
-    unpacked = scene(session, session.overview(), size, backend="cpu")
+    unpacked = scene_image(session.scene(), session.overview(), size, backend="cpu")
     assert np.abs(unpacked - first).max() > 0.1
     session.go_to(0)
-    np.testing.assert_array_equal(scene(session, session.overview(), size, backend="cpu"), first)
+    np.testing.assert_array_equal(
+        scene_image(session.scene(), session.overview(), size, backend="cpu"), first
+    )
     assert session.undo() == "scrub"
     assert session.step == 0
     assert session.steps == ()

@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.session_json import record_of, session_from
-from napari_unpack.rendering.compose import object_patch, packed_patch
+from napari_unpack.rendering.compose import object_image, packed_image
 from napari_unpack.rendering.object_style import ObjectStyle, cut_open, facts_of
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.containers import opened, parts_by_density, surrounded
@@ -45,10 +45,10 @@ def test_an_opacity_of_its_own_changes_the_object_alone_and_is_undone(session):
     pose = packed_pose(session.boxes.center(1, session.spacing), camera)
 
     def alone():
-        return object_patch(session, 1, pose, camera, size).rgba
+        return object_image(session.scene(), 1, pose, camera, size).rgba
 
     def bag():
-        return packed_patch(session, camera, size).rgba
+        return packed_image(session.scene(), camera, size).rgba
 
     before, master, packed = alone(), session.transfer_function, bag()
     told = []
@@ -65,10 +65,10 @@ def test_an_opacity_of_its_own_changes_the_object_alone_and_is_undone(session):
 def test_a_cut_takes_away_what_lies_behind_its_plane(session):
     camera, size = session.camera, (60, 60)
     pose = packed_pose(session.boxes.center(2, session.spacing), camera)
-    whole = object_patch(session, 2, pose, camera, size)
+    whole = object_image(session.scene(), 2, pose, camera, size)
     middle = np.asarray(session.boxes.center(2, session.spacing))
     session.set_study(2, ObjectStyle(cut=(middle, camera.right)))
-    half = object_patch(session, 2, pose, camera, size)
+    half = object_image(session.scene(), 2, pose, camera, size)
     seen = [(p.rgba[..., 3] > 0.3).sum() for p in (whole, half)]
     assert seen[1] == pytest.approx(seen[0] / 2, rel=0.15)
     # Oblique in millimetres, also where voxels are not cubes.

@@ -6,15 +6,63 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.appearance import TransferFunction
+from napari_unpack.geometry.boxes import LabelBoxes
 
-FAINT = 0.2
+HARDLY_SEEN = 0.2
 """Opacity, through the middle of an object, below which it is hardly seen when it stands alone."""
 
-VEILED = 0.35
-"""The opacity it is given then."""
+GIVEN_OPACITY = 0.35
+"""The opacity through its middle that such an object is given."""
 
 
-def veil(mask: NDArray[np.bool_], density: NDArray[np.generic], shown: TransferFunction) -> float:
+def visible_alone(
+    object_id: int,
+    labels: NDArray[np.uint16],
+    volume: NDArray[np.generic],
+    boxes: LabelBoxes,
+    mean_density: float,
+    shown: TransferFunction,
+) -> TransferFunction:
+    """Return a transfer function under which an object is seen when it stands alone.
+
+    Parameters
+    ----------
+    object_id : int
+    labels : (Z, Y, X) ndarray of uint16
+        Object IDs.
+    volume : (Z, Y, X) ndarray
+        Density.
+    boxes : LabelBoxes
+        Of these labels, voxels.
+    mean_density : float
+        Of the object; NaN where it is not known.
+    shown : TransferFunction
+        The master's.
+
+    Returns
+    -------
+    TransferFunction
+        The master's itself where that shows enough of the object, else one with a minimum
+        opacity: a person who takes something out of a bag expects to see it leave.
+
+    Raises
+    ------
+    KeyError
+        If there is no such object.
+    """
+    row = boxes.index(object_id)
+    edges = boxes.upper[row] - boxes.lower[row]
+    # Most objects are settled by their facts: looking at the voxels of all would take seconds.
+    if surely_seen(int(boxes.counts[row]), edges, mean_density, shown):
+        return shown
+    part = boxes.slices(object_id)
+    least = minimum_opacity(labels[part] == object_id, volume[part], shown)
+    return at_least(shown, least) if least else shown
+
+
+def minimum_opacity(
+    mask: NDArray[np.bool_], density: NDArray[np.generic], shown: TransferFunction
+) -> float:
     """Return the least opacity per voxel that makes an object seen; 0 where it is seen as it is.
 
     Parameters
@@ -36,12 +84,12 @@ def veil(mask: NDArray[np.bool_], density: NDArray[np.generic], shown: TransferF
         return 0.0
     thickness = _thickness(mask, len(voxels))
     clear = np.log1p(-np.minimum(shown.opacity_at(voxels), 0.9999)).mean() * thickness
-    if 1.0 - np.exp(clear) >= FAINT:
+    if 1.0 - np.exp(clear) >= HARDLY_SEEN:
         return 0.0
-    return float(1.0 - (1.0 - VEILED) ** (1.0 / thickness))
+    return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / thickness))
 
 
-def veiled(shown: TransferFunction, least: float) -> TransferFunction:
+def at_least(shown: TransferFunction, least: float) -> TransferFunction:
     """Return a transfer function that is nowhere more transparent than so."""
     points = [(density, max(opacity, least)) for density, opacity in shown.points]
     return TransferFunction(points, shown.colors)
@@ -50,7 +98,7 @@ def veiled(shown: TransferFunction, least: float) -> TransferFunction:
 def surely_seen(
     voxels: int, edges: NDArray[np.int64], mean_density: float, shown: TransferFunction
 ) -> bool:
-    """Tell, without looking at its voxels, whether an object is no candidate for a veil.
+    """Tell, without looking at its voxels, whether an object needs no minimum opacity.
 
     Parameters
     ----------
@@ -67,7 +115,7 @@ def surely_seen(
     # A box is no narrower than what is in it: the object is at least so thick.
     thickness = voxels * int(edges.min()) / float(np.prod(edges.astype(float)))
     opacity = float(shown.opacity_at(mean_density))
-    return bool(1.0 - (1.0 - opacity) ** max(thickness, 1.0) >= 2 * FAINT)
+    return bool(1.0 - (1.0 - opacity) ** max(thickness, 1.0) >= 2 * HARDLY_SEEN)
 
 
 def _thickness(mask: NDArray[np.bool_], voxels: int) -> float:

@@ -151,6 +151,69 @@ def tints_of(
     return table
 
 
+UNLABELLED_TINT = (0.8, 0.8, 0.8, 0.3)
+"""Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
+
+LEGIBLE_OPACITY = 0.2
+"""Opacity per voxel that an object alone has at its mean density at least."""
+
+MOST_OPACITY_GAIN = 8.0
+"""Above it noise inside a faint object would be as visible as the object."""
+
+
+def packed_tints(
+    hues: Mapping[int, float], max_id: int, mode: Mode, show_unlabelled: bool = False
+) -> NDArray[np.float32]:
+    """Return the table of tints of what is packed, read-only.
+
+    Parameters
+    ----------
+    hues : mapping of int to float
+        Hue in [0, 1) by ID, of the packed objects alone.
+    max_id : int
+        Largest ID of the table.
+    mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    show_unlabelled : bool
+        Whether row 0, matter without a label, is visible.
+
+    Returns
+    -------
+    (max_id + 1, 4) ndarray of float32
+        Straight RGBA by ID, zero but for what is packed.
+    """
+    table = tints_of(hues, max_id, mode=mode)
+    if show_unlabelled:
+        table[0] = UNLABELLED_TINT
+    # Renderers share it between threads and compare it with the table drawn last.
+    table.flags.writeable = False
+    return table
+
+
+def legible_tint(hue: float, mode: Mode, opacity: float | None = None) -> NDArray[np.float32]:
+    """Return the tint of an object that is shown alone.
+
+    Parameters
+    ----------
+    hue : float
+        In [0, 1).
+    mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    opacity : float, optional
+        Per voxel, at the object's mean density. None where the object has a transfer function
+        of its own, which is not to be corrected.
+
+    Returns
+    -------
+    (4,) ndarray of float32
+        Straight RGBA. Alpha is above 1 where the opacity is too small to make the object out.
+    """
+    tint = tints_of({1: hue}, 1, mode=mode)[1]
+    if opacity is not None:
+        tint[3] = np.clip(LEGIBLE_OPACITY / max(opacity, 1e-6), 1.0, MOST_OPACITY_GAIN)
+    return tint
+
+
 def hsv_to_rgb(hue: ArrayLike) -> NDArray[np.float64]:
     """Return (..., 3) RGB of hues in [0, 1) at full saturation and value."""
     shift = np.asarray(hue, dtype=np.float64)[..., None] * 6.0 + np.array([0.0, 4.0, 2.0])

@@ -22,7 +22,7 @@ from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.atomic import folder_written_whole, written_whole
 from napari_unpack.io.headless import framed, packed_count, surrounded, twin
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.rendering.compose import scene
+from napari_unpack.rendering.compose import scene_image
 from napari_unpack.tasks import Progress
 
 Frame = NDArray[np.uint8]
@@ -244,7 +244,7 @@ class _Stage:
     tell: Callable[[float, str], None]
 
     def picture(self, camera: Camera, time: float | None = None) -> Frame:
-        image = scene(self.session, camera, self.size, time, self.backend)
+        image = scene_image(self.session.scene(), camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
     def still(self, rest: float) -> Iterator[Frame]:

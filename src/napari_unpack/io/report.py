@@ -21,7 +21,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.atomic import checked_target, written_whole
 from napari_unpack.io.headless import framed, twin
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.rendering.compose import scene, sprite_patch
+from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.session.errors import percent
 from napari_unpack.tasks import Progress
 
@@ -161,7 +161,7 @@ def save_objects_page(
     tell = progress or (lambda fraction, text: None)
     tell(0.0, "Drawing the bag")
     shown = twin(session, packed=False)
-    bag = scene(shown, framed(shown, BAG), BAG, backend=backend)
+    bag = scene_image(shown.scene(), framed(shown, BAG), BAG, backend=backend)
     rows = "\n".join(_rows(shown, tell, backend))
     with written_whole(target) as temporary:
         temporary.write_text(_page(title, shown, _data_uri(bag), rows), encoding="utf-8")
@@ -253,7 +253,7 @@ def _picture(session: Any, object_id: int, backend: str) -> str:
     held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
     pixels = 2 * SIDE / max(placement.turned_mm or placement.picture_mm)
-    patch = sprite_patch(session, object_id, pose, pixels, backend=backend)
+    patch = sprite_image(session.scene(), object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
 
 

@@ -315,9 +315,9 @@ def _picture(session: Any) -> bytes:
     import imageio.v3 as iio
 
     from napari_unpack.io.images import straight_bytes
-    from napari_unpack.rendering.compose import scene
+    from napari_unpack.rendering.compose import scene_image
 
-    image = scene(session, session.camera, PICTURE, backend="cpu")
+    image = scene_image(session.scene(), session.camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
 
 

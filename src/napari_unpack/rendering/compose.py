@@ -3,7 +3,7 @@
 Pictures of what is packed and of single objects, on either backend and without a window.
 
 The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
-napari's layers draw these patches as cards (layers/); `session.scene` composes them.
+napari's layers draw these patches as cards (layers/); `scene.scene` composes them.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.image_patch import Image, ImagePatch, compose, nothing
 from napari_unpack.rendering.object_casting import cast_crop
-from napari_unpack.rendering.scene import BOOK, LIGHT, Scene, packed_look, solo_look
+from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
 from napari_unpack.rendering.upsampling import refined
 
 SAMPLES_AT_REST = 3
 """Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
 
 
-def packed_patch(
-    session: Scene,
+def packed_image(
+    scene: Scene,
     camera: Camera,
     size: tuple[int, int],
     step_scale: float = 1.0,
@@ -39,7 +39,7 @@ def packed_patch(
 
     Parameters
     ----------
-    session : Scene
+    scene : Scene
         Whose bag.
     camera : Camera
         Where one looks from.
@@ -58,12 +58,14 @@ def packed_patch(
         The window of the picture that the volume's box covers.
     """
     # The crop first: tints may be of more objects than the labels have, never of fewer.
-    crop = BOOK.of(session).whole()
-    return cast_crop(crop, None, camera, size, packed_look(session, shading, step_scale, backend))
+    crop = scene.subvolumes.whole()
+    return cast_crop(
+        crop, None, camera, size, packed_appearance(scene, shading, step_scale, backend)
+    )
 
 
-def object_patch(
-    session: Scene,
+def object_image(
+    scene: Scene,
     object_id: int,
     pose: Pose,
     camera: Camera,
@@ -78,7 +80,7 @@ def object_patch(
 
     Parameters
     ----------
-    session : Scene
+    scene : Scene
         Whose object.
     object_id : int
         Which.
@@ -112,21 +114,20 @@ def object_patch(
     Li et al. 2012, eq. 3: rays are mapped back by T^-1 into the packed volume. The samples are
     those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
     """
-    cache = BOOK.of(session)
-    crop = cache.crop(object_id)
+    cache = scene.subvolumes
+    crop = cache.of_object(object_id)
     if smooth:
-        mm = np.asarray(session.spacing, dtype=np.float64)
         crop = cache.keep(
             ("fine crop", object_id),
-            lambda: refined(cache.crop(object_id), object_id, mm, cache.air),
+            lambda: refined(cache.of_object(object_id), object_id, scene.spacing, cache.air),
         )
     moved = pose.world_from_world(crop.center, camera)
-    look = solo_look(session, object_id, crop, shading, step_scale, backend)
+    look = appearance_alone(scene, object_id, crop, shading, step_scale, backend)
     return cast_crop(crop, moved, camera, size, look)
 
 
-def sprite_patch(
-    session: Scene,
+def sprite_image(
+    scene: Scene,
     object_id: int,
     pose: Pose,
     pixels_per_mm: float,
@@ -138,7 +139,7 @@ def sprite_patch(
 
     Parameters
     ----------
-    session : Scene
+    scene : Scene
         Whose object.
     object_id : int
         Which.
@@ -147,7 +148,7 @@ def sprite_patch(
     pixels_per_mm : float
         Resolution in pivot space.
     step_scale, backend, shading
-        As for `object_patch`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
+        As for `object_image`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
         and cast once.
 
     Returns
@@ -167,17 +168,15 @@ def sprite_patch(
     """
     if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
         raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
-    cache = BOOK.of(session)
-    crop = cache.crop(object_id)
+    cache = scene.subvolumes
+    crop = cache.of_object(object_id)
     still = replace(pose, center=np.zeros(3))
     reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
     step = step_scale / SAMPLES_AT_REST
-    whole = object_patch(
-        session, object_id, still, camera, size, step, backend, shading, smooth=True
-    )
+    whole = object_image(scene, object_id, still, camera, size, step, backend, shading, smooth=True)
     patch = whole.trimmed()
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
 
@@ -189,20 +188,20 @@ SHARE_OF_VIEW = 0.72
 """How much of the picture's shorter side an inspected object's bounding sphere fills."""
 
 
-def scene(
-    session: Scene,
+def scene_image(
+    scene: Scene,
     camera: Camera,
     size: tuple[int, int],
     time: float | None = None,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
-    surroundings: Surroundings | None = None,
+    decorations: Surroundings | None = None,
 ) -> Image:
     """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
 
     Parameters
     ----------
-    session : Scene
+    scene : Scene
         What is packed, in the air and unpacked.
     camera : Camera
         Where one looks from.
@@ -214,8 +213,8 @@ def scene(
         Who casts.
     shading : Shading, optional
         The light; None for none.
-    surroundings : Surroundings, optional
-        Background, box and scale bar; by default the session's.
+    decorations : Surroundings, optional
+        Background, box and scale bar; by default the scene's.
 
     Returns
     -------
@@ -227,39 +226,39 @@ def scene(
     The packed bag and the sprites are cast again only when something they depend on has
     changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
     """
-    cache = BOOK.of(session)
-    packed = packed_look(session, shading, 1.0, backend)
+    cache = scene.subvolumes
+    packed = packed_appearance(scene, shading, 1.0, backend)
     key = ("packed", packed.key, _camera_key(camera), size)
-    patches = [cache.keep(key, lambda: packed_patch(session, camera, size, 1.0, backend, shading))]
-    around = session.surroundings if surroundings is None else surroundings
+    patches = [cache.keep(key, lambda: packed_image(scene, camera, size, 1.0, backend, shading))]
+    around = scene.decorations if decorations is None else decorations
     if around.box:
-        patches.append(_box_patch(session, camera, size, around))
-    inspected = [i for i, state in session.states.items() if state.value == "inspected"]
-    for object_id, pose in session.poses.items():
-        if object_id not in session.flights and object_id not in inspected:
-            patches.append(_placed_sprite(session, object_id, pose, camera, size, backend, shading))
-    flights = session.flights if time is not None else {}
-    for object_id, flight in flights.items():
-        pose = flight.pose(time, camera)
-        patches.append(object_patch(session, object_id, pose, camera, size, 1.0, backend, shading))
+        patches.append(_box_patch(scene, camera, size, around))
+    inspected = scene.inspected
+    for object_id, pose in scene.poses.items():
+        if object_id not in scene.flights and object_id not in inspected:
+            patches.append(_placed_sprite(scene, object_id, pose, camera, size, backend, shading))
+    if time is not None:
+        for i, flight in scene.flights.items():
+            pose = flight.pose(time, camera)
+            patches.append(object_image(scene, i, pose, camera, size, 1.0, backend, shading))
     if not inspected:
         return _surrounded(compose(size, patches), camera, around)
     dimmed = ImagePatch(
         DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
     )
-    posed = [_inspected_pose(session, i, camera, size) for i in inspected]
+    posed = [_inspected_pose(scene, i, camera, size) for i in inspected]
     fine = 1.0 / SAMPLES_AT_REST
     alone = [
-        object_patch(session, i, pose, camera, size, fine, backend, shading, smooth=True)
+        object_image(scene, i, pose, camera, size, fine, backend, shading, smooth=True)
         for i, pose in zip(inspected, posed, strict=True)
     ]
     return _surrounded(compose(size, [dimmed, *alone]), camera, around)
 
 
 def _box_patch(
-    session: Scene, camera: Camera, size: tuple[int, int], around: Surroundings
+    scene: Scene, camera: Camera, size: tuple[int, int], around: Surroundings
 ) -> ImagePatch:
-    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
+    boxes, spacing = scene.boxes, scene.spacing
     lower = (boxes.lower.min(axis=0) - 0.5) * spacing
     upper = (boxes.upper.max(axis=0) - 0.5) * spacing
     rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
@@ -276,17 +275,17 @@ def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
     return compose(size, patches, around.background)
 
 
-def _inspected_pose(session: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:
-    spacing = np.asarray(session.spacing, dtype=np.float64)
-    diameter = 2 * session.boxes.radius(object_id, spacing, camera.stretch)
+def _inspected_pose(scene: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:
+    spacing = scene.spacing
+    diameter = 2 * scene.boxes.radius(object_id, spacing, camera.stretch)
     height = camera.height * min(1.0, size[1] / size[0])
-    waiting = session.poses.get(object_id)
+    waiting = scene.poses.get(object_id)
     rotation = camera.rotation if waiting is None else waiting.rotation
     return Pose(np.zeros(3), rotation, SHARE_OF_VIEW * height / diameter, camera.stretch)
 
 
 def _placed_sprite(
-    session: Scene,
+    scene: Scene,
     object_id: int,
     pose: Pose,
     camera: Camera,
@@ -298,13 +297,13 @@ def _placed_sprite(
     if nearness <= 0.0:
         return nothing()
     resolution = size[0] / camera.height / nearness
-    crop = BOOK.of(session).crop(object_id)
-    look = solo_look(session, object_id, crop, shading, 1.0, backend)
+    crop = scene.subvolumes.of_object(object_id)
+    look = appearance_alone(scene, object_id, crop, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     key = ("sprite", look.key, *held, round(resolution, 6))
-    patch: ImagePatch = BOOK.of(session).keep(
+    patch: ImagePatch = scene.subvolumes.keep(
         key,
-        lambda: sprite_patch(session, object_id, pose, resolution, 1.0, backend, shading),
+        lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading),
     )
     row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
     return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])

@@ -1,98 +1,274 @@
-"""What pictures ask of a session, and how they look at what they show."""
+"""What an image shows, as frozen data: rendering draws a `Scene` and knows no session."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Surroundings, TransferFunction
+from napari_unpack.appearance.minimum_opacity import visible_alone
+from napari_unpack.appearance.tints import Mode, legible_tint, packed_tints
+from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.rendering import TransferFunctionLike
 from napari_unpack.rendering.object_casting import Appearance
 from napari_unpack.rendering.object_style import ObjectStyle
-from napari_unpack.rendering.subvolumes import CacheBook, Pictured, Subvolume
-from napari_unpack.rendering.upsampling import look_at
+from napari_unpack.rendering.subvolumes import RenderCache, Subvolume, SubvolumeCache
+from napari_unpack.rendering.upsampling import appearance_at
+from napari_unpack.unpacking import Flight
 
 LIGHT = Shading()
+"""The light of every image unless another is asked for."""
 
-BOOK = CacheBook()
-"""What was cast of every session, by what it depends on."""
+_MASTER_STYLE = ObjectStyle()
 
 
-class Scene(Pictured, Protocol):
-    """What pictures ask of a session; `session.Session` is one."""
-
-    @property
-    def transfer_function(self) -> TransferFunctionLike:
-        """Colour and opacity by density."""
+class Labels(Protocol):
+    """Labels with what is derived from them; `session.labels.LabelData` is one."""
 
     @property
-    def states(self) -> Mapping[int, Any]:
-        """`ObjectState` by ID."""
+    def labels(self) -> NDArray[np.uint16]:
+        """(Z, Y, X) object IDs."""
 
     @property
-    def poses(self) -> Mapping[int, Pose]:
-        """Poses of the unpacked objects, pivot space."""
+    def display(self) -> NDArray[np.uint16]:
+        """(Z, Y, X) object IDs, grown into the fringe around objects."""
 
     @property
-    def flights(self) -> Mapping[int, Any]:
-        """Flights in the air."""
+    def boxes(self) -> LabelBoxes:
+        """Boxes of the objects, voxels."""
+
+
+@dataclass(frozen=True)
+class SceneDifference:
+    """What the image of the packed bag must follow.
+
+    Parameters
+    ----------
+    labels : bool
+        The label volume is another.
+    appearance : bool
+        Densities look different, or are cut otherwise: every pixel may change.
+    tints : bool
+        Hues are others, or become tints in another way.
+    ids : frozenset of int
+        Objects that have left the bag or come back: pixels outside their boxes stay.
+    """
+
+    labels: bool = False
+    appearance: bool = False
+    tints: bool = False
+    ids: frozenset[int] = frozenset()
+
+    def __bool__(self) -> bool:
+        return self.labels or self.appearance or self.tints or bool(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that an image needs but the camera; `Session.scene` makes one.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density, any real dtype.
+    label_data : Labels
+        Object IDs of the same shape.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+    transfer_function : TransferFunction
+        The master's: colour and opacity by density.
+    packed : frozenset of int
+        Objects in the bag and in sight.
+    inspected : tuple of int
+        Objects shown alone.
+    flights : mapping of int to Flight
+        Flights in the air.
+    poses : mapping of int to Pose
+        Of the unpacked objects that are in sight and not in the air, pivot space.
+    hues : mapping of int to float
+        Hue in [0, 1) by ID.
+    tint_mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    show_unlabelled : bool
+        Whether matter without a label is visible.
+    styles : mapping of int to ObjectStyle
+        Of the objects that have an opacity or a cut of their own.
+    mean_densities : mapping of int to float
+        By ID; NaN where a density is not known.
+    clipping : (N, 2, 3) ndarray of float64
+        Planes (point, normal) that cut what is packed, voxels z y x.
+    decorations : Surroundings
+        Background, box and scale bar.
+    largest_id : int
+        Of the tables by ID; at least the largest of the labels.
+    cache : RenderCache
+        Shared by all scenes of one volume, so that nothing is cast or cut out twice.
+
+    Notes
+    -----
+    To make a scene is cheap: display labels and tables of tints are made when they are first
+    asked for, by whichever thread asks.
+    """
+
+    volume: NDArray[np.generic]
+    label_data: Labels
+    spacing: NDArray[np.float64]
+    transfer_function: TransferFunction
+    packed: frozenset[int] = frozenset()
+    inspected: tuple[int, ...] = ()
+    flights: Mapping[int, Flight] = field(default_factory=dict)
+    poses: Mapping[int, Pose] = field(default_factory=dict)
+    hues: Mapping[int, float] = field(default_factory=dict)
+    tint_mode: Mode = "perceptual"
+    show_unlabelled: bool = False
+    styles: Mapping[int, ObjectStyle] = field(default_factory=dict)
+    mean_densities: Mapping[int, float] = field(default_factory=dict)
+    clipping: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    decorations: Surroundings = field(default_factory=Surroundings.of)
+    largest_id: int = 0
+    cache: RenderCache = field(default_factory=RenderCache)
 
     @property
-    def clipping(self) -> NDArray[np.float64]:
-        """(N, 2, 3) planes that cut what is packed, voxels."""
+    def labels(self) -> NDArray[np.uint16]:
+        """(Z, Y, X) object IDs as images show them, grown into the fringe around objects."""
+        return self.label_data.display
 
     @property
-    def surroundings(self) -> Surroundings:
-        """Background, box and scale bar."""
+    def boxes(self) -> LabelBoxes:
+        """Boxes of the objects, voxels."""
+        return self.label_data.boxes
 
+    @property
+    def subvolumes(self) -> SubvolumeCache:
+        """What was cut out of this volume with these labels, and drawn of it."""
+        return self.cache.subvolumes(self.volume, self.labels, self.boxes, self.spacing)
+
+    @cached_property
     def packed_tints(self) -> NDArray[np.float32]:
-        """(M, 4) tints, zero but for what is packed."""
+        """(M, 4) float32 tints, zero but for what is packed; read-only."""
+        shown = {i: self.hues[i] for i in sorted(self.packed)}
+        return packed_tints(shown, self._max_id, self.tint_mode, self.show_unlabelled)
 
-    def solo_tints(self, object_id: int) -> NDArray[np.float32]:
-        """(M, 4) tints, zero but for one object."""
+    def tint_alone(self, object_id: int) -> NDArray[np.float32]:
+        """Return the (4,) float32 tint of an object shown alone; its alpha may be above 1."""
+        known = self._tints_alone.get(object_id)
+        if known is None:
+            opacity = None
+            if self.style(object_id).transfer_function is None:
+                density = self.mean_densities[object_id]
+                opacity = float(self.transfer_function.opacity_at(density))
+            known = legible_tint(self.hues[object_id], self.tint_mode, opacity)
+            self._tints_alone[object_id] = known
+        return known
 
-    def study(self, object_id: int) -> ObjectStyle:
-        """Opacity and cut of an object's own."""
+    def tints_alone(self, object_id: int) -> NDArray[np.float32]:
+        """Return (M, 4) float32 tints, zero but for one object."""
+        table = np.zeros((self._max_id + 1, 4), np.float32)
+        table[object_id] = self.tint_alone(object_id)
+        return table
 
-    def transfer_function_of(self, object_id: int) -> TransferFunctionLike:
-        """What an object is shown with outside the bag."""
+    def style(self, object_id: int) -> ObjectStyle:
+        """Return the opacity and the cut that an object has of its own."""
+        return self.styles.get(object_id, _MASTER_STYLE)
+
+    def transfer_function_of(self, object_id: int) -> TransferFunction:
+        """Return the transfer function of an object outside the bag.
+
+        Its own, or the master's; with a minimum opacity where that hardly shows the object.
+        """
+        own = self.style(object_id).transfer_function
+        if own is not None:
+            return own
+        known = self.cache.transfer_functions(self.label_data.labels, self.transfer_function)
+        if object_id not in known:
+            known[object_id] = visible_alone(
+                object_id,
+                self.label_data.labels,
+                self.volume,
+                self.boxes,
+                self.mean_densities[object_id],
+                self.transfer_function,
+            )
+        return known[object_id]
+
+    def difference(self, shown: Scene) -> SceneDifference:
+        """Return what differs for the packed bag from a scene that is shown."""
+        cut = not np.array_equal(self.clipping, shown.clipping)
+        return SceneDifference(
+            labels=self.label_data.labels is not shown.label_data.labels,
+            appearance=cut
+            or self.transfer_function != shown.transfer_function
+            or self.show_unlabelled != shown.show_unlabelled,
+            tints=self.hues != shown.hues or self.tint_mode != shown.tint_mode,
+            ids=self.packed ^ shown.packed,
+        )
+
+    @cached_property
+    def _tints_alone(self) -> dict[int, NDArray[np.float32]]:
+        return {}
+
+    @property
+    def _max_id(self) -> int:
+        return max(self.largest_id, int(self.boxes.ids[-1]))
 
 
-def packed_look(
-    session: Scene, shading: Shading | None, step_scale: float, backend: str
+def packed_appearance(
+    scene: Scene, shading: Shading | None, step_scale: float, backend: str
 ) -> Appearance:
-    """Return how what is packed is cast, but for the camera."""
-    look = _look(session, session.packed_tints(), shading, step_scale, backend)
-    return replace(look, clipping=session.clipping)
+    """Return how the packed bag is drawn, but for the camera.
+
+    Parameters
+    ----------
+    scene : Scene
+    shading : Shading, optional
+        The light; None for none.
+    step_scale : float
+        Distance of samples in the smallest voxel edge.
+    backend : {"auto", "cpu", "gl"}
+    """
+    look = _appearance(scene, scene.packed_tints, shading, step_scale, backend)
+    return replace(look, clipping=scene.clipping)
 
 
-def solo_look(
-    session: Scene,
+def appearance_alone(
+    scene: Scene,
     object_id: int,
-    crop: Subvolume,
+    subvolume: Subvolume,
     shading: Shading | None,
     step_scale: float,
     backend: str,
 ) -> Appearance:
-    """Return how one object's crop is cast, but for where it is and the camera."""
-    look = _look(session, session.solo_tints(object_id), shading, step_scale, backend)
-    function, cut = session.transfer_function_of(object_id), session.study(object_id)
-    planes = cut.planes(crop.voxel_from_world)
-    return look_at(crop, replace(look, transfer_function=function, clipping=planes))
+    """Return how one object is drawn outside the bag, but for its pose and the camera.
+
+    Parameters
+    ----------
+    scene : Scene
+    object_id : int
+    subvolume : Subvolume
+        Of the object.
+    shading : Shading, optional
+        The light; None for none.
+    step_scale : float
+        Distance of samples in the smallest voxel edge.
+    backend : {"auto", "cpu", "gl"}
+    """
+    look = _appearance(scene, scene.tints_alone(object_id), shading, step_scale, backend)
+    function = scene.transfer_function_of(object_id)
+    planes = scene.style(object_id).planes(subvolume.voxel_from_world)
+    return appearance_at(subvolume, replace(look, transfer_function=function, clipping=planes))
 
 
-def _look(
-    session: Scene,
+def _appearance(
+    scene: Scene,
     tints: NDArray[np.float32],
     shading: Shading | None,
     step_scale: float,
     backend: str,
 ) -> Appearance:
-    spacing = np.asarray(session.spacing, dtype=np.float64)
-    return Appearance(session.transfer_function, tints, shading, spacing, step_scale, backend)
+    return Appearance(scene.transfer_function, tints, shading, scene.spacing, step_scale, backend)

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from threading import Lock
-from typing import Any, Protocol
-from weakref import ReferenceType, WeakKeyDictionary, ref
+from typing import Any
+from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.boxes import Box, LabelBoxes, box_corners, differing_box
 from napari_unpack.geometry.rays import voxel_from_world
@@ -32,26 +33,6 @@ the gradient."""
 
 MEGABYTES = 512
 """Crops and pictures kept for one session."""
-
-
-class Pictured(Protocol):
-    """What pictures ask of a session for its volume; see `session.Session`."""
-
-    @property
-    def volume(self) -> NDArray[Any]:
-        """(Z, Y, X) density, any real dtype."""
-
-    @property
-    def display_labels(self) -> NDArray[np.uint16]:
-        """(Z, Y, X) uint16 object IDs, grown into the fringe."""
-
-    @property
-    def boxes(self) -> LabelBoxes:
-        """Boxes of the objects, voxels."""
-
-    @property
-    def spacing(self) -> NDArray[np.float64]:
-        """(3,) voxel size, mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,24 +91,37 @@ class Subvolume:
 
 
 class SubvolumeCache:
-    """Crops and pictures of one session, the least recently used thrown away first.
+    """Subvolumes and images of a labelled volume; the least recently used is dropped first.
 
     Parameters
     ----------
-    session : Pictured
-        Only its arrays are kept, not itself.
+    volume : (Z, Y, X) ndarray
+        Density, any real dtype.
+    labels : (Z, Y, X) ndarray of uint16
+        Display labels.
+    boxes : LabelBoxes
+        Of the objects, voxels.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
     megabytes : int
         What may be kept besides the whole volume.
     """
 
-    def __init__(self, session: Pictured, megabytes: int = MEGABYTES) -> None:
-        self.volume, self.labels = session.volume, session.display_labels
-        self._spacing = np.asarray(session.spacing, dtype=np.float64)
-        self._boxes = session.boxes
+    def __init__(
+        self,
+        volume: NDArray[np.generic],
+        labels: NDArray[np.uint16],
+        boxes: LabelBoxes,
+        spacing: NDArray[np.float64],
+        megabytes: int = MEGABYTES,
+    ) -> None:
+        self.volume, self.labels = volume, labels
+        self._spacing = np.asarray(spacing, dtype=np.float64)
+        self._boxes = boxes
         self._limit = megabytes * 2**20
         self._kept: OrderedDict[Hashable, Any] = OrderedDict()
         self._bytes = 0
-        self._lock = Lock()
+        self._lock, self._whole_lock = Lock(), Lock()
         self._density: Density | None = None
         self._air: float | None = None
         self._whole: Subvolume | None = None
@@ -141,7 +135,7 @@ class SubvolumeCache:
         with earlier._lock:
             kept = list(earlier._kept.items())
         for key, made in kept:
-            if not (isinstance(made, Subvolume) and isinstance(key, tuple) and key[0] == "crop"):
+            if not (isinstance(made, Subvolume) and isinstance(key, tuple) and key[0] == "object"):
                 continue
             try:
                 box = self._boxes.slices(key[1], MARGIN)
@@ -154,7 +148,12 @@ class SubvolumeCache:
         return self
 
     def whole(self) -> Subvolume:
-        """Return the whole volume as a crop; only bricks of changed labels are made anew."""
+        """Return the whole volume; only bricks of changed labels are made anew."""
+        # Two threads that asked at once would make it twice, the second from nothing.
+        with self._whole_lock:
+            return self._made_whole()
+
+    def _made_whole(self) -> Subvolume:
         before, self._whole_before = self._whole_before, None
         if self._whole is None and before is not None:
             labels = np.ascontiguousarray(self.labels)
@@ -175,8 +174,8 @@ class SubvolumeCache:
             self._air = float(self._checked().min())
         return self._air
 
-    def crop(self, object_id: int) -> Subvolume:
-        """Return an object's crop; raise `KeyError` where there is no such object."""
+    def of_object(self, object_id: int) -> Subvolume:
+        """Return an object's subvolume; raise `KeyError` where there is no such object."""
 
         def make() -> Subvolume:
             row = self._boxes.index(object_id)
@@ -185,7 +184,7 @@ class SubvolumeCache:
             middle = self._boxes.center(object_id, self._spacing)
             return self._cut(self._boxes.slices(object_id, MARGIN), middle, low, high)
 
-        return self.keep(("crop", object_id), make)
+        return self.keep(("object", object_id), make)
 
     def keep(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what is kept under a key, making it first where it is not.
@@ -236,17 +235,53 @@ class SubvolumeCache:
         return self._density
 
 
-@dataclass(frozen=True)
-class CacheBook:
-    """The cache of every living session, begun anew when its volume or labels are exchanged."""
+class RenderCache:
+    """What rendering keeps of one volume, under the labels it was made of.
 
-    _caches: WeakKeyDictionary[Any, SubvolumeCache] = field(default_factory=WeakKeyDictionary)
+    Notes
+    -----
+    Labels are known by the identity of their arrays, which nobody writes to: an edit of labels
+    makes another array.
+    """
 
-    def of(self, session: Pictured) -> SubvolumeCache:
-        """Return a session's cache."""
-        cache = self._caches.get(session)
-        if cache is None or cache.volume is not session.volume:
-            cache = self._caches[session] = SubvolumeCache(session)
-        elif cache.labels is not session.display_labels:
-            cache = self._caches[session] = SubvolumeCache(session).taking_over(cache)
-        return cache
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._subvolumes: SubvolumeCache | None = None
+        self._shown: tuple[NDArray[np.uint16], TransferFunction] | None = None
+        self._functions: dict[int, TransferFunction] = {}
+
+    def subvolumes(
+        self,
+        volume: NDArray[np.generic],
+        labels: NDArray[np.uint16],
+        boxes: LabelBoxes,
+        spacing: NDArray[np.float64],
+    ) -> SubvolumeCache:
+        """Return the subvolumes of a volume with some labels; parameters as `SubvolumeCache`."""
+        with self._lock:
+            known = self._subvolumes
+            if known is not None and known.volume is volume and known.labels is labels:
+                return known
+            fresh = SubvolumeCache(volume, labels, boxes, spacing)
+            if known is not None and known.volume is volume:
+                fresh.taking_over(known)
+            self._subvolumes = fresh
+            return fresh
+
+    def transfer_functions(
+        self, labels: NDArray[np.uint16], shown: TransferFunction
+    ) -> dict[int, TransferFunction]:
+        """Return a table by ID, to be filled, that is emptied for other arguments.
+
+        Parameters
+        ----------
+        labels : (Z, Y, X) ndarray of uint16
+            Object IDs.
+        shown : TransferFunction
+            The master's.
+        """
+        with self._lock:
+            known = self._shown
+            if known is None or known[0] is not labels or known[1] != shown:
+                self._shown, self._functions = (labels, shown), {}
+            return self._functions

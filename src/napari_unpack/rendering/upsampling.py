@@ -86,16 +86,16 @@ def refined(crop: Subvolume, object_id: int, spacing: NDArray[np.float64], air: 
     )
 
 
-def look_at(crop: Subvolume, look: Appearance) -> Appearance:
-    """Return the look that shows a crop of finer voxels as bright, dense and lit as before.
+def appearance_at(subvolume: Subvolume, look: Appearance) -> Appearance:
+    """Return the appearance in which finer voxels are as bright, dense and lit as before.
 
     Parameters
     ----------
-    crop : Subvolume
+    subvolume : Subvolume
     look : Appearance
         Made for the voxels of the volume: steps, opacity and gradient count in their edges.
     """
-    fine = look.spacing / crop.finer
+    fine = look.spacing / subvolume.finer
     times = float(look.spacing.min() / fine.min())
     if times == 1.0:
         return look

@@ -10,10 +10,12 @@ import numpy as np
 
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.session.asking import OcclusionAnswer
 from napari_unpack.session.errors import BlockedError, NoTableError
 from napari_unpack.session.label_edits import LabelEditor
 from napari_unpack.session.queries import Queries
+from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.session.steps import SessionSteps
 from napari_unpack.session.validation import checked_count, checked_ids
@@ -246,6 +248,14 @@ class Session(SessionSteps):
         if object_id not in self._situation.out:
             raise ValueError(f"{self._names([object_id])} is not unpacked: unpack it first")
         return self._situation.out[object_id]
+
+    def scene(self) -> Scene:
+        """Return what images show of this session now; cheap, on the main thread."""
+        return self._scene_description.of(self)
+
+    @cached_property
+    def _scene_description(self) -> SceneDescription:
+        return SceneDescription()
 
     def _forget_answers(self) -> None:
         super()._forget_answers()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
-from napari_unpack.appearance.minimum_opacity import surely_seen, veil, veiled
+from napari_unpack.appearance.minimum_opacity import at_least, minimum_opacity, surely_seen
 from napari_unpack.rendering import interference_in
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.state import ObjectState
@@ -126,8 +126,8 @@ class SessionSight(SessionTints):
             least = 0.0
             if not surely_seen(int(boxes.counts[row]), edges, facts["mean_density"], shown):
                 part = boxes.slices(object_id)
-                least = veil(self.labels[part] == object_id, self.volume[part], shown)
-            known[object_id] = veiled(shown, least) if least else shown
+                least = minimum_opacity(self.labels[part] == object_id, self.volume[part], shown)
+            known[object_id] = at_least(shown, least) if least else shown
         return known[object_id]
 
     def set_study(self, object_id: int, study: ObjectStyle | None) -> None:

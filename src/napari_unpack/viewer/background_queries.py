@@ -13,7 +13,7 @@ import numpy as np
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
-from napari_unpack.rendering.compose import object_patch, sprite_patch
+from napari_unpack.rendering.compose import object_image, sprite_image
 from napari_unpack.tasks import Task, no_progress
 from napari_unpack.viewer.jobs import Jobs, single_shot, stop
 
@@ -126,12 +126,12 @@ class Prefetch:
 
 def warm(session: Any, object_id: int) -> None:
     """Cast small pictures of an object and keep what that needs; for worker threads."""
-    camera = session.camera
+    camera, scene = session.camera, session.scene()
     session.bag.oriented(object_id, camera.stretch)
     pose = Pose(np.zeros(3), camera.rotation, stretch=camera.stretch)
-    object_patch(session, object_id, pose, camera, (48, 48), 1.25, "cpu")
+    object_image(scene, object_id, pose, camera, (48, 48), 1.25, "cpu")
     fine = 24.0 / camera.height
-    Sprite.of(sprite_patch(session, object_id, pose, fine, 3.0, "cpu"), pose, 1.0 / fine)
+    Sprite.of(sprite_image(scene, object_id, pose, fine, 3.0, "cpu"), pose, 1.0 / fine)
 
 
 def _nothing(_: None) -> None:

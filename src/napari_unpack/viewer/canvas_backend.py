@@ -310,7 +310,7 @@ class CanvasBackend:
                 known = set(self._session.boxes.ids.tolist())
                 if moved is not None or not ids <= known:
                     return 0, 0, part[3], part[2]
-                found = window_of_objects(self._session, camera, size, part, ids)
+                found = window_of_objects(self._session.scene(), camera, size, part, ids)
                 if found is None:
                     return None
                 return found[1] - part[1], found[0] - part[0], found[3], found[2]

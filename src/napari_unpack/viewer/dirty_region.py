@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.rendering import cast_tinted
 from napari_unpack.rendering.image_patch import ImagePatch, window_of
-from napari_unpack.rendering.scene import LIGHT
+from napari_unpack.rendering.scene import LIGHT, Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
 FRINGE = 3
@@ -22,16 +21,16 @@ interpolation."""
 
 
 def recast_objects(
-    session: Any, crop: Subvolume, shot: RenderedImage, ids: Iterable[int], backend: str
+    scene: Scene, crop: Subvolume, shot: RenderedImage, ids: Iterable[int], backend: str
 ) -> RenderedImage | None:
     """Cast the windows of some objects anew and keep the rest of the picture.
 
     Parameters
     ----------
-    session : Session
+    scene : Scene
         What is packed now.
     crop : Subvolume
-        The whole volume; see `session.picture_cache.SubvolumeCache.whole`.
+        The whole volume; see `scene.picture_cache.SubvolumeCache.whole`.
     shot : RenderedImage
         The packed picture so far, right but for these objects.
     ids : iterable of int
@@ -49,7 +48,7 @@ def recast_objects(
     Exact, since the rays of a window are rays of the picture. Costs the objects' common
     rectangle.
     """
-    window = _window(session, shot, ids)
+    window = _window(scene, shot, ids)
     if window is None:
         return shot
     row, col, height, width = window
@@ -57,16 +56,16 @@ def recast_objects(
     image, there = cast_tinted(
         crop.volume,
         crop.labels,
-        session.spacing,
+        scene.spacing,
         shot.camera,
-        session.transfer_function,
-        session.packed_tints(),
+        scene.transfer_function,
+        scene.packed_tints,
         shot.size,
         voxel_from_world=crop.voxel_from_world,
         window=window,
         shading=LIGHT,
         bricks=crop.bricks,
-        clipping=session.clipping,
+        clipping=scene.clipping,
         backend=backend,
     )
     top, left = row - shot.patch.row, col - shot.patch.col
@@ -77,16 +76,16 @@ def recast_objects(
 
 
 def _window(
-    session: Any, shot: RenderedImage, ids: Iterable[int]
+    scene: Scene, shot: RenderedImage, ids: Iterable[int]
 ) -> tuple[int, int, int, int] | None:
     """Return the rectangle (row, col, height, width) that covers objects, cut to the patch."""
     patch = shot.patch
     part = patch.row, patch.col, *patch.rgba.shape[:2]
-    return window_of_objects(session, shot.camera, shot.size, part, ids)
+    return window_of_objects(scene, shot.camera, shot.size, part, ids)
 
 
 def window_of_objects(
-    session: Any,
+    scene: Scene,
     camera: Camera,
     size: tuple[int, int],
     part: tuple[int, int, int, int],
@@ -96,7 +95,7 @@ def window_of_objects(
 
     Parameters
     ----------
-    session : Session
+    scene : Scene
     camera : Camera
     size : (int, int)
         Height and width of the whole picture, pixels.
@@ -112,11 +111,11 @@ def window_of_objects(
     pivot_from_world = camera.pivot_from_world()
     low, high = np.array(size), np.zeros(2, dtype=np.int64)
     for object_id in ids:
-        row = session.boxes.index(object_id)
+        row = scene.boxes.index(object_id)
         corners = box_corners(
-            session.boxes.lower[row] - 0.5 - FRINGE, session.boxes.upper[row] - 0.5 + FRINGE
+            scene.boxes.lower[row] - 0.5 - FRINGE, scene.boxes.upper[row] - 0.5 + FRINGE
         )
-        pivot = transform_points(pivot_from_world, corners * session.spacing)
+        pivot = transform_points(pivot_from_world, corners * scene.spacing)
         window = window_of(pivot, camera, size)
         if window is not None:
             low = np.minimum(low, window[:2])

@@ -12,10 +12,11 @@ import numpy as np
 from napari_unpack.geometry.transforms import packed_pose
 from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.compose import object_patch
+from napari_unpack.rendering.compose import object_image
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.rendering.outlines import Silhouette, decorated
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.viewer.jobs import Clock, Jobs
 
 SECONDS = 0.18
@@ -121,10 +122,11 @@ class Ghost:
         frame, object_id = self._frame, self._wanted
         if frame is None or not object_id:
             return
+        scene = self._session.scene()
         self._jobs.ask(
             "quick",
             "ghost",
-            lambda: cast_ghost(self._session, object_id, self._center(object_id), frame),
+            lambda: cast_ghost(scene, object_id, self._center(object_id), frame),
             self._take,
         )
 
@@ -147,13 +149,13 @@ class Ghost:
         self._show()
 
 
-def cast_ghost(session: Any, object_id: int, center: Any, frame: Frame) -> Seen | None:
+def cast_ghost(scene: Scene, object_id: int, center: Any, frame: Frame) -> Seen | None:
     """Cast the flat silhouette of an object at its packed place; for worker threads."""
     pose = packed_pose(center, frame.camera)
-    patch = object_patch(session, object_id, pose, frame.camera, frame.size, 1.5, "cpu").trimmed()
+    patch = object_image(scene, object_id, pose, frame.camera, frame.size, 1.5, "cpu").trimmed()
     if patch.is_empty:
         return None
-    tint = np.array([*session.solo_tints(object_id)[object_id, :3], 1.0], np.float32)
+    tint = np.array([*scene.tint_alone(object_id)[:3], 1.0], np.float32)
     alpha = np.clip(patch.rgba[..., 3:] * 2.0, 0.0, 1.0)
     m = EDGE.margin
     solid = np.concatenate([np.zeros_like(patch.rgba[..., :3]), alpha], axis=-1)

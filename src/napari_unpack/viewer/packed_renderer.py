@@ -16,7 +16,8 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.compose import packed_patch
+from napari_unpack.rendering.compose import packed_image
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume, SubvolumeCache
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.canvas_backend import CanvasBackend
@@ -108,9 +109,9 @@ class PackedRenderer:
 
     def crop(self) -> Subvolume:
         """Return the whole volume as the kernels want it."""
-        cache = self._cache
-        if cache is None or cache.labels is not self._session.display_labels:
-            fresh = SubvolumeCache(self._session)
+        cache, scene = self._cache, self._session.scene()
+        if cache is None or cache.labels is not scene.labels:
+            fresh = SubvolumeCache(scene.volume, scene.labels, scene.boxes, scene.spacing)
             if cache is not None and cache.volume is fresh.volume:
                 fresh.taking_over(cache)
             fresh.whole()
@@ -221,7 +222,7 @@ class PackedRenderer:
         self.passes += 1
         if shot is None:
             return None
-        return recast_objects(self._session, self.crop(), shot, touched, "cpu")
+        return recast_objects(self._session.scene(), self.crop(), shot, touched, "cpu")
 
     def _patched(self, shot: RenderedImage | None, wanted: tuple[Frame, int]) -> None:
         if self._finest == wanted:
@@ -250,10 +251,11 @@ class PackedRenderer:
         if self._studio.active:
             self._expose(frame, size, step, adapts=True)
             return
+        scene = self._session.scene()
         self._jobs.ask(
             "quick",
             "packed",
-            lambda: self._cast(frame, size, step),
+            lambda: self._cast(scene, frame, size, step),
             lambda result: self._coarse_done(result, frame, state, share == 1.0),
         )
 
@@ -281,10 +283,11 @@ class PackedRenderer:
         if self._studio.active:
             self._expose(frame, frame.size, 1.0, adapts=False)
             return
+        scene = self._session.scene()
         self._jobs.ask(
             "fine",
             "packed",
-            lambda: self._cast(frame, frame.size, 1.0),
+            lambda: self._cast(scene, frame, frame.size, 1.0),
             lambda result: self._fine_done(result[0], frame, state),
         )
 
@@ -333,19 +336,19 @@ class PackedRenderer:
         self._rays = min(self._rays, max(FEWEST_RAYS, min(frame.size)))
 
     def _cast(
-        self, frame: Frame, size: tuple[int, int], step: float
+        self, scene: Scene, frame: Frame, size: tuple[int, int], step: float
     ) -> tuple[RenderedImage | None, float]:
         self.passes += 1
         began = perf_counter()
-        shot = cast_packed(self._session, frame.camera, size, step)
+        shot = cast_packed(scene, frame.camera, size, step)
         return shot, perf_counter() - began
 
 
 def cast_packed(
-    session: Any, camera: Camera, size: tuple[int, int], step: float
+    scene: Scene, camera: Camera, size: tuple[int, int], step: float
 ) -> RenderedImage | None:
     """Cast the packed picture; for worker threads."""
-    return RenderedImage.of(packed_patch(session, camera, size, step, "cpu"), camera, size)
+    return RenderedImage.of(packed_image(scene, camera, size, step, "cpu"), camera, size)
 
 
 class VolumeUpload:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.cpu import by_contribution, contributions
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
 LEAST_ALPHA = 0.02
 
 
-def pick_packed(session: Any, crop: Subvolume, frame: Frame, row: float, col: float) -> list[int]:
+def pick_packed(scene: Scene, crop: Subvolume, frame: Frame, row: float, col: float) -> list[int]:
     """List the packed objects on a pixel's ray.
 
     Parameters
     ----------
-    session : Session
+    scene : Scene
         What is packed.
     crop : Subvolume
         The whole volume.
@@ -40,19 +39,19 @@ def pick_packed(session: Any, crop: Subvolume, frame: Frame, row: float, col: fl
     rays = rays_for(
         frame.camera,
         frame.size,
-        session.spacing,
+        scene.spacing,
         voxel_from_world=crop.voxel_from_world,
         window=window,
     )
-    look = session.transfer_function
+    look = scene.transfer_function
     shares = contributions(
         crop.volume,
         crop.labels,
         rays,
-        session.spacing,
+        scene.spacing,
         look.table(TABLE_ENTRIES),
         look.domain,
-        session.packed_tints(),
-        session.clipping,
+        scene.packed_tints,
+        scene.clipping,
     )
     return [label for label, share in by_contribution(shares) if label > 0 and share > LEAST_ALPHA]

@@ -274,7 +274,7 @@ class SceneRenderer:
             return []
         if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
             return []
-        found = pick_packed(self.session, self.bag.known_crop(), frame, row, col)
+        found = pick_packed(self.session.scene(), self.bag.known_crop(), frame, row, col)
         return [i for i in found if i in self.session.states]
 
     def close(self) -> None:

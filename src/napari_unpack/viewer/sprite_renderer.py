@@ -9,7 +9,8 @@ import numpy as np
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
-from napari_unpack.rendering.compose import sprite_patch
+from napari_unpack.rendering.compose import sprite_image
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.viewer.jobs import Jobs
 
 PIXELS_PER_VOXEL = 6.0
@@ -105,16 +106,17 @@ class SpriteRenderer:
         return *held, tint, fine, study, self._state
 
     def _ask(self, object_id: int, pose: Pose, fine: float, key: Any) -> None:
+        scene = self._session.scene()
         self._jobs.ask(
             "quick",
             f"sprite {object_id}",
-            lambda: self._cast(object_id, pose, fine),
+            lambda: self._cast(scene, object_id, pose, fine),
             lambda sprite: self._done(object_id, key, sprite),
         )
 
-    def _cast(self, object_id: int, pose: Pose, fine: float) -> Sprite | None:
+    def _cast(self, scene: Scene, object_id: int, pose: Pose, fine: float) -> Sprite | None:
         self.casts += 1
-        patch = sprite_patch(self._session, object_id, pose, fine, 1.0, self._backend())
+        patch = sprite_image(scene, object_id, pose, fine, 1.0, self._backend())
         return Sprite.of(patch, pose, 1.0 / fine)
 
     def _done(self, object_id: int, key: Any, sprite: Sprite | None) -> None:

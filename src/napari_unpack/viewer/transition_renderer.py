@@ -13,8 +13,9 @@ import numpy as np
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.compose import object_patch
+from napari_unpack.rendering.compose import object_image
 from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
+from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.upsampling import has_stairs
 from napari_unpack.viewer.animation import Moving
 from napari_unpack.viewer.canvas_backend import CanvasBackend
@@ -76,13 +77,13 @@ class TransitionRenderer:
         if self._studio.active and not self._is_enlarged(moving):
             self._expose(moving, frame)
             return
-        asked, share = dict(moving), self._share
+        asked, share, scene = dict(moving), self._share, self._session.scene()
         # A click is answered by the first picture; those after it share the cores with the bag.
         way = INTERACTIVE_PRIORITY.taken if self._first else nullcontext
 
         def work() -> tuple[dict[int, RenderedImage], float, bool]:
             with way():
-                return self._work(asked, frame, share)
+                return self._work(scene, asked, frame, share)
 
         self._jobs.ask("moving", "moving", work, self._done)
 
@@ -93,11 +94,11 @@ class TransitionRenderer:
         return any(has_stairs(boxes.upper[row] - boxes.lower[row], spacing) for row in rows)
 
     def _work(
-        self, moving: Mapping[int, Moving], frame: Frame, share: float
+        self, scene: Scene, moving: Mapping[int, Moving], frame: Frame, share: float
     ) -> tuple[dict[int, RenderedImage], float, bool]:
         began = perf_counter()
         shots = {
-            object_id: cast_moving(self._session, object_id, m, frame.camera, frame.size, share)
+            object_id: cast_moving(scene, object_id, m, frame.camera, frame.size, share)
             for object_id, m in moving.items()
         }
         sharp = any(m.sharp for m in moving.values())
@@ -142,7 +143,7 @@ def detail(moving: Moving, size: tuple[int, int], share: float) -> tuple[tuple[i
 
 
 def cast_moving(
-    session: Any,
+    scene: Scene,
     object_id: int,
     moving: Moving,
     camera: Camera,
@@ -151,8 +152,8 @@ def cast_moving(
 ) -> RenderedImage | None:
     """Cast one object where it is now; for worker threads."""
     small, step = detail(moving, size, share)
-    patch = object_patch(
-        session, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
+    patch = object_image(
+        scene, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
     )
     shot = RenderedImage.of(patch.trimmed(), camera, small)
     return replace(shot, in_front=True) if shot is not None and moving.in_front else shot

@@ -14,7 +14,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose, rotation_about
-from napari_unpack.rendering.compose import sprite_patch
+from napari_unpack.rendering.compose import sprite_image
 
 CLEAR = 3e-4
 """Voxels from a face within which a float32 position may fall on either side."""
@@ -131,7 +131,9 @@ def test_both_backends_draw_the_same_smooth_sprite(gl) -> None:
     session = nu.Session(np.where(labels > 0, 1000, 0).astype(np.uint16), labels, (1.0, 1.0, 1.0))
     turn = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
     pose = Pose(np.zeros(3), turn, 1.0)
-    ours, theirs = (sprite_patch(session, 1, pose, 8.0, backend=b).rgba for b in ("cpu", "gl"))
+    ours, theirs = (
+        sprite_image(session.scene(), 1, pose, 8.0, backend=b).rgba for b in ("cpu", "gl")
+    )
     assert ours[..., 3].max() > 0.5
     assert ours.shape == theirs.shape
     assert np.abs(ours - theirs).mean() < 2 / 255

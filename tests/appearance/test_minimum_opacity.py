@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from napari_unpack import Session, TransferFunction
-from napari_unpack.appearance.minimum_opacity import FAINT, VEILED, surely_seen, veil
+from napari_unpack.appearance.minimum_opacity import (
+    GIVEN_OPACITY,
+    HARDLY_SEEN,
+    minimum_opacity,
+    surely_seen,
+)
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.rendering.compose import sprite_patch
+from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.rendering.object_style import ObjectStyle
 
 FAINT_SHEET, SOLID = 1, 2
@@ -26,12 +31,12 @@ def bag() -> Session:
 
 def seen(session: Session, object_id: int) -> float:
     """Return the opacity in the middle of the object's sprite."""
-    patch = sprite_patch(session, object_id, Pose(np.zeros(3), np.eye(3)), 2.0, 1.0, "cpu")
+    patch = sprite_image(session.scene(), object_id, Pose(np.zeros(3), np.eye(3)), 2.0, 1.0, "cpu")
     alpha = patch.rgba[..., 3]
     return float(np.median(alpha[alpha > 0])) if alpha.size else 0.0
 
 
-def test_what_is_hardly_seen_leaves_under_a_veil_and_nothing_else_changes() -> None:
+def test_a_hardly_seen_object_leaves_with_a_minimum_opacity_and_nothing_else_changes() -> None:
     session = bag()
     assert session.transfer_function_of(SOLID) is session.transfer_function
     assert seen(session, FAINT_SHEET) > 0.2
@@ -47,15 +52,15 @@ def test_an_opacity_of_its_own_is_left_alone() -> None:
     assert seen(session, FAINT_SHEET) < 0.05
 
 
-def test_the_veil_gives_the_opacity_it_promises() -> None:
+def test_the_minimum_opacity_gives_the_opacity_it_promises() -> None:
     mask = np.ones((3, 40, 40), bool)
-    least = veil(mask, np.full(mask.shape, 100.0), SHOWN)
-    np.testing.assert_allclose(1 - (1 - least) ** 3, VEILED, atol=1e-9)
-    assert veil(mask, np.full(mask.shape, 1000.0), SHOWN) == 0.0
-    assert veil(mask, np.full(mask.shape, np.nan), SHOWN) > 0.0
+    least = minimum_opacity(mask, np.full(mask.shape, 100.0), SHOWN)
+    np.testing.assert_allclose(1 - (1 - least) ** 3, GIVEN_OPACITY, atol=1e-9)
+    assert minimum_opacity(mask, np.full(mask.shape, 1000.0), SHOWN) == 0.0
+    assert minimum_opacity(mask, np.full(mask.shape, np.nan), SHOWN) > 0.0
 
 
-def test_whoever_is_passed_over_without_a_look_needs_no_veil() -> None:
+def test_objects_settled_by_their_facts_need_no_minimum_opacity() -> None:
     rng = np.random.default_rng(4)
     passed = 0
     for _ in range(300):
@@ -65,6 +70,6 @@ def test_whoever_is_passed_over_without_a_look_needs_no_veil() -> None:
         density = np.full(mask.shape, level)
         if surely_seen(int(mask.sum()), np.array(mask.shape), level, SHOWN):
             passed += 1
-            assert veil(mask, density, SHOWN) == 0.0
+            assert minimum_opacity(mask, density, SHOWN) == 0.0
     assert passed > 50
-    assert 0 < FAINT < VEILED
+    assert 0 < HARDLY_SEEN < GIVEN_OPACITY

@@ -9,7 +9,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.layers.view_camera import camera_in_session, parts_of
-from napari_unpack.rendering.compose import object_patch, packed_patch, scene, sprite_patch
+from napari_unpack.rendering.compose import object_image, packed_image, scene_image, sprite_image
 from napari_unpack.rendering.image_patch import compose
 from napari_unpack.session import Session
 from napari_unpack.unpacking import Ball, Flight
@@ -91,7 +91,7 @@ def test_a_volume_numbered_from_the_other_end_looks_the_same_where_it_stands_the
     ]
     assert np.linalg.det(cameras[0].stretch) * np.linalg.det(cameras[1].stretch) < 0
     pictures = [
-        scene(session, camera, SIZE, backend="cpu")
+        scene_image(session.scene(), camera, SIZE, backend="cpu")
         for session, camera in zip((one, other), cameras, strict=True)
     ]
     assert differing(*pictures) < 0.001
@@ -109,7 +109,9 @@ def test_a_volume_numbered_from_the_other_end_looks_the_same_where_it_stands_the
         flights.append(Flight(3, center, way, 20.0, target, around=around))
     for gone in (0.0, 0.25, 0.6, 1.0):
         patches = [
-            object_patch(session, 3, flight.pose_at(gone, camera), camera, SIZE, backend="cpu")
+            object_image(
+                session.scene(), 3, flight.pose_at(gone, camera), camera, SIZE, backend="cpu"
+            )
             for session, flight, camera in zip((one, other), flights, cameras, strict=True)
         ]
         assert patches[0].size == patches[1].size
@@ -117,7 +119,7 @@ def test_a_volume_numbered_from_the_other_end_looks_the_same_where_it_stands_the
         same = np.isclose(patches[0].depth, patches[1].depth, atol=0.05)
         assert same.mean() > 0.98
     sprites = [
-        sprite_patch(session, 3, flight.target, 2.0, backend="cpu").rgba
+        sprite_image(session.scene(), 3, flight.target, 2.0, backend="cpu").rgba
         for session, flight in zip((one, other), flights, strict=True)
     ]
     assert sprites[0].shape == sprites[1].shape
@@ -180,13 +182,15 @@ def test_a_flight_begins_as_the_packed_picture_shows_the_object(kind: str) -> No
     camera = camera_for(napari_from_voxel(7, kind), 25.0)
     session.look(camera)
     session.isolate(3)
-    packed = packed_patch(session, camera, SIZE, backend="cpu")
+    packed = packed_image(session.scene(), camera, SIZE, backend="cpu")
     session.show()
     session.animated = True
     session.unpack(3)
     flight = session.flights[3]
     np.testing.assert_array_equal(flight.target.stretch, camera.stretch)
-    alone = object_patch(session, 3, flight.pose_at(0.0, camera), camera, SIZE, backend="cpu")
+    alone = object_image(
+        session.scene(), 3, flight.pose_at(0.0, camera), camera, SIZE, backend="cpu"
+    )
     assert differing(compose(SIZE, [packed]), compose(SIZE, [alone])) < 0.002
 
 
@@ -206,7 +210,7 @@ def test_sprites_stand_clear_of_the_bag_and_of_each_other(kind: str) -> None:
     assert np.linalg.norm(bag_points - middle, axis=1).max() <= session.slots.bag_radius_px + 1
     for object_id, pose in poses.items():
         np.testing.assert_array_equal(pose.stretch, camera.stretch)
-        patch = sprite_patch(session, object_id, pose, 4.0, backend="cpu")
+        patch = sprite_image(session.scene(), object_id, pose, 4.0, backend="cpu")
         # A pixel and the fringe more than the cell.
         assert max(patch.size) / 4.0 <= session.slots.cell_mm + 4 * session.spacing.max()
 
@@ -230,8 +234,8 @@ def test_sprites_are_mirrored_when_the_bag_is() -> None:
     plain = Camera.looking((0.7, 0.5, 0.4), (0.1, -1.0, 0.2), session.bag.center, 60.0)
     session.look(plain)
     session.unpack(3)
-    before = sprite_patch(session, 3, session.poses[3], 3.0, backend="cpu").rgba
+    before = sprite_image(session.scene(), 3, session.poses[3], 3.0, backend="cpu").rgba
     session.look(Camera.looking(plain.direction, plain.up, plain.center, 60.0, stretch=-np.eye(3)))
-    after = sprite_patch(session, 3, session.poses[3], 3.0, backend="cpu").rgba
+    after = sprite_image(session.scene(), 3, session.poses[3], 3.0, backend="cpu").rgba
     assert before.shape == after.shape
     assert differing(before[:, ::-1], after) < 0.01

@@ -1,75 +1,63 @@
-"""The pictures of a session: patches of objects at poses, sprites, scenes."""
+"""The images of a scene: patches of objects at poses, sprites, scenes."""
 
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from napari_unpack.appearance import Surroundings
-from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.appearance import Surroundings, TransferFunction
+from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering import compose
-from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.rendering.scene import Scene, SceneDifference
+from napari_unpack.session import Session
 
-object_patch = partial(compose.object_patch, backend="cpu")
-packed_patch = partial(compose.packed_patch, backend="cpu")
-sprite_patch = partial(compose.sprite_patch, backend="cpu")
-scene = partial(compose.scene, backend="cpu")
+object_image = partial(compose.object_image, backend="cpu")
+packed_image = partial(compose.packed_image, backend="cpu")
+sprite_image = partial(compose.sprite_image, backend="cpu")
+scene_image = partial(compose.scene_image, backend="cpu")
 SIZE = (120, 160)
 
 
-class FakeSession(SimpleNamespace):
-    """What pictures ask of a session, and nothing more."""
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """Labels, grown as images show them, and their boxes."""
 
-    __hash__ = object.__hash__
-    clipping = np.zeros((0, 2, 3))
+    labels: np.ndarray
 
-    def packed_tints(self) -> np.ndarray:
-        tints = np.zeros((4, 4), np.float32)
-        for i in (1, 2, 3):
-            if i not in self.poses and i not in self.flights:
-                tints[i] = COLORS[i]
-        return tints
+    @cached_property
+    def display(self) -> np.ndarray:
+        return grow_labels(self.labels)
 
-    def solo_tints(self, object_id: int) -> np.ndarray:
-        tints = np.zeros((4, 4), np.float32)
-        tints[object_id] = COLORS[object_id]
-        return tints
-
-    def study(self, object_id: int) -> ObjectStyle:
-        return ObjectStyle()
-
-    def transfer_function_of(self, object_id: int) -> Any:
-        return self.transfer_function
+    @cached_property
+    def boxes(self) -> LabelBoxes:
+        return label_boxes(self.labels)
 
 
-COLORS = {1: (1, 0.2, 0.2, 1), 2: (0.2, 1, 0.2, 1), 3: (0.2, 0.2, 1, 1)}
-
-
-def make_session(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
-    """A box, a ball and a rod, apart from each other, in noise-free air."""
+def make_scene(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Scene:
+    """A red box, a green ball and a blue rod, apart from each other, in noise-free air."""
     shape = (40, 48, 56)
     z, y, x = np.indices(shape)
     labels = np.zeros(shape, np.uint16)
     labels[4:16, 5:20, 6:14] = 1
     labels[(z - 26) ** 2 + (y - 30) ** 2 + (x - 40) ** 2 <= 81] = 2
     labels[30:34, 4:12, 4:50] = 3
-    volume = np.where(labels > 0, 1000, 0).astype(np.uint16)
-    ramp = np.array([[1, 1, 1, 0], [1, 1, 1, 0.5], [1, 1, 1, 0.5]], np.float32)
-    return FakeSession(
-        volume=volume,
-        display_labels=grow_labels(labels),
-        boxes=label_boxes(labels),
+    white = [(0.0, (1, 1, 1)), (1.0, (1, 1, 1))]
+    return Scene(
+        volume=np.where(labels > 0, 1000, 0).astype(np.uint16),
+        label_data=Objects(labels),
         spacing=np.asarray(spacing, float),
-        transfer_function=SimpleNamespace(table=lambda n=3: ramp, domain=(0.0, 1000.0)),
-        poses={},
-        flights={},
-        states={},
-        surroundings=Surroundings.of("black"),
+        transfer_function=TransferFunction([(0, 0), (500, 0.5), (1000, 0.5)], white),
+        packed=frozenset({1, 2, 3}),
+        hues={1: 0.0, 2: 1 / 3, 3: 2 / 3},
+        tint_mode="hsv",
+        mean_densities=dict.fromkeys((1, 2, 3), 1000.0),
+        decorations=Surroundings.of("black"),
     )
 
 
@@ -78,12 +66,11 @@ def make_session(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
 def test_an_object_at_its_packed_pose_looks_as_it_does_alone_in_the_bag(
     fov: float, spacing: tuple[float, float, float]
 ) -> None:
-    session = make_session(spacing)
-    camera = View((0.3, 0.5, 1.0), fov=fov).camera(session.volume.shape, spacing)
-    pose = packed_pose(session.boxes.center(2, session.spacing), camera)
-    flying = object_patch(session, 2, pose, camera, SIZE)
-    session.packed_tints = lambda: session.solo_tints(2)
-    packed = packed_patch(session, camera, SIZE)
+    scene = make_scene(spacing)
+    camera = View((0.3, 0.5, 1.0), fov=fov).camera(scene.volume.shape, spacing)
+    pose = packed_pose(scene.boxes.center(2, scene.spacing), camera)
+    flying = object_image(scene, 2, pose, camera, SIZE)
+    packed = packed_image(replace(scene, packed=frozenset({2})), camera, SIZE)
 
     whole = np.zeros((*SIZE, 4), np.float32)
     r, c = packed.row, packed.col
@@ -105,11 +92,11 @@ def test_an_object_at_its_packed_pose_looks_as_it_does_alone_in_the_bag(
 
 @pytest.mark.parametrize("fov", [0.0, 30.0])
 def test_an_object_appears_where_its_pose_says(fov: float) -> None:
-    session = make_session()
+    scene = make_scene()
     camera = View((0.0, 0.0, 1.0), fov=fov, height=100.0).camera((40, 48, 56), (1, 1, 1))
     # The ball, radius 9, in the pivot plane: 20 mm down, 30 mm left; 1.2 pixels a mm.
     pose = Pose(np.array([0.0, 20.0, -30.0]), rotation_about((1, 1, 0), 0.7))
-    patch = object_patch(session, 2, pose, camera, SIZE)
+    patch = object_image(scene, 2, pose, camera, SIZE)
     rows, cols = np.nonzero(patch.rgba[..., 3] > 0.5)
     assert rows.mean() + patch.row == pytest.approx(59.5 + 20 * 1.2, abs=0.7)
     assert cols.mean() + patch.col == pytest.approx(79.5 - 30 * 1.2, abs=0.7)
@@ -118,10 +105,10 @@ def test_an_object_appears_where_its_pose_says(fov: float) -> None:
 
 
 def test_a_scaled_object_is_larger_and_just_as_opaque() -> None:
-    session = make_session()
+    scene = make_scene()
     camera = View((0.0, 0.0, 1.0), height=200.0).camera((40, 48, 56), (1, 1, 1))
-    small = object_patch(session, 2, Pose(np.zeros(3), np.eye(3), 1.0), camera, (200, 200))
-    large = object_patch(session, 2, Pose(np.zeros(3), np.eye(3), 3.0), camera, (200, 200))
+    small = object_image(scene, 2, Pose(np.zeros(3), np.eye(3), 1.0), camera, (200, 200))
+    large = object_image(scene, 2, Pose(np.zeros(3), np.eye(3), 3.0), camera, (200, 200))
     area_small = (small.rgba[..., 3] > 0.5).sum()
     area_large = (large.rgba[..., 3] > 0.5).sum()
     assert area_large / area_small == pytest.approx(9.0, rel=0.08)
@@ -129,33 +116,31 @@ def test_a_scaled_object_is_larger_and_just_as_opaque() -> None:
 
 
 def test_an_object_out_of_the_picture_or_behind_the_eye_has_no_pixels() -> None:
-    session = make_session()
+    scene = make_scene()
     camera = View((0.0, 0.0, 1.0), fov=30, height=100.0).camera((40, 48, 56), (1, 1, 1))
     aside = Pose(np.array([0.0, 500.0, 0.0]), np.eye(3))
     behind = Pose(np.array([camera.distance + 50.0, 0.0, 0.0]), np.eye(3))
-    assert object_patch(session, 2, aside, camera, SIZE).is_empty
-    assert object_patch(session, 2, behind, camera, SIZE).is_empty
+    assert object_image(scene, 2, aside, camera, SIZE).is_empty
+    assert object_image(scene, 2, behind, camera, SIZE).is_empty
 
 
 def test_an_object_at_the_eye_does_not_break_the_picture() -> None:
-    session = make_session()
+    scene = make_scene()
     camera = View((0.0, 0.0, 1.0), fov=30, height=100.0).camera((40, 48, 56), (1, 1, 1))
-    patch = object_patch(
-        session, 2, Pose(np.array([camera.distance, 0, 0]), np.eye(3)), camera, SIZE
-    )
+    patch = object_image(scene, 2, Pose(np.array([camera.distance, 0, 0]), np.eye(3)), camera, SIZE)
     assert np.isfinite(patch.rgba).all()
 
 
 def test_an_unknown_object_is_named() -> None:
-    session = make_session()
+    scene = make_scene()
     with pytest.raises(KeyError, match="no object 7"):
-        sprite_patch(session, 7, Pose(np.zeros(3), np.eye(3)), 1.0)
+        sprite_image(scene, 7, Pose(np.zeros(3), np.eye(3)), 1.0)
 
 
 def test_a_sprite_is_tight_and_centred() -> None:
-    session = make_session()
+    scene = make_scene()
     # The rod, 4 x 8 x 46 voxels, seen along z: 8 down, 46 right; twice as many pixels.
-    patch = sprite_patch(session, 3, Pose(np.array([5.0, 6.0, 7.0]), np.eye(3)), 2.0)
+    patch = sprite_image(scene, 3, Pose(np.array([5.0, 6.0, 7.0]), np.eye(3)), 2.0)
     height, width = patch.size
     assert 16 <= height <= 20
     assert 92 <= width <= 96
@@ -171,19 +156,19 @@ def test_a_sprite_is_tight_and_centred() -> None:
 
 def test_a_sprite_needs_a_resolution() -> None:
     with pytest.raises(ValueError, match="pixels_per_mm must be a positive number"):
-        sprite_patch(make_session(), 3, Pose(np.zeros(3), np.eye(3)), 0.0)
+        sprite_image(make_scene(), 3, Pose(np.zeros(3), np.eye(3)), 0.0)
 
 
 def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
-    session = make_session()
+    scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
-    full = scene(session, camera, SIZE)
+    full = scene_image(scene, camera, SIZE)
     pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
-    session.poses = {1: pose}
-    session.flights = {
-        2: SimpleNamespace(pose=lambda time, camera: Pose(np.array([50.0, -time, -60]), np.eye(3)))
-    }
-    later = scene(session, camera, SIZE, time=40.0)
+    flight = SimpleNamespace(
+        pose=lambda time, camera: Pose(np.array([50.0, -time, -60]), np.eye(3))
+    )
+    scene = replace(scene, packed=frozenset({3}), poses={1: pose}, flights={2: flight})
+    later = scene_image(scene, camera, SIZE, time=40.0)
 
     def seen(image: np.ndarray, channel: int) -> tuple[float, float]:
         others = [c for c in range(3) if c != channel]
@@ -200,30 +185,30 @@ def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
 
 
 def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -> None:
-    session = make_session()
+    scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
-    session.poses = {1: Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))}
+    pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
+    scene = replace(scene, packed=frozenset({2, 3}), poses={1: pose})
     casts: list[int] = []
     real = compose.cast_crop
     monkeypatch.setattr(compose, "cast_crop", lambda *a: (casts.append(1), real(*a))[1])
-    first = scene(session, camera, SIZE)
+    first = scene_image(scene, camera, SIZE)
     assert len(casts) == 2
-    np.testing.assert_array_equal(scene(session, camera, SIZE), first)
+    np.testing.assert_array_equal(scene_image(scene, camera, SIZE), first)
     assert len(casts) == 2
-    scene(session, Camera(np.eye(3), np.array([19.5, 20.0, 27.5]), 150.0), SIZE)
+    scene_image(scene, Camera(np.eye(3), np.array([19.5, 20.0, 27.5]), 150.0), SIZE)
     assert len(casts) == 3, "the bag has moved in the picture, the sprite has not"
-    session.volume = session.volume.copy()
-    scene(session, camera, SIZE)
+    scene_image(replace(scene, volume=scene.volume.copy()), camera, SIZE)
     assert len(casts) == 5, "another volume looks another way"
 
 
 def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
-    session = make_session()
+    scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 60.0, 27.5]), 150.0)
-    plain = scene(session, camera, SIZE)
-    session.states = {2: SimpleNamespace(value="inspected")}
-    session.poses = {2: Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))}
-    image = scene(session, camera, SIZE)
+    plain = scene_image(scene, camera, SIZE)
+    pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
+    scene = replace(scene, packed=frozenset({1, 3}), poses={2: pose}, inspected=(2,))
+    image = scene_image(scene, camera, SIZE)
     green = image[..., 1] > 2 * image[..., (0, 2)].max(-1) + 0.05
     rows, cols = np.nonzero(green)
     # The ball's box of 19 mm has a diagonal of 32.9 mm that fills 0.72 of 120 pixels.
@@ -236,10 +221,10 @@ def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
     assert image[rod][:, 2].mean() == pytest.approx(0.16 * plain[rod][:, 2].mean(), rel=0.05)
 
 
-def test_a_scene_has_the_surroundings_asked_for_sprites_before_the_box() -> None:
-    session = make_session()
+def test_a_scene_has_the_decorations_asked_for_sprites_before_the_box() -> None:
+    scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
-    light = scene(session, camera, SIZE, surroundings=Surroundings.of("white", ["box", "scale"]))
+    light = scene_image(scene, camera, SIZE, decorations=Surroundings.of("white", ["box", "scale"]))
     assert light[..., 3].min() == 1.0
     np.testing.assert_allclose(light[0, 0], 1.0)
     # The front face of the box around voxels 4 to 34: its edges are dark on white.
@@ -250,9 +235,40 @@ def test_a_scene_has_the_surroundings_asked_for_sprites_before_the_box() -> None
     # A sprite towards the viewer covers the box's edge.
     towards = camera.rotation[0] @ (np.array([3.5, 3.5, 20.0]) - camera.center) + 40
     down, right = camera.rotation[1:] @ (np.array([3.5, 3.5, 20.0]) - camera.center)
-    session.poses = {2: Pose(np.array([towards, down, right]), np.eye(3))}
-    covered = scene(session, camera, SIZE, surroundings=Surroundings.of("black", ["box"]))
+    pose = Pose(np.array([towards, down, right]), np.eye(3))
+    scene = replace(scene, packed=frozenset({1, 3}), poses={2: pose})
+    covered = scene_image(scene, camera, SIZE, decorations=Surroundings.of("black", ["box"]))
     row, col = np.rint(camera.project([[3.5, 3.5, 20.0]], SIZE)[0]).astype(int)
-    hidden = scene(session, camera, SIZE)
+    hidden = scene_image(scene, camera, SIZE)
     # The edge shines through what the object itself lets through, no more.
     np.testing.assert_allclose(covered[row, col], hidden[row, col], atol=0.01)
+
+
+def test_the_difference_of_two_scenes_names_what_the_bag_must_follow() -> None:
+    scene = make_scene()
+    assert not scene.difference(replace(scene, poses={1: Pose(np.zeros(3), np.eye(3))}))
+    others = Objects(scene.label_data.labels.copy())
+    assert replace(scene, label_data=others).difference(scene) == SceneDifference(labels=True)
+    recolored = replace(scene, hues={**scene.hues, 1: 0.5})
+    assert recolored.difference(scene) == SceneDifference(tints=True)
+    left = replace(scene, packed=frozenset({2, 3}))
+    assert left.difference(scene) == SceneDifference(ids=frozenset({1}))
+    plane = np.array([[[0, 0, 12], [0, 0, 1.0]]])
+    cut = replace(scene, clipping=plane, packed=frozenset())
+    assert cut.difference(scene) == SceneDifference(appearance=True, ids=scene.packed)
+
+
+def test_a_session_makes_another_scene_only_after_a_change() -> None:
+    made = make_scene()
+    session = Session(made.volume, made.label_data.labels)
+    first = session.scene()
+    assert session.scene() is first
+    session.look(replace(session.camera, height=99.0))
+    assert session.scene() is first
+    session.unpack([1])
+    second = session.scene()
+    assert second.difference(first) == SceneDifference(ids=frozenset({1}))
+    assert second.cache is first.cache
+    assert set(second.poses) == {1}
+    np.testing.assert_array_equal(second.packed_tints, session.packed_tints())
+    np.testing.assert_array_equal(second.tints_alone(1), session.solo_tints(1))

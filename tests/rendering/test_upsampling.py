@@ -11,8 +11,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.compose import object_patch, sprite_patch
-from napari_unpack.rendering.subvolumes import SubvolumeCache
+from napari_unpack.rendering.compose import object_image, sprite_image
 from napari_unpack.rendering.upsampling import MOST_VOXELS, divisions, refined
 
 TURN = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
@@ -50,7 +49,9 @@ def alone(session: Any, smooth: bool, pose: Pose = STILL, side: float = 16.0) ->
     """Return the (N, N, 4) picture of object 1."""
     size = round(side * PIXELS)
     camera = Camera(np.eye(3), np.zeros(3), side)
-    patch = object_patch(session, 1, pose, camera, (size, size), 1 / 3, "cpu", smooth=smooth)
+    patch = object_image(
+        session.scene(), 1, pose, camera, (size, size), 1 / 3, "cpu", smooth=smooth
+    )
     picture = np.zeros((size, size, 4), np.float32)
     height, width = patch.size
     picture[patch.row : patch.row + height, patch.col : patch.col + width] = patch.rgba
@@ -87,8 +88,8 @@ def test_densities_stay_at_their_places_in_the_world() -> None:
     volume = 500 + 30 * z - 4 * y + 7 * x
     labels = np.zeros(volume.shape, np.uint16)
     labels[6:14, 8:16, 8:18] = 1
-    cache = SubvolumeCache(session_of(labels, volume, tuple(spacing)))
-    fine = refined(cache.crop(1), 1, spacing, float(volume.min()))
+    cache = session_of(labels, volume, tuple(spacing)).scene().subvolumes
+    fine = refined(cache.of_object(1), 1, spacing, float(volume.min()))
     assert fine.finer[0] == 2 * fine.finer[1] == 2 * fine.finer[2] > 2
 
     index = np.stack(np.indices(fine.volume.shape), axis=-1).reshape(-1, 3)
@@ -137,8 +138,8 @@ def test_large_objects_are_left_and_no_crop_grows_beyond_bounds() -> None:
     labels = np.zeros((20, 20, 200), np.uint16)
     labels[5:15, 5:15, 5:195] = 1
     volume = np.where(labels == 1, 1000, 0).astype(np.uint16)
-    cache = SubvolumeCache(session_of(labels, volume))
-    crop = cache.crop(1)
+    cache = session_of(labels, volume).scene().subvolumes
+    crop = cache.of_object(1)
     assert refined(crop, 1, np.ones(3), 0.0) is crop
 
     spacing = np.array([3.0, 1.0, 1.0])
@@ -155,4 +156,4 @@ def test_an_object_in_the_corner_of_a_tiny_volume_has_a_sprite() -> None:
     labels = np.zeros((2, 3, 1), np.uint16)
     labels[0, 0, 0] = 1
     session = session_of(labels, np.where(labels == 1, 1000, 0).astype(np.uint16))
-    assert sprite_patch(session, 1, STILL, 12.0, backend="cpu").rgba[..., 3].max() > 0.5
+    assert sprite_image(session.scene(), 1, STILL, 12.0, backend="cpu").rgba[..., 3].max() > 0.5

@@ -1,0 +1,81 @@
+"""What rendering needs of a session, described as a frozen `Scene`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from napari_unpack.rendering.scene import Scene
+from napari_unpack.rendering.subvolumes import RenderCache
+from napari_unpack.session.state import ObjectState
+
+if TYPE_CHECKING:
+    from napari_unpack.session.session import Session
+
+
+class SceneDescription:
+    """Describes one session again and again; the same scene as long as nothing has changed."""
+
+    def __init__(self) -> None:
+        self._cache = RenderCache()
+        self._known: tuple[tuple[Any, ...], Scene] | None = None
+        self._densities: tuple[Any, dict[int, float]] | None = None
+
+    def of(self, session: Session) -> Scene:
+        """Return the scene of a session as it is now."""
+        parts = _parts(session)
+        known = self._known
+        # Two scenes that show the same would each make their tables of tints.
+        if known is None or not _same(known[0], parts):
+            known = self._known = parts, self._described(session)
+        return known[1]
+
+    def _described(self, session: Session) -> Scene:
+        situation, states = session._situation, session.states
+        return Scene(
+            volume=session.volume,
+            label_data=session._contents,
+            spacing=session.spacing,
+            transfer_function=situation.transfer_function,
+            packed=frozenset(i for i, s in states.items() if s is ObjectState.PACKED),
+            inspected=tuple(i for i, s in states.items() if s is ObjectState.INSPECTED),
+            flights=dict(session.flights),
+            poses=session.poses,
+            hues=situation.hues,
+            tint_mode=session.tint_mode,
+            show_unlabelled=session.show_unlabelled,
+            styles=situation.studies,
+            mean_densities=self._mean_densities(session),
+            clipping=session.clipping,
+            decorations=session.surroundings,
+            largest_id=session._top,
+            cache=self._cache,
+        )
+
+    def _mean_densities(self, session: Session) -> dict[int, float]:
+        facts = session._contents.facts
+        known = self._densities
+        if known is None or known[0] is not facts:
+            known = self._densities = facts, facts["mean_density"].to_dict()
+        return known[1]
+
+
+def _parts(session: Session) -> tuple[Any, ...]:
+    """Return what a scene is made of; each part is exchanged, never changed."""
+    return (
+        session._contents,
+        session._situation,
+        session.clipping,
+        session.surroundings,
+        session.slots,
+        session.camera.stretch.tobytes(),
+        session.tint_mode,
+        session.show_unlabelled,
+        *session.flights.values(),
+    )
+
+
+def _same(before: tuple[Any, ...], now: tuple[Any, ...]) -> bool:
+    if len(before) != len(now):
+        return False
+    pairs = zip(before, now, strict=True)
+    return all(a is b or (isinstance(a, bytes | str) and a == b) for a, b in pairs)
