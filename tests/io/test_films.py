@@ -145,9 +145,8 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     frames = [iio.imread(path / name).astype(int) for name in files]
     assert {frame.shape for frame in frames} == {(80, 100, 3)}
     still = twin(session, packed=False)
-    first = straight_bytes(
-        scene_image(still.scene(), framed(still, (80, 100)), (80, 100), backend="cpu")
-    )
+    camera = framed(still, (80, 100))
+    first = straight_bytes(scene_image(still.scene(), camera, (80, 100), backend="cpu"))
     np.testing.assert_array_equal(frames[0], first[..., :3])
     assert all(np.abs(a - b).max() > 40 for a, b in pairwise(frames))
     assert (told[0], told[-1]) == (0.0, 1.0)

@@ -108,7 +108,7 @@ def test_three_changes_while_the_picture_of_the_first_is_cast(still, session) ->
     hide(session, painter, 3)
     jobs.end_all()
     assert painter.settled
-    wanted = cast_packed(session, frame.camera, SIZE, 1.0).patch.rgba
+    wanted = cast_packed(session.scene(), frame.camera, SIZE, 1.0).patch.rgba
     assert np.abs(wanted - before).max() > 0.5
     np.testing.assert_allclose(screen.shot.patch.rgba, wanted, atol=1 / 255)
 
@@ -138,7 +138,7 @@ def test_changes_and_pictures_in_any_order(still, session, seed) -> None:
         painter._come_to_rest()
         jobs.end_all()
     assert painter.settled
-    wanted = cast_packed(session, frame.camera, SIZE, 1.0)
+    wanted = cast_packed(session.scene(), frame.camera, SIZE, 1.0)
     if wanted is None:
         assert screen.shot is None
     else:

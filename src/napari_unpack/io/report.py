@@ -161,7 +161,9 @@ def save_objects_page(
     tell = progress or (lambda fraction, text: None)
     tell(0.0, "Drawing the bag")
     shown = twin(session, packed=False)
-    bag = scene_image(shown.scene(), framed(shown, BAG), BAG, backend=backend)
+    # Framing moves the objects beside the bag, so the scene is described after it.
+    camera = framed(shown, BAG)
+    bag = scene_image(shown.scene(), camera, BAG, backend=backend)
     rows = "\n".join(_rows(shown, tell, backend))
     with written_whole(target) as temporary:
         temporary.write_text(_page(title, shown, _data_uri(bag), rows), encoding="utf-8")
