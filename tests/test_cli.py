@@ -137,7 +137,7 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
         (("order", bag, "--direction", "1,2", "--backend", "cpu"), "error: direction must be"),
         (
             ("movie", bag, tmp_path / "a.avi", "--backend", "cpu"),
-            "error: a film must end in .mp4 or .gif",
+            "error: a movie must end in .mp4 or .gif",
         ),
         (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no such folder"),
         (("render", bag, tmp_path / "a.jpg"), "a.jpg: the output must end in .png"),

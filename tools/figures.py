@@ -223,10 +223,10 @@ def _grid(pictures: list[Image], columns: int) -> Image:
 def main(gallery: Path, source: Path | None = None) -> None:
     """Draw the figures of a simulated bag, or of a scan that is segmented first."""
     from napari_unpack.io import load_volume
-    from napari_unpack.io.headless import opened
+    from napari_unpack.io.headless import open_scan
 
     if source is not None:
-        session = opened(load_volume(source), LOOKING, backend="cpu")
+        session = open_scan(load_volume(source), LOOKING, backend="cpu")
         draw(session, gallery, source.stem)
         return
 

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import typer
 
 from napari_unpack.cli_options import (
-    Appearance,
     Backend,
     Box,
     Direction,
@@ -20,9 +19,10 @@ from napari_unpack.cli_options import (
     LabelsOption,
     Scale,
     Ticker,
+    ViewOption,
     check_output,
     open_input,
-    wanted_surroundings,
+    requested_decorations,
 )
 
 app = typer.Typer(
@@ -41,22 +41,26 @@ def main() -> None:
     app()
 
 
-def _told(command: Callable[..., None]) -> Callable[..., None]:
-    # A sentence instead of a traceback for everything a user can cause.
-    @functools.wraps(command)
-    def run(*args: Any, **kwargs: Any) -> None:
-        try:
-            command(*args, **kwargs)
-        except (ValueError, TypeError, OSError, ImportError) as error:
-            typer.echo(f"error: {error}", err=True)
-            raise typer.Exit(1) from error
+def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a command of a function, by its name without the underscore."""
 
-    return run
+    def register(command: Callable[..., None]) -> Callable[..., None]:
+        # A sentence instead of a traceback for everything a user can cause.
+        @functools.wraps(command)
+        def run(*args: Any, **kwargs: Any) -> None:
+            try:
+                command(*args, **kwargs)
+            except (ValueError, TypeError, OSError, ImportError) as error:
+                typer.echo(f"error: {error}", err=True)
+                raise typer.Exit(1) from error
+
+        return app.command(command.__name__.removeprefix("_"), **settings)(run)
+
+    return register
 
 
-@app.command()
-@_told
-def simulate(
+@_command()
+def _simulate(
     output: Annotated[
         Path,
         typer.Argument(metavar="OUTPUT", help="Where to save the bag: .npz, .mha, .nii.gz ..."),
@@ -98,9 +102,8 @@ def simulate(
     typer.echo(f"wrote {table}")
 
 
-@app.command()
-@_told
-def segment(
+@_command()
+def _segment(
     source: Input,
     output: Annotated[
         Path, typer.Argument(metavar="OUTPUT", help="Where to save volume and labels.")
@@ -120,7 +123,7 @@ def segment(
     ] = None,
 ) -> None:
     """Segment a volume into its objects."""
-    from napari_unpack import segment as find_objects
+    from napari_unpack import segment
     from napari_unpack.io import load_volume, save_objects_csv, save_scan
     from napari_unpack.io.volumes import WRITABLE
 
@@ -128,9 +131,7 @@ def segment(
     if csv is not None:
         check_output(csv, ("",))
     scan = load_volume(source)
-    found = find_objects(
-        scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy
-    )
+    found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
     for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
         typer.echo(f"wrote {path}")
     if csv is not None:
@@ -138,9 +139,8 @@ def segment(
     typer.echo(f"{len(found.objects)} objects")
 
 
-@app.command()
-@_told
-def train(
+@_command()
+def _train(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The oracle to write, .npz.")],
     bags: Annotated[
         list[Path],
@@ -149,7 +149,7 @@ def train(
     seed: Annotated[int, typer.Option(help="Of the false examples and the fit.")] = 0,
 ) -> None:
     """Train the confidence of objects on labelled volumes."""
-    from napari_unpack import train as learn
+    from napari_unpack import train
     from napari_unpack.io import load_volume
 
     check_output(output, (".npz",))
@@ -157,18 +157,17 @@ def train(
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
     ticker = Ticker()
-    oracle = learn((load_volume(path) for path in bags), seed, lambda _, text: ticker(0.0, text))
+    oracle = train((load_volume(path) for path in bags), seed, lambda _, text: ticker(0.0, text))
     oracle.save(output)
     typer.echo(f"wrote {output}")
 
 
-@app.command()
-@_told
-def score(
+@_command()
+def _score(
     truth: Annotated[
         Path, typer.Argument(metavar="TRUTH", help="True labels, such as a simulated bag's .npz.")
     ],
-    found: Annotated[Path, typer.Argument(metavar="FOUND", help="Labels to judge.")],
+    found: Annotated[Path, typer.Argument(metavar="FOUND", help="Labels to compare with them.")],
     table: Annotated[
         Path | None,
         typer.Option(help="Table of the true objects (.csv with id), such as simulate writes."),
@@ -186,13 +185,12 @@ def score(
     typer.echo(score_report(true, seen, spacing, table, by, boundary))
 
 
-@app.command()
-@_told
-def order(
+@_command()
+def _order(
     source: Input,
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Appearance = None,
+    view: ViewOption = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
 ) -> None:
@@ -213,14 +211,13 @@ def order(
             )
 
 
-@app.command()
-@_told
-def render(
+@_command()
+def _render(
     source: Input,
-    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Picture to write, .png.")],
+    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Image to write, .png.")],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Appearance = None,
+    view: ViewOption = None,
     unpacked: Annotated[int, typer.Option(min=0, help="Objects to unpack before.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
@@ -230,18 +227,18 @@ def render(
     scale: Scale = False,
     backend: Backend = "auto",
 ) -> None:
-    """Draw the bag and what is unpacked beside it."""
+    """Render the bag and what is unpacked beside it."""
     from napari_unpack.io import save_png
-    from napari_unpack.io.headless import framed, unpack_in_order
+    from napari_unpack.io.headless import frame_bag, unpack_in_order
     from napari_unpack.io.session_archive import holds_session
     from napari_unpack.rendering.compose import scene_image
 
     check_output(output, (".png",))
-    around = wanted_surroundings(background, box, scale)
+    decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
-    if around is not None:
-        session.surroundings = around
-    camera = session.camera if holds_session(source) else framed(session, size)
+    if decorated is not None:
+        session.surroundings = decorated
+    camera = session.camera if holds_session(source) else frame_bag(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
     typer.echo(
@@ -249,19 +246,18 @@ def render(
     )
 
 
-@app.command()
-@_told
-def movie(
+@_command()
+def _movie(
     source: Input,
     output: Annotated[
         Path,
         typer.Argument(
-            metavar="OUTPUT", help="Film to write: .mp4, .gif, or a new folder for PNG pictures."
+            metavar="OUTPUT", help="Movie to write: .mp4, .gif, or a new folder for PNG images."
         ),
     ],
     labels: LabelsOption = None,
     direction: Direction = None,
-    view: Appearance = None,
+    view: ViewOption = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects to unpack; 0 for all.")] = 0,
     size: Annotated[
         tuple[int, int], typer.Option(metavar="H W", help="Height and width, pixels.")
@@ -277,16 +273,16 @@ def movie(
     scale: Scale = False,
     backend: Backend = "auto",
 ) -> None:
-    """Film the unpacking, or the bag from all around."""
-    from napari_unpack.io import movie as film
-    from napari_unpack.io.movies import checked_film
+    """Make a movie of the unpacking, or of the bag from all around."""
+    from napari_unpack.io import movie
+    from napari_unpack.io.movies import checked_movie_path
 
-    check_output(checked_film(output), ("",))
-    around = wanted_surroundings(background, box, scale)
+    check_output(checked_movie_path(output), ("",))
+    decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
-    if around is not None:
-        session.surroundings = around
-    path = film(
+    if decorated is not None:
+        session.surroundings = decorated
+    path = movie(
         session,
         output,
         count=count or None,
@@ -301,18 +297,17 @@ def movie(
     typer.echo(f"wrote {path}")
 
 
-@app.command()
-@_told
-def table(
+@_command()
+def _table(
     source: Input,
     output: Annotated[
-        Path, typer.Argument(metavar="OUTPUT", help="Table to write: .html with pictures, or .csv.")
+        Path, typer.Argument(metavar="OUTPUT", help="Table to write: .html with images, or .csv.")
     ],
     labels: LabelsOption = None,
-    view: Appearance = None,
+    view: ViewOption = None,
     backend: Backend = "auto",
 ) -> None:
-    """Write the table of objects, as one web page with a picture of each, or as CSV."""
+    """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_objects_csv, save_objects_page
 
     check_output(output, (".html", ".csv"))
@@ -324,27 +319,25 @@ def table(
         typer.echo(f"wrote {path}")
 
 
-@app.command()
-@_told
-def demo(
+@_command()
+def _demo(
     source: Annotated[
         Path | None, typer.Argument(metavar="[INPUT]", help="Volume; a simulated bag without it.")
     ] = None,
     labels: LabelsOption = None,
     output: Annotated[
-        Path, typer.Option(help="Folder for pictures and film where there is no screen.")
+        Path, typer.Option(help="Folder for images and movie where there is no screen.")
     ] = Path("demo-output"),
     seed: Annotated[int, typer.Option(help="Of the simulated bag.")] = 0,
 ) -> None:
-    """Open the plugin on a bag, or film it where there is no screen."""
+    """Open the plugin on a bag, or make a movie of it where there is no screen."""
     from napari_unpack.demo import run
 
     run(source, labels, output, seed)
 
 
-@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
-@_told
-def workspace(context: typer.Context) -> None:
+@_command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def _bench(context: typer.Context) -> None:
     """Measure speed and accuracy (in a checkout)."""
     root = Path(__file__).parents[2]
     if not (root / "benchmarks" / "__main__.py").exists():

@@ -1,16 +1,17 @@
-"""What commands take in: arguments they share, files, and progress told on stderr.
-
-The options of the command line that say what is behind and around a picture.
-"""
+"""What commands share: arguments, files to open, decorations, and progress on stderr."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from napari_unpack.geometry.view import FROM_ABOVE, View
+
+if TYPE_CHECKING:
+    from napari_unpack.appearance import Surroundings
+    from napari_unpack.session import Session
 
 Input = Annotated[
     Path,
@@ -31,7 +32,7 @@ Direction = Annotated[
         "by default towards the viewer."
     ),
 ]
-Appearance = Annotated[
+ViewOption = Annotated[
     tuple[float, float, float] | None,
     typer.Option(
         "--view",
@@ -39,7 +40,7 @@ Appearance = Annotated[
         help="Direction of looking; by default from above, or a session's.",
     ),
 ]
-Backend = Annotated[str, typer.Option(help="Who casts pictures: auto, cpu or gl.")]
+Backend = Annotated[str, typer.Option(help="What renders: auto, cpu or gl.")]
 
 
 class Ticker:
@@ -52,7 +53,7 @@ class Ticker:
         self._last = ("", -1)
 
     def __call__(self, fraction: float, text: str) -> None:
-        """Tell how far we are."""
+        """Report how far the work is."""
         now = (text.split(":")[0], int(fraction * 20))
         if now != self._last:
             self._last = now
@@ -65,10 +66,27 @@ def open_input(
     direction: str | None,
     view: tuple[float, float, float] | None,
     backend: str,
-) -> Any:
-    """Return the session of a file: a saved one, or a new one on a volume."""
+) -> Session:
+    """Return the session of a file: a saved one, or a new one on a volume.
+
+    Parameters
+    ----------
+    source, labels : Path
+        What the command was given.
+    direction : str, optional
+        Where objects leave, see `direction_of`.
+    view : (float, float, float), optional
+        Direction of looking, z y x; from above where neither it nor a saved session says.
+    backend : {"auto", "cpu", "gl"}
+        Which implementation renders.
+
+    Raises
+    ------
+    ValueError
+        If labels are given beside a saved session.
+    """
     from napari_unpack.io import load_labels, load_volume, open_session
-    from napari_unpack.io.headless import opened
+    from napari_unpack.io.headless import open_scan
     from napari_unpack.io.session_archive import holds_session
 
     if holds_session(source):
@@ -85,11 +103,26 @@ def open_input(
     scan = load_volume(source)
     if labels is not None:
         scan = scan.with_labels(load_labels(labels)[0])
-    return opened(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
+    return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Refuse what cannot be written before the long work, not after it."""
+    """Refuse what cannot be written before the long work, not after it.
+
+    Parameters
+    ----------
+    path : Path
+        The output.
+    suffixes : tuple of str
+        What its name may end in, lower case.
+
+    Raises
+    ------
+    ValueError
+        If it ends in none of them.
+    FileNotFoundError
+        If its folder does not exist.
+    """
     if not path.name.lower().endswith(suffixes):
         raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
     if not path.absolute().parent.is_dir():
@@ -97,7 +130,13 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
 
 
 def direction_of(text: str | None) -> str | tuple[float, float, float] | None:
-    """Return a direction as `Session.direction` takes it."""
+    """Return a direction as `Session.direction` takes it.
+
+    Raises
+    ------
+    ValueError
+        If it is neither a name nor three numbers.
+    """
     if text is None or "," not in text:
         return text
     try:
@@ -121,8 +160,17 @@ Box = Annotated[bool, typer.Option("--box", help="Draw the box around all object
 Scale = Annotated[bool, typer.Option("--scale-bar", help="Draw a scale bar.")]
 
 
-def wanted_surroundings(background: str | None, box: bool, scale: bool) -> Any:
-    """Return the Surroundings asked for; None where nothing is, as a saved session has its own."""
+def requested_decorations(background: str | None, box: bool, scale: bool) -> Surroundings | None:
+    """Return what is drawn around the bag; None where nothing was asked for.
+
+    Parameters
+    ----------
+    background : str, optional
+        As the option takes it; dark where only decorations are asked for.
+    box, scale : bool
+        Whether they are drawn.
+    """
+    # A saved session has decorations of its own, which None leaves as they are.
     from napari_unpack.appearance import Surroundings
 
     shown = [kind for kind, wanted in (("box", box), ("scale", scale)) if wanted]

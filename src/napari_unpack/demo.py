@@ -1,12 +1,7 @@
-"""`make demo`: the plugin at its main job, on a screen or filmed on a virtual one.
+"""`make demo`: the plugin at its main job, on a screen, or as images and a movie without one.
 
-Everything is done through the dock widget's own buttons, so what the pictures show is what a
-user gets.
-
-Pictures and a film of the plugin at work, for a machine without a screen.
-
-Flights are driven by a clock that steps from frame to frame, so the film is smooth however slow
-the machine.
+Everything is done through the buttons of the dock widget, so the images show what a user gets.
+Flights follow a clock that steps from frame to frame: the movie is smooth on any machine.
 """
 
 from __future__ import annotations
@@ -14,20 +9,37 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from time import monotonic, sleep
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-ImageTexture = NDArray[np.uint8]
+from napari_unpack.tasks import Progress
+
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.io import Scan
+    from napari_unpack.viewer.controller import SessionController
+    from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+Image = NDArray[np.uint8]
 FPS = 16
 FLIGHT_SECONDS = 0.9
 FLIGHTS = 9
-PATIENCE = 30.0
+"""Enough to see into the bag, in a movie of a quarter of a minute."""
+
+LONGEST_WAIT = 30.0
 """Seconds to wait for what the panel looks for by itself."""
+
+SHAPE = (256, 192, 256)
+COUNT = 30
+"""A bag that is packed and segmented in about a minute on two cores."""
+
+WINDOW = (1480, 940)
+"""Width and height of napari's window, pixels: the panel beside a canvas as wide as the bag."""
 
 
 class SteppedClock:
@@ -41,7 +53,7 @@ class SteppedClock:
         return self.time
 
 
-def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], None]) -> None:
+def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress: Progress) -> None:
     """Write packed.png, flight.png, unpacked.png, inspect.png, unpacking.mp4 and objects.csv.
 
     Parameters
@@ -49,10 +61,10 @@ def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], Non
     viewer : napari.Viewer
         Shown, on whatever screen.
     panel : UnpackingWidget
-        With its stage open.
+        With a session open.
     output : Path
         Folder; made if missing.
-    tell : callable
+    progress : callable
         Takes (fraction, text).
     """
     import imageio.v3 as iio
@@ -60,80 +72,95 @@ def film(viewer: Any, panel: Any, output: Path, tell: Callable[[float, str], Non
     from napari_unpack.io import save_objects_csv
 
     output.mkdir(parents=True, exist_ok=True)
-    controller, clock = panel.workspace.controller, SteppedClock()
+    controller, clock = _controller(panel), SteppedClock()
     controller.session.clock = clock
-    frames: list[ImageTexture] = [picture(viewer, controller)] * (FPS // 2)
+    frames: list[Image] = [canvas_image(viewer, controller)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
-    await_answers(panel)
+    await_unpackable(panel)
     iio.imwrite(output / "window.png", viewer.screenshot(canvas_only=False, flash=False))
     largest = 0
     for k in range(FLIGHTS):
-        tell(k / FLIGHTS, "Unpacking")
+        progress(k / FLIGHTS, "Unpacking")
         before = set(controller.session.poses)
-        shots = list(flight(viewer, panel, clock))
+        images = list(_flight(viewer, panel, clock))
         left = sorted(set(controller.session.poses) - before)
         size = int(controller.session.objects.loc[left, "voxels"].sum())
         if size > largest:
             largest = size
-            iio.imwrite(output / "flight.png", shots[len(shots) // 2 - 1])
-        frames.extend(shots)
-    frames.extend([picture(viewer, controller)] * FPS)
+            iio.imwrite(output / "flight.png", images[len(images) // 2 - 1])
+        frames.extend(images)
+    frames.extend([canvas_image(viewer, controller)] * FPS)
     iio.imwrite(output / "unpacked.png", frames[-1])
-    tell(0.0, "Inspecting")
+    progress(0.0, "Inspecting")
     shown = max(controller.session.poses, key=lambda i: controller.session.objects.loc[i, "voxels"])
     panel.workspace.inspect(shown)
     clock.time += 10.0
-    iio.imwrite(output / "inspect.png", picture(viewer, controller))
+    iio.imwrite(output / "inspect.png", canvas_image(viewer, controller))
     panel.workspace.leave()
     clock.time += 10.0
-    picture(viewer, controller)
-    tell(0.0, "Writing the film")
-    write_film(frames, output / "unpacking.mp4")
+    canvas_image(viewer, controller)
+    progress(0.0, "Writing the movie")
+    _write_movie(frames, output / "unpacking.mp4")
     save_objects_csv(controller.session.objects, output / "objects.csv")
 
 
-def flight(viewer: Any, panel: Any, clock: SteppedClock) -> Iterator[ImageTexture]:
+def _flight(viewer: napari.Viewer, panel: UnpackingWidget, clock: SteppedClock) -> Iterator[Image]:
     """Press Unpack next and yield the canvas from frame to frame until all have landed."""
-    controller = panel.workspace.controller
+    controller = _controller(panel)
     controller.seconds = FLIGHT_SECONDS
     panel.unpack.next.click()
     frames = round(FPS * FLIGHT_SECONDS)
     start = clock.time
     for k in range(1, frames + 1):
         clock.time = start + FLIGHT_SECONDS * k / frames + 1e-6
-        yield picture(viewer, controller)
+        yield canvas_image(viewer, controller)
 
 
-def await_answers(panel: Any, seconds: float = PATIENCE) -> None:
-    """Wait until the panel has found out who can leave, so that its picture is a finished one."""
+def await_unpackable(panel: UnpackingWidget, seconds: float = LONGEST_WAIT) -> None:
+    """Wait until the panel knows what is unpackable, so that its image is a finished one.
+
+    Parameters
+    ----------
+    panel : UnpackingWidget
+        With a session open.
+    seconds : float
+        At most so long.
+    """
     from qtpy.QtWidgets import QApplication
 
-    end = monotonic() + seconds
-    while not panel.unpack.answered and monotonic() < end:
+    end = time.monotonic() + seconds
+    while not panel.unpack.answered and time.monotonic() < end:
         QApplication.processEvents()
-        sleep(0.01)
+        time.sleep(0.01)
 
 
-def picture(viewer: Any, controller: Any) -> ImageTexture:
-    """Return what the canvas shows once every picture in it is full and right, (H, W, 3)."""
+def canvas_image(viewer: napari.Viewer, controller: SessionController) -> Image:
+    """Return what the canvas shows once every image in it is full and right.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+        Whose canvas it is.
+    controller : SessionController
+        Of the session on show.
+
+    Returns
+    -------
+    (H, W, 3) ndarray of uint8
+    """
     controller.step(20.0)
-    shot: ImageTexture = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
-    return shot
+    shown: Image = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
+    return shown
 
 
-def write_film(frames: list[ImageTexture], path: Path) -> None:
-    """Write frames as an H.264 film; an odd edge is cut off, as video wants."""
+def _write_movie(frames: list[Image], path: Path) -> None:
+    """Write frames as H.264; an odd edge is cut off, as video wants."""
     from napari_unpack.io.movies import mp4_writer
 
     height, width = (n // 2 * 2 for n in frames[0].shape[:2])
     with mp4_writer(path, (height, width), FPS) as write:
         for frame in frames:
             write(frame[:height, :width])
-
-
-SHAPE = (256, 192, 256)
-COUNT = 30
-WINDOW = (1480, 940)
 
 
 class Steps:
@@ -174,7 +201,7 @@ class Steps:
 
 
 def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -> None:
-    """Open the plugin on a bag, ready to unpack; film it where there is no screen.
+    """Open the plugin on a bag, ready to unpack; without a screen, write images and a movie.
 
     Parameters
     ----------
@@ -183,7 +210,7 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
     labels : Path, optional
         Labels of the volume; without them it is segmented.
     output : Path
-        Folder for pictures, film and table where there is no screen.
+        Folder for images, movie and table where there is no screen.
     seed : int
         Of the simulated bag.
 
@@ -192,43 +219,42 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
     ValueError
         If a file cannot be read, or no object is found.
     """
-    tell = Steps()
-    scan = _scan(source, labels, seed, tell)
-    tell(0.0, "Opening napari")
+    steps = Steps()
+    scan = _scan(source, labels, seed, steps)
+    steps(0.0, "Opening napari")
     import napari
 
     viewer = napari.Viewer(title="napari-unpack", show=True)
-    panel = open_panel(viewer, scan, tell)
-    controller = panel.workspace.controller
-    # The first picture waits for the kernels to be compiled, once a machine.
+    panel = open_panel(viewer, scan, steps)
+    controller = _controller(panel)
+    # The first image waits for the kernels to be compiled, once a machine.
     controller.settle(300.0)
-    tell.done(f"{len(controller.session.ids)} objects; press N to unpack, B to put back")
+    steps.done(f"{len(controller.session.ids)} objects; press N to unpack, B to put back")
     if os.environ.get("UNPACK_VIRTUAL_SCREEN"):
-        film(viewer, panel, output, tell)
+        record(viewer, panel, output, steps)
         viewer.close()
-        tell.done(f"pictures, film and table are in {output}/")
+        steps.done(f"images, movie and table are in {output}/")
     else:
         napari.run()
 
 
-def _scan(source: Path | None, labels: Path | None, seed: int, tell: Steps) -> Any:
-    from napari_unpack.io import load_labels, load_volume
-    from napari_unpack.io.scan import Scan
+def _scan(source: Path | None, labels: Path | None, seed: int, steps: Steps) -> Scan:
+    from napari_unpack.io import Scan, load_labels, load_volume
 
     if source is None:
         from napari_unpack.simulation import simulate_bag
 
-        tell(0.0, "Packing a bag")
+        steps(0.0, "Packing a bag")
         bag = simulate_bag(
-            seed=seed, shape=SHAPE, count=COUNT, progress=_named(tell, "Packing a bag")
+            seed=seed, shape=SHAPE, count=COUNT, progress=_named(steps, "Packing a bag")
         )
         return Scan(bag.volume, bag.spacing, None, "Packed bag")
-    tell(0.0, f"Reading {source.name}")
+    steps(0.0, f"Reading {source.name}")
     scan = load_volume(source)
     return scan if labels is None else scan.with_labels(load_labels(labels)[0])
 
 
-def open_panel(viewer: Any, scan: Any, tell: Any) -> Any:
+def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> UnpackingWidget:
     """Add a scan to a viewer, dock the panel and press its button; return the panel.
 
     Parameters
@@ -237,18 +263,18 @@ def open_panel(viewer: Any, scan: Any, tell: Any) -> Any:
         Gets the layers and the panel.
     scan : Scan
         Volume, spacing and perhaps labels.
-    tell : callable
+    progress : callable
         Takes (fraction, text).
 
     Returns
     -------
     UnpackingWidget
-        With its stage open.
+        With a session open.
 
     Raises
     ------
     ValueError
-        If no stage could be opened: the volume holds no objects.
+        If no session could be opened: the volume holds no objects.
     """
     from qtpy.QtWidgets import QApplication
 
@@ -261,16 +287,23 @@ def open_panel(viewer: Any, scan: Any, tell: Any) -> Any:
     if scan.labels is not None:
         panel.segment.labels_box.choose(viewer.layers[f"{scan.name} labels"])
     QApplication.processEvents()
-    panel.segment.waiting.job.progressed.connect(_named(tell, "Segmenting"))
+    panel.segment.waiting.job.progressed.connect(_named(progress, "Segmenting"))
     panel.segment.start.click()
     while panel.segment.waiting.running:
         QApplication.processEvents()
         time.sleep(0.005)
     QApplication.processEvents()
     if panel.workspace.controller is None:
-        raise ValueError(f"{scan.name} could not be put on the stage; see the message above")
+        raise ValueError(f"{scan.name} could not be opened in the 3D view; see the message above")
     return panel
 
 
-def _named(tell: Any, verb: str) -> Any:
-    return lambda fraction, _text: tell(fraction, verb)
+def _controller(panel: UnpackingWidget) -> SessionController:
+    controller = panel.workspace.controller
+    assert controller is not None, "a session is open"
+    return controller
+
+
+def _named(progress: Progress, text: str) -> Progress:
+    """Report under one text: the steps of a long work are too many for a terminal."""
+    return lambda fraction, _: progress(fraction, text)

@@ -12,9 +12,9 @@ from scipy.linalg import polar
 
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
-from napari_unpack.io.headless import framed, twin, unpack_in_order
+from napari_unpack.io.headless import copy_session, frame_bag, unpack_in_order
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.io.movies import film_writer, turned
+from napari_unpack.io.movies import movie_writer, turned
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import Session
 
@@ -103,7 +103,7 @@ def test_a_twin_takes_over_what_is_seen_but_has_everything_packed(session: Any) 
     session.hide([3])
     session.accept_hues({1: 0.125})
     session.unpack(1)
-    other = twin(session)
+    other = copy_session(session)
     assert [state.value for state in other.states.values()] == ["packed", "packed", "hidden"]
     assert other.hues == session.hues
     assert other.direction == (0.0, 1.0, 0.0)
@@ -118,7 +118,7 @@ def test_unpacking_in_order_takes_the_front_first(session: Any) -> None:
 
 
 def test_a_framed_session_has_room_for_all(session: Any) -> None:
-    camera = framed(session, (300, 400))
+    camera = frame_bag(session, (300, 400))
     assert session.canvas_size == (300, 400)
     assert camera is session.camera
     assert camera.height == pytest.approx(session.slots.height_mm)
@@ -144,8 +144,8 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     assert files == [f"frame-{k:05d}.png" for k in range(1, 9)]
     frames = [iio.imread(path / name).astype(int) for name in files]
     assert {frame.shape for frame in frames} == {(80, 100, 3)}
-    still = twin(session, packed=False)
-    camera = framed(still, (80, 100))
+    still = copy_session(session, packed=False)
+    camera = frame_bag(still, (80, 100))
     first = straight_bytes(scene_image(still.scene(), camera, (80, 100), backend="cpu"))
     np.testing.assert_array_equal(frames[0], first[..., :3])
     assert all(np.abs(a - b).max() > 40 for a, b in pairwise(frames))
@@ -202,7 +202,7 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     still[8:40, 8:60] = (200, 120, 40)
     still[20:50, 50:90, 2] = np.linspace(40, 250, 40).astype(np.uint8)
     written = []
-    with film_writer(tmp_path / "film.gif", (64, 96), 10) as write:
+    with movie_writer(tmp_path / "film.gif", (64, 96), 10) as write:
         for k in range(12):
             frame = still.copy()
             frame[52:60, 6 * k : 6 * k + 8] = rng.integers(60, 255, 3)

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from napari_unpack.io import save_objects_csv, save_png
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import written_atomically
 
 
 def test_the_table_of_objects_has_the_id_first(tmp_path: Path) -> None:
@@ -41,14 +41,14 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
     target.write_text("old")
 
     def fail() -> None:
-        with written_whole(target) as temporary:
+        with written_atomically(target) as temporary:
             temporary.write_text("half")
             raise RuntimeError("the disk is full")
 
     with pytest.raises(RuntimeError, match="the disk is full"):
         fail()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "old")]
-    with written_whole(target) as temporary:
+    with written_atomically(target) as temporary:
         temporary.write_text("new")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "new")]
     assert target.stat().st_mode & stat.S_IRUSR

@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from widget_phantoms import controller_with, press, states
 
-from napari_unpack.demo import await_answers
+from napari_unpack.demo import await_unpackable
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -91,7 +91,7 @@ def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(lambda: "Looking" in panel.unpack.news.text(), timeout=10000)
     assert not panel.unpack.answered
-    await_answers(panel)
+    await_unpackable(panel)
     assert panel.unpack.reveal.text() == "Reveal…"
     assert "would be free" in panel.unpack.news.text()
 

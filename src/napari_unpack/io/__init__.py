@@ -1,4 +1,4 @@
-"""Files: volumes of many formats, tables, pictures and films.
+"""Files: volumes of many formats, tables, images and movies.
 
 Names are imported on first use, so that napari can ask for a reader without loading numba.
 """

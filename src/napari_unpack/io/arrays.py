@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import written_atomically
 from napari_unpack.io.scan import (
     Scan,
     Spacing,
@@ -74,7 +74,15 @@ def read_names(path: Path) -> dict[int, str] | None:
 
 
 def write_npz(path: Path, scan: Scan) -> None:
-    """Write a scan as a compressed .npz archive."""
+    """Write a scan as a compressed .npz archive.
+
+    Parameters
+    ----------
+    path : Path
+        The file, .npz.
+    scan : Scan
+        What to write.
+    """
     arrays: dict[str, NDArray[Any]] = {
         "volume": scan.volume,
         "spacing": np.asarray(scan.spacing),
@@ -82,9 +90,10 @@ def write_npz(path: Path, scan: Scan) -> None:
     if scan.labels is not None:
         arrays["labels"] = scan.labels
     if scan.names:
+        # By position, so that a plain array of text needs no table of IDs beside it.
         names = [scan.names.get(i, "") for i in range(max(scan.names) + 1)]
         arrays["names"] = np.array(names, dtype=np.str_)
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 
 

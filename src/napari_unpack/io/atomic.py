@@ -13,6 +13,13 @@ from pathlib import Path
 def checked_target(path: str | Path, *suffixes: str) -> Path:
     """Return where a file goes.
 
+    Parameters
+    ----------
+    path : str or Path
+        Where it goes.
+    *suffixes : str
+        What its name may end in, lower case.
+
     Raises
     ------
     ValueError
@@ -25,7 +32,7 @@ def checked_target(path: str | Path, *suffixes: str) -> Path:
 
 
 @contextmanager
-def written_whole(path: str | Path) -> Iterator[Path]:
+def written_atomically(path: str | Path) -> Iterator[Path]:
     """Give a temporary path that replaces `path` on success and vanishes on any error.
 
     Parameters
@@ -46,6 +53,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
+    # In the same folder, so that the replacement is one rename on one file system.
     handle, name = tempfile.mkstemp(
         dir=target.parent, prefix=".", suffix="".join(target.suffixes[-2:]) or ".part"
     )
@@ -61,7 +69,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_written_whole(path: str | Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]:
+def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]:
     """Give a temporary folder that replaces `path` on success and vanishes on any error.
 
     Parameters
@@ -98,6 +106,7 @@ def folder_written_whole(path: str | Path, is_ours: Callable[[Path], bool]) -> I
 
 
 def _replace_folder(new: Path, path: Path) -> None:
+    # A folder cannot be renamed over another: the old one steps aside, and back on an error.
     old = new.with_name(f"{new.name}-old")
     if path.exists():
         path.replace(old)

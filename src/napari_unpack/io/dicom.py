@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
-DENSEST = 32000
+HIGHEST = 32000
 """CT density is clipped to [0, 32000]; see CONVENTIONS.md."""
 
 
@@ -108,6 +108,7 @@ def _slices(
     first = headers[0][1]
     if gap <= 0 or "ImagePositionPatient" not in first:
         gap = float(first.get("SpacingBetweenSlices") or first.get("SliceThickness") or 1.0)
+    # A tenth of a gap is rounding of positions; more is a missing or doubled slice.
     elif np.abs(gaps - gap).max() > 0.1 * gap:
         warnings.warn(
             f"the slices of {source} are {gaps.min():.3g} to {gaps.max():.3g} mm apart; "
@@ -142,7 +143,7 @@ def _density(raw: NDArray[Any], data: Any) -> NDArray[Any]:
     slope, intercept = _rescale(data)
     if data.get("Modality") == "CT":
         number = np.rint(raw * np.float32(slope) + np.float32(intercept + 1000))
-        return np.clip(number, 0, DENSEST).astype(np.uint16)
+        return np.clip(number, 0, HIGHEST).astype(np.uint16)
     if (slope, intercept) == (1.0, 0.0):
         return raw
     return raw.astype(np.float32) * np.float32(slope) + np.float32(intercept)

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.scan import Scan
 from napari_unpack.tasks import Progress
 
+if TYPE_CHECKING:
+    from napari_unpack.appearance import Surroundings
+    from napari_unpack.session import Session
 
-def opened(
+
+def open_scan(
     scan: Scan,
     view: Sequence[float],
     direction: str | Sequence[float] | None = None,
     progress: Progress | None = None,
     backend: str = "auto",
-) -> Any:
+) -> Session:
     """Open a session on a scan, segmenting it where it has no labels.
 
     Parameters
@@ -30,7 +34,7 @@ def opened(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels.
     backend : {"auto", "cpu", "gl"}
-        Who casts rays.
+        Which implementation renders.
 
     Returns
     -------
@@ -68,8 +72,8 @@ def named_objects(names: Mapping[int, str] | None) -> Any:
     return pd.DataFrame({"name": list(names.values())}, index=pd.Index(list(names), name="id"))
 
 
-def framed(session: Any, size: tuple[int, int]) -> Camera:
-    """Give a session a picture's size, and its camera room for the bag and all places beside it.
+def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
+    """Give a session the size of an image, and a camera that shows the bag and all slots.
 
     Parameters
     ----------
@@ -84,20 +88,20 @@ def framed(session: Any, size: tuple[int, int]) -> Camera:
         The session's camera from now on.
     """
     session.canvas_size = size
-    camera: Camera = session.overview()
+    camera = session.overview()
     session.look(camera)
     return camera
 
 
-def twin(session: Any, packed: bool = True) -> Any:
-    """Return a session of its own on the same bag.
+def copy_session(session: Session, packed: bool = True) -> Session:
+    """Return another session on the same bag.
 
     Parameters
     ----------
     session : Session
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
     packed : bool
-        With everything packed; False takes over what is out and how it is held as well.
+        With everything packed; False takes over what is unpacked and how it is turned as well.
 
     Returns
     -------
@@ -134,8 +138,19 @@ def twin(session: Any, packed: bool = True) -> Any:
     return other
 
 
-def surrounded(session: Any, background: object, decorations: Iterable[str] | None) -> Any:
-    """Return a session's surroundings, with another background or other decorations if asked.
+def decorated(
+    session: Session, background: object, decorations: Iterable[str] | None
+) -> Surroundings:
+    """Return a session's decorations, with another background or others if asked.
+
+    Parameters
+    ----------
+    session : Session
+        Whose decorations are the defaults.
+    background : object
+        As `Background.of` takes it; None for the session's.
+    decorations : iterable of str, optional
+        Out of "box" and "scale".
 
     Raises
     ------
@@ -152,28 +167,28 @@ def surrounded(session: Any, background: object, decorations: Iterable[str] | No
     )
 
 
-def packed_count(session: Any) -> int:
+def packed_count(session: Session) -> int:
     """Return how many objects are in the bag and in sight."""
     from napari_unpack.session import ObjectState
 
     return sum(state is ObjectState.PACKED for state in session.states.values())
 
 
-def unpack_in_order(session: Any, count: int | None = None) -> Iterator[tuple[int, ...]]:
+def unpack_in_order(session: Session, count: int | None = None) -> Iterator[tuple[int, ...]]:
     """Unpack step by step, each object or group that can leave next.
 
     Parameters
     ----------
     session : Session
-        Changed as one goes.
+        Changed step by step.
     count : int, optional
-        How many objects at least; by default all. Where nobody is free the least blocked
-        leaves, so that all come out.
+        How many objects at least; by default all. Where nothing is unpackable the least
+        occluded object leaves, so that all come out.
 
     Yields
     ------
     tuple of int
-        Who left in this step.
+        The objects that left in this step.
     """
     gone = 0
     while packed_count(session) and (count is None or gone < count):

@@ -1,4 +1,4 @@
-"""Pictures as PNG files."""
+"""Images as PNG files."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import checked_target, written_whole
+from napari_unpack.io.atomic import checked_target, written_atomically
 
 
 def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
-    """Convert a premultiplied picture to the straight bytes that files hold.
+    """Convert a premultiplied image to the straight bytes that files hold.
 
     Parameters
     ----------
@@ -26,8 +26,9 @@ def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
     Raises
     ------
     ValueError
-        If it is not a colour picture.
+        If it is not a colour image.
     """
+    # Files hold straight colours; a pixel without alpha has none, and stays black.
     picture = np.asarray(image, dtype=np.float32)
     if picture.ndim != 3 or picture.shape[2] not in (3, 4):
         raise ValueError(f"image must be (H, W, 3) or (H, W, 4), got shape {picture.shape}")
@@ -41,7 +42,7 @@ def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def save_png(image: NDArray[Any], path: str | Path) -> Path:
-    """Write a picture as PNG.
+    """Write an image as PNG.
 
     Parameters
     ----------
@@ -58,12 +59,12 @@ def save_png(image: NDArray[Any], path: str | Path) -> Path:
     Raises
     ------
     ValueError
-        If it is not a colour picture, or the file is to be no .png.
+        If it is not a colour image, or the path does not end in .png.
     """
     import imageio.v3 as iio
 
     target = checked_target(path, ".png")
     pixels = image if image.dtype == np.uint8 else straight_bytes(image)
-    with written_whole(target) as temporary:
+    with written_atomically(target) as temporary:
         iio.imwrite(temporary, pixels, extension=".png")
     return target

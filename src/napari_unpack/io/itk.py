@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import written_atomically
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
@@ -51,6 +51,7 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
         raise ValueError(
             f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
         )
+    # A fourth axis of length 1 is a time series of one, which many tools write.
     while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
         image = image[..., 0]
     if image.GetDimension() != 3:
@@ -62,9 +63,24 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
 
 
 def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
-    """Write a volume; raise `ImportError` if SimpleITK is missing."""
+    """Write a volume.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its suffix chooses the format.
+    array : (Z, Y, X) ndarray
+        Densities or labels.
+    spacing : (float, float, float)
+        mm, z y x.
+
+    Raises
+    ------
+    ImportError
+        If SimpleITK is missing.
+    """
     sitk = needed("SimpleITK", "SimpleITK", f"writing {path.suffix} files")
     image = sitk.GetImageFromArray(array)
     image.SetSpacing(spacing[::-1])
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         sitk.WriteImage(image, str(temporary), useCompression=True)

@@ -1,6 +1,6 @@
-"""Films of an unpacking, or of the bag turning round, without a window.
+"""Movies of an unpacking, or of the bag turning round, without a window.
 
-Where films go: MP4, GIF, or a folder of PNG pictures.
+They go into an MP4, a GIF, or a folder of PNG images.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,61 +19,83 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
-from napari_unpack.io.atomic import folder_written_whole, written_whole
-from napari_unpack.io.headless import framed, packed_count, surrounded, twin
+from napari_unpack.io.atomic import folder_written_atomically, written_atomically
+from napari_unpack.io.headless import copy_session, decorated, frame_bag, packed_count
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene_image
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, no_progress
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 Frame = NDArray[np.uint8]
 FORMATS = (".mp4", ".gif", "")
-"""Suffixes of films; a name without one is a folder of pictures."""
+"""Suffixes of movies; a name without one is a folder of images."""
 
 
-def checked_film(path: str | Path) -> Path:
-    """Return where a film goes; raise `ValueError` where that is no known format."""
+def checked_movie_path(path: str | Path) -> Path:
+    """Return where a movie goes.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is none of `FORMATS`.
+    """
     target = Path(path)
     if target.suffix.lower() not in FORMATS:
         raise ValueError(
-            "a film must end in .mp4 or .gif, or be a folder's name without a suffix for PNG "
-            f"pictures; got {target.name!r}"
+            "a movie must end in .mp4 or .gif, or be a folder's name without a suffix for PNG "
+            f"images; got {target.name!r}"
         )
     return target
 
 
 @contextmanager
-def film_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
-    """Open a film that appears once it is whole; what it yields takes its frames.
+def movie_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+    """Open a movie that appears once it is whole; what it yields takes its frames.
 
     Parameters
     ----------
     path : Path
-        From `checked_film`.
+        From `checked_movie_path`.
     size : (int, int)
         Height and width of the frames, even.
     fps : int
         Frames a second.
     """
+    # Two ways to be whole or absent: a folder of images is swapped, a file is renamed.
     suffix = path.suffix.lower()
     if not suffix:
-        with folder_written_whole(path, _holds_frames) as folder:
-            yield _pictures_writer(folder)
+        with folder_written_atomically(path, _holds_frames) as folder:
+            yield _images_writer(folder)
         return
     writing = mp4_writer if suffix == ".mp4" else _gif
-    with written_whole(path) as temporary, writing(temporary, size, fps) as write:
+    with written_atomically(path) as temporary, writing(temporary, size, fps) as write:
         yield write
 
 
 @contextmanager
 def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
-    """Open an H.264 film; what it yields takes (H, W, 3) uint8 frames of an even size."""
+    """Open an H.264 movie; what it yields takes (H, W, 3) uint8 frames of an even size.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    size : (int, int)
+        Height and width, even.
+    fps : int
+        Frames a second.
+    """
     with _encoded(
         path,
         size,
         fps=fps,
         codec="libx264",
+        # Of 10, where the library's own 5 blurs the grain of textures.
         quality=8,
         macro_block_size=2,
+        # The index stands in front, so that a browser plays it while it loads.
         output_params=["-movflags", "+faststart"],
     ) as write:
         yield write
@@ -87,14 +109,14 @@ def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Fram
     stays the same and is left out.
     """
     with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
-        film, colors = Path(folder) / "film.mkv", Path(folder) / "colors.png"
+        lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
         with _encoded(
-            film, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
+            lossless, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
         ) as write:
             yield write
-        _ffmpeg("-i", str(film), "-vf", "palettegen", str(colors))
+        _ffmpeg("-i", str(lossless), "-vf", "palettegen", str(colors))
         palette = "paletteuse=dither=none:diff_mode=rectangle"
-        _ffmpeg("-i", str(film), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
+        _ffmpeg("-i", str(lossless), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
 
 
 @contextmanager
@@ -119,10 +141,10 @@ def _ffmpeg(*arguments: str) -> None:
     command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
     if done.returncode:
-        raise OSError(f"the film could not be written: {done.stderr.strip()[-300:]}")
+        raise OSError(f"the movie could not be written: {done.stderr.strip()[-300:]}")
 
 
-def _pictures_writer(folder: Path) -> Callable[[Frame], None]:
+def _images_writer(folder: Path) -> Callable[[Frame], None]:
     import imageio.v3 as iio
 
     count = 0
@@ -140,15 +162,15 @@ def _holds_frames(folder: Path) -> bool:
 
 
 KINDS = ("unpacking", "turntable")
-ROOM = 1.03
-"""Visible height of a turntable, in heights of the bag."""
+MARGIN = 1.03
+"""Visible height of a turntable, in heights of the bag: its edges stay clear of the frame."""
 
-REST = (0.6, 0.12, 1.2)
-"""Seconds of standstill before the first flight, after each, and at the end."""
+STANDSTILL = (0.6, 0.12, 1.2)
+"""Seconds before the first flight, after each, and at the end: enough to take in what is there."""
 
 
 def movie(
-    session: Any,
+    session: Session,
     path: str | Path,
     count: int | None = None,
     size: tuple[int, int] = (720, 960),
@@ -161,15 +183,15 @@ def movie(
     kind: str = "unpacking",
     turn_seconds: float = 8.0,
 ) -> Path:
-    """Film how a bag is unpacked, from everything packed to the last object, or how it turns.
+    """Make a movie of a bag being unpacked, from all packed to the last object, or turning.
 
     Parameters
     ----------
     session : Session
-        The bag, its colours, view and direction. Not changed: a twin of it is filmed, so this
-        may run on a thread of its own.
+        The bag, its colours, view and direction. Not changed: a copy is rendered, so this may
+        run on any thread.
     path : str or Path
-        .mp4 (H.264), .gif, or the name of a folder, without a suffix, for PNG pictures; the
+        .mp4 (H.264), .gif, or the name of a folder, without a suffix, for PNG images; the
         folder it stands in must exist.
     count : int, optional
         How many objects to unpack; by default all that are not hidden.
@@ -180,7 +202,7 @@ def movie(
     seconds : float
         What one flight takes.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
+        Which implementation renders.
     background : optional
         What is behind everything, as `Background.of` takes it; by default the session's.
     decorations : sequence of str, optional
@@ -205,95 +227,96 @@ def movie(
     FileNotFoundError
         If the folder does not exist.
     """
-    target = checked_film(path)
+    target = checked_movie_path(path)
     if kind not in KINDS:
         raise ValueError(f"kind must be {' or '.join(KINDS)}, got {kind!r}")
+    # H.264 stores colour at half the resolution, so edges are even.
     even = int(size[0]) // 2 * 2, int(size[1]) // 2 * 2
     if min(even) < 2 or fps < 1 or not (seconds > 0 and turn_seconds > 0):
         raise ValueError(
             f"size, fps and seconds must be positive, got {size!r}, {fps!r} and "
             f"{(seconds, turn_seconds)!r}"
         )
-    around = surrounded(session, background, decorations)
-    tell = progress or (lambda fraction, text: None)
-    with film_writer(target, even, fps) as write:
-        if kind == "turntable":
-            filmed = twin(session, packed=False)
-            filmed.surroundings = around
-            camera = framed(filmed, even) if filmed.step else _close(filmed, even)
-            controller = _Stage(filmed, camera, even, fps, backend, tell)
-            frames = _turning(controller, turn_seconds)
-        else:
-            filmed = twin(session)
-            filmed.surroundings = around
-            camera = framed(filmed, even)
-            controller = _Stage(filmed, camera, even, fps, backend, tell)
-            frames = _unpacking(controller, count, seconds)
+    around = decorated(session, background, decorations)
+    report = progress or no_progress
+    with movie_writer(target, even, fps) as write:
+        turntable = kind == "turntable"
+        shown = copy_session(session, packed=not turntable)
+        shown.surroundings = around
+        # With nothing unpacked there are no slots to show: the bag alone fills the image.
+        close = turntable and not shown.step
+        camera = _close(shown, even) if close else frame_bag(shown, even)
+        shooting = _Shooting(shown, camera, even, fps, backend, report)
+        frames = (
+            _turning(shooting, turn_seconds) if turntable else _unpacking(shooting, count, seconds)
+        )
         for frame in frames:
             write(frame)
     return target
 
 
 @dataclass(frozen=True, eq=False)
-class _Stage:
-    session: Any
+class _Shooting:
+    """What every frame needs."""
+
+    session: Session
     camera: Camera
     size: tuple[int, int]
     fps: int
     backend: str
-    tell: Callable[[float, str], None]
+    progress: Progress
 
-    def picture(self, camera: Camera, time: float | None = None) -> Frame:
+    def image(self, camera: Camera, time: float | None = None) -> Frame:
         image = scene_image(self.session.scene(), camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
     def still(self, rest: float) -> Iterator[Frame]:
-        frame = self.picture(self.camera)
+        frame = self.image(self.camera)
         for _ in range(max(1, round(rest * self.fps))):
             yield frame
 
 
-def _unpacking(film: _Stage, count: int | None, seconds: float) -> Iterator[Frame]:
-    session, tell = film.session, film.tell
+def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterator[Frame]:
+    session, report = shooting.session, shooting.progress
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
     session.animated, session.seconds = True, seconds
-    tell(0.0, "Filming")
-    yield from film.still(REST[0])
+    report(0.0, "Rendering")
+    yield from shooting.still(STANDSTILL[0])
     gone = 0
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
         start = min(flight.start for flight in flights.values())
         length = max(flight.start + flight.seconds for flight in flights.values()) - start
-        frames = max(1, round(length * film.fps))
+        frames = max(1, round(length * shooting.fps))
         for i in range(frames):
             part = gone + len(flights) * i / frames
-            tell(min(part / wanted, 1.0), f"Filming: {gone} of {wanted} objects out")
-            yield film.picture(film.camera, start + (i + 1) * length / frames)
+            report(min(part / wanted, 1.0), f"Rendering: {gone} of {wanted} objects out")
+            yield shooting.image(shooting.camera, start + (i + 1) * length / frames)
         for object_id in flights:
             session.land(object_id)
         gone += len(flights)
-        yield from film.still(REST[1])
-    yield from film.still(REST[2])
-    tell(1.0, "Filmed")
+        yield from shooting.still(STANDSTILL[1])
+    yield from shooting.still(STANDSTILL[2])
+    report(1.0, "Rendered")
 
 
-def _turning(film: _Stage, seconds: float) -> Iterator[Frame]:
-    """Turn the bag once round the vertical; the film may be played in a loop."""
-    frames = max(2, round(seconds * film.fps))
+def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
+    """Turn the bag once round the vertical; the movie may be played in a loop."""
+    frames = max(2, round(seconds * shooting.fps))
     for i in range(frames):
-        film.tell(i / frames, f"Filming: {i} of {frames} pictures")
+        shooting.progress(i / frames, f"Rendering: {i} of {frames} images")
         angle = 2 * np.pi * i / frames
-        yield film.picture(turned(film.camera, angle, film.session.away_from_table))
-    film.tell(1.0, "Filmed")
+        yield shooting.image(turned(shooting.camera, angle, shooting.session.away_from_table))
+    shooting.progress(1.0, "Rendered")
 
 
-def _close(session: Any, size: tuple[int, int]) -> Camera:
+def _close(session: Session, size: tuple[int, int]) -> Camera:
     """Return the camera that just holds the bag at every turn, nothing being out of it."""
     aspect = min(1.0, size[1] / size[0])
-    camera: Camera = session.overview()
+    camera = session.overview()
     half_angle = np.radians(camera.fov) / 2
-    height = 2 * ROOM * session.bag.radius_in(camera.stretch) / (aspect * np.cos(half_angle))
+    height = 2 * MARGIN * session.bag.radius_in(camera.stretch) / (aspect * np.cos(half_angle))
     return replace(camera, height=float(height))
 
 
@@ -304,7 +327,7 @@ def turned(camera: Camera, angle: float, up: ArrayLike = GRAVITY_UP) -> Camera:
     ----------
     camera : Camera
     angle : float
-        Radians, about the vertical; about the picture's where one looks along it.
+        Radians, about the vertical; about the image's where one looks along it.
     up : (3,) array_like
         What is up, see `Session.away_from_table`.
     """

@@ -97,6 +97,7 @@ def _is_dicom_or_zarr(folder: Path) -> bool:
     if folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks):
         return True
     files = (p for p in sorted(folder.rglob("*")) if p.is_file())
+    # A series has its slices together: twenty files tell, thousands would take seconds.
     for _, file in zip(range(20), files, strict=False):
         if file.suffix.lower() in (".dcm", ".dicom", ".ima", ".dcs", ".dicos"):
             return True

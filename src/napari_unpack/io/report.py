@@ -1,8 +1,6 @@
-"""The table of objects as one web page: a picture of each, sortable, nothing fetched.
+"""The table of objects as a report: a CSV file, or one web page with an image of each object.
 
-What every page of objects carries: its looks, light and dark, and how it sorts itself.
-
-The table of objects as a CSV file.
+The page sorts and searches itself, has a light and a dark theme, and fetches nothing.
 """
 
 from __future__ import annotations
@@ -18,15 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.io.atomic import checked_target, written_whole
-from napari_unpack.io.headless import framed, twin
+from napari_unpack.io.atomic import checked_target, written_atomically
+from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.session.errors import percent
-from napari_unpack.tasks import Progress
+from napari_unpack.session.state import ObjectState
+from napari_unpack.tasks import Progress, no_progress
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from napari_unpack.session import Session
 
 STYLE = """
 :root { color-scheme: light dark; --ground: #fbfbfc; --raised: #ffffff; --ink: #1c2128;
@@ -101,16 +102,18 @@ document.querySelector("input").addEventListener("input", event => {
 
 
 SIDE = 112
-"""Longer side of an object's picture, CSS pixels; it is cast twice as large."""
+"""Longer side of an object's image, CSS pixels; rendered twice as large for dense screens."""
 
 BAG = (600, 960)
+"""Height and width of the image of the bag, pixels."""
+
 WORDS = {
-    "packed": "in the bag",
-    "flying out": "taken out",
-    "unpacked": "taken out",
-    "flying back": "in the bag",
-    "inspected": "inspected",
-    "hidden": "hidden",
+    ObjectState.PACKED: "in the bag",
+    ObjectState.FLYING_OUT: "taken out",
+    ObjectState.UNPACKED: "taken out",
+    ObjectState.FLYING_BACK: "in the bag",
+    ObjectState.INSPECTED: "inspected",
+    ObjectState.HIDDEN: "hidden",
 }
 COLUMNS = (
     ("", "Picture"),
@@ -126,7 +129,7 @@ COLUMNS = (
 
 
 def save_objects_page(
-    session: Any,
+    session: Session,
     path: str | Path,
     title: str = "Packed bag",
     progress: Progress | None = None,
@@ -137,7 +140,7 @@ def save_objects_page(
     Parameters
     ----------
     session : Session
-        Its objects as they stand. Not changed: a twin is drawn, so this may run on a thread.
+        Its objects as they stand. Not changed: a copy is rendered, so this may run on any thread.
     path : str or Path
         .html; its folder must exist.
     title : str
@@ -145,7 +148,7 @@ def save_objects_page(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves no file.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
+        Which implementation renders.
 
     Returns
     -------
@@ -158,20 +161,20 @@ def save_objects_page(
         If the file is to be no .html.
     """
     target = checked_target(path, ".html", ".htm")
-    tell = progress or (lambda fraction, text: None)
-    tell(0.0, "Drawing the bag")
-    shown = twin(session, packed=False)
+    report = progress or no_progress
+    report(0.0, "Drawing the bag")
+    shown = copy_session(session, packed=False)
     # Framing moves the objects beside the bag, so the scene is described after it.
-    camera = framed(shown, BAG)
+    camera = frame_bag(shown, BAG)
     bag = scene_image(shown.scene(), camera, BAG, backend=backend)
-    rows = "\n".join(_rows(shown, tell, backend))
-    with written_whole(target) as temporary:
+    rows = "\n".join(_rows(shown, report, backend))
+    with written_atomically(target) as temporary:
         temporary.write_text(_page(title, shown, _data_uri(bag), rows), encoding="utf-8")
-    tell(1.0, "Written")
+    report(1.0, "Written")
     return target
 
 
-def _page(title: str, session: Any, bag: str, rows: str) -> str:
+def _page(title: str, session: Session, bag: str, rows: str) -> str:
     name = escape(title)
     out = len(session.poses)
     count = f"{len(session.ids)} objects" + (f", {out} taken out" if out else "")
@@ -209,13 +212,13 @@ def _page(title: str, session: Any, bag: str, rows: str) -> str:
 """
 
 
-def _rows(session: Any, tell: Progress, backend: str) -> Iterator[str]:
+def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
     objects, boxes = session.objects, session.boxes
     spacing = np.asarray(session.spacing)
     left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
     for k, i in enumerate(session.ids):
         facts = objects.loc[i]
-        tell(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
+        progress(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
         row = boxes.index(i)
         edges = sorted((boxes.upper[row] - boxes.lower[row]) * spacing, reverse=True)
         red, green, blue = (round(255 * float(v)) for v in session.solo_tints(i)[i, :3])
@@ -223,9 +226,9 @@ def _rows(session: Any, tell: Progress, backend: str) -> Iterator[str]:
         swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
         sure = float(facts.get("confidence", math.nan))
         yield (
-            f'<tr><td class="picture"><img src="{_picture(session, i, backend)}" alt="{name}"></td>'
+            f'<tr><td class="picture"><img src="{_image(session, i, backend)}" alt="{name}"></td>'
             + _number(session.label_of(i), str(session.label_of(i)))
-            + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i].value]}</td>"
+            + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
             + _number(left.get(i), str(left.get(i, "")))
             + _number(facts["volume_mm3"], _amount(float(facts["volume_mm3"]) / 1000))
             + _number(edges[0], " × ".join(f"{edge:.0f}" for edge in edges))
@@ -237,23 +240,20 @@ def _rows(session: Any, tell: Progress, backend: str) -> Iterator[str]:
 
 def _number(value: Any, words: str) -> str:
     known = value is not None and math.isfinite(value)
-    return (
-        f'<td class="n" data-value="{float(value):.9g}">{words}</td>'
-        if known
-        else (f'<td class="n" data-value="">{words}</td>')
-    )
+    return f'<td class="n" data-value="{format(value, ".9g") if known else ""}">{words}</td>'
 
 
 def _amount(volume: float) -> str:
     return f"{volume:.2g}" if volume < 1 else f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
 
 
-def _picture(session: Any, object_id: int, backend: str) -> str:
+def _image(session: Session, object_id: int, backend: str) -> str:
     placement = session._situation.out.get(object_id) or session.bag.placement(
         object_id, 0, (object_id,), session.unpack_direction, session.camera
     )
     held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
+    # Fitted to the longest side in any turn, so that a page does not jump when one is turned.
     pixels = 2 * SIDE / max(placement.turned_mm or placement.picture_mm)
     patch = sprite_image(session.scene(), object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
@@ -282,6 +282,6 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
         What was written.
     """
     target = Path(path)
-    with written_whole(target) as temporary:
+    with written_atomically(target) as temporary:
         objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
     return target

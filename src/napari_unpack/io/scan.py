@@ -56,6 +56,13 @@ class Scan:
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     """Return an array that is a volume, without axes of length 1 in front or behind.
 
+    Parameters
+    ----------
+    array : ndarray
+        What a file holds.
+    source : object
+        Its name, for messages.
+
     Raises
     ------
     ValueError
@@ -79,6 +86,13 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
 def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     """Return an array that is a label volume, whole numbers in float accepted.
 
+    Parameters
+    ----------
+    array : ndarray
+        What a file holds.
+    source : object
+        Its name, for messages.
+
     Raises
     ------
     ValueError
@@ -99,7 +113,20 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
 
 
 def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
-    """Return a voxel size as three floats; raise `ValueError` unless positive and finite."""
+    """Return a voxel size as three floats.
+
+    Parameters
+    ----------
+    spacing : (3,) array_like
+        mm, z y x.
+    source : object
+        Its name, for messages.
+
+    Raises
+    ------
+    ValueError
+        If it is not three positive finite numbers.
+    """
     mm = np.asarray(spacing, dtype=np.float64)
     if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
         raise ValueError(

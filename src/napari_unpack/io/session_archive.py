@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import folder_written_whole, written_whole
+from napari_unpack.io.atomic import folder_written_atomically, written_atomically
 
 SLAB = 1 << 24
 """Bytes written or read at once."""
@@ -225,7 +225,7 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
     """Give a place for a session that replaces `path` once it is whole, and only then."""
     if is_zip(path):
         with (
-            written_whole(path) as temporary,
+            written_atomically(path) as temporary,
             zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive,
         ):
             yield _ZipSink(archive)
@@ -235,7 +235,7 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
             f"{path} is there and is no session: choose another name, or one that ends in "
             f"{' or '.join(ZIP_SUFFIXES)} for a single file"
         )
-    with folder_written_whole(path, lambda folder: (folder / MANIFEST).exists()) as temporary:
+    with folder_written_atomically(path, lambda folder: (folder / MANIFEST).exists()) as temporary:
         yield _FolderSink(temporary)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_whole
+from napari_unpack.io.atomic import written_atomically
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "micron": 1e-3, "nm": 1e-6}
@@ -49,6 +49,15 @@ def read_tiff(path: Path) -> tuple[NDArray[Any], Spacing]:
 def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     """Write a stack that ImageJ reads with its voxel size.
 
+    Parameters
+    ----------
+    path : Path
+        The file, .tif or .tiff.
+    array : (Z, Y, X) ndarray
+        Densities or labels.
+    spacing : (float, float, float)
+        mm, z y x.
+
     Raises
     ------
     ValueError
@@ -60,7 +69,7 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
         raise ValueError(
             f"a TIFF stack must be uint8, uint16 or float32, got {array.dtype}; write .npz or .mha"
         )
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         tifffile.imwrite(
             temporary,
             array,

@@ -1,4 +1,4 @@
-"""Open and save volumes in whatever format."""
+"""Open and save volumes in any known format."""
 
 from __future__ import annotations
 
@@ -148,6 +148,7 @@ def _read(file: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing
             return read_zarr(file)
         volume, spacing = read_dicom(file)
         return volume, None, spacing
+    # Every reader below would say something else about an empty file.
     if file.stat().st_size == 0:
         raise ValueError(f"{file} is empty")
     if suffix == ".npz":

@@ -17,7 +17,7 @@ REACH = 7
 """Voxels that a thing is pushed at most: further off it has no neighbour to lean on."""
 
 ROUNDS = 4
-"""Pushes; after so many things only slide to and fro between two neighbours."""
+"""Pushes at most: two neighbours could push a thing to and fro for ever."""
 
 
 def walled(labels: NDArray[np.uint16], room: Stack) -> None:

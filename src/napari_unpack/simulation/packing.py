@@ -145,7 +145,7 @@ class Packing:
         assert order.kind.build is not None
         own = np.random.default_rng(order.seed)
         thing = order.kind.build(own, order.length, self.wall)
-        # Beyond the two best ways of lying the coarse search rarely finds a place that fits.
+        # Every way tried costs a raster of the whole thing, so only the two best are.
         for rotation, spot in self._spots(thing, rng)[:2]:
             raster = self._raster(thing, rotation)
             profile = Profile.of(raster.inside)

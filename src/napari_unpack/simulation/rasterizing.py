@@ -365,7 +365,7 @@ def _march(program, rotation, origin, step, rows, margin, under, over):  # type:
                     if d <= 0.0:
                         found += 1
                         break
-                    # Soft joins make distances too long by up to a fifth.
+                    # Fillets and some solids overstate distances: steps stay short.
                     row += max(0.8 * d / step[1], 1.0)
                 if found == 0:
                     break

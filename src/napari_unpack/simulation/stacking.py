@@ -124,7 +124,7 @@ class Stack:
         rest : Rest
             Where it begins.
         """
-        # Two dozen columns bring it off any slope that the coarse search left it on.
+        # The coarse search left it within a few columns of the best place.
         for _ in range(24):
             lower = self.near(profile, rest.z, rest.x, 1)
             # Rounding must not let it slide for ever between two equal places.

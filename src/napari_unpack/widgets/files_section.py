@@ -65,13 +65,12 @@ class Export:
 
 def _picture(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
     from napari_unpack.io import save_png
-    from napari_unpack.io.headless import twin
+    from napari_unpack.io.headless import copy_session
     from napari_unpack.rendering.compose import scene_image
 
     progress(0.0, "Drawing the picture")
-    image = scene_image(
-        twin(session, packed=False).scene(), session.camera, prints.size, backend="cpu"
-    )
+    shown = copy_session(session, packed=False).scene()
+    image = scene_image(shown, session.camera, prints.size, backend="cpu")
     progress(0.9, "Writing the picture")
     return save_png(image, path)
 
