@@ -77,8 +77,8 @@ def public_callables(tree: ast.Module) -> Iterator[tuple[str, int, str, bool]]:
 
 def undocumented(tree: ast.Module) -> tuple[list[str], list[str]]:
     """Return which public callables of two or more arguments lack Parameters, which Raises."""
-    found = [entry for entry in public_callables(tree) if entry[1] > 1]
-    lacking = [name for name, _, text, _ in found if "Parameters\n---" not in text]
+    found = list(public_callables(tree))
+    lacking = [name for name, n, text, _ in found if n > 1 and "Parameters\n---" not in text]
     silent = [name for name, _, text, throws in found if throws and "Raises\n---" not in text]
     return lacking, silent
 

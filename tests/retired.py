@@ -19,7 +19,7 @@ coloring compaction contacts contents convexity corridors counting counts crumpl
 cutting density_candidates departures depicted director distinct_colors entering
 evaluation_by_object exports faint field_of_view fields film_files filming films fine_crops
 flight_painter gl_backend gliding_bar grainy groups guest halo hands hue_fade imaging inspect_box
-inspection interfering interpolation jobs joining keep_framed keys label_colors lanes large
+inspection interfering interpolation joining keep_framed keys label_colors lanes large
 lattice_candidates layer_box ledger linkage live_shots log lost_context marching marks matter
 moving neighbours notices objects objects_record occlusion_pass opacity opened_before opening
 own_context own_volumes pacing packed packed_labels packed_painter packed_window packets pads

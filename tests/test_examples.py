@@ -1,0 +1,148 @@
+"""Every script in examples/ writes and prints what its first lines promise."""
+
+from __future__ import annotations
+
+import csv
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture
+def alone(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
+    """Hold numba's cache, as tests/conftest.py says: a script may write kernels of its own."""
+    if not hasattr(request.config, "workerinput"):
+        yield
+        return
+    from fcntl import LOCK_EX, flock
+
+    with Path(tmp_path_factory.getbasetemp().parent, "numba.lock").open("w") as lock:
+        flock(lock, LOCK_EX)
+        yield
+
+
+def run(name: str, folder: Path, *more: Path) -> list[str]:
+    """Run an example as a person does and return the lines it prints."""
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name, folder / "out", *more],
+        cwd=elsewhere,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert list(elsewhere.iterdir()) == []
+    return done.stdout.splitlines()
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_list_of_examples_is_whole() -> None:
+    text = (EXAMPLES / "README.md").read_text("utf-8")
+    named = set(re.findall(r"^- `(\w+\.py)`:", text, re.MULTILINE))
+    assert named == {path.name for path in EXAMPLES.glob("*.py")}
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_volume_of_ones_own_is_segmented(tmp_path: Path) -> None:
+    volume = np.random.default_rng(0).normal(20, 8, (40, 44, 60))
+    volume[8:32, 8:34, 6:26] += 1200
+    volume[10:30, 10:30, 32:54] += 700
+    np.save(tmp_path / "volume.npy", volume.clip(0).astype(np.uint16))
+    lines = run("segment_a_volume.py", tmp_path, tmp_path / "volume.npy")
+    labels, table = np.load(tmp_path / "out/labels.npy"), rows(tmp_path / "out/objects.csv")
+    assert labels.shape == volume.shape
+    assert labels[20, 20, 15] != labels[20, 20, 43]
+    assert {labels[20, 20, 15], labels[20, 20, 43]} == {int(row["id"]) for row in table}
+    told = [re.match(r"object \d+: confidence (\d\.\d\d), ", line) for line in lines[:-1]]
+    assert len(told) == len(table) == 2
+    shown = [float(match[1]) for match in told if match]
+    assert shown == sorted((round(float(row["confidence"]), 2) for row in table), reverse=True)
+
+
+@pytest.mark.usefixtures("alone")
+def test_everybody_leaves_once_and_who_is_unpackable_leads(tmp_path: Path) -> None:
+    lines = run("unpack_in_order.py", tmp_path)
+    table = rows(tmp_path / "out/order.csv")
+    assert sorted(int(row["id"]) for row in table) == list(range(1, 11))
+    steps = [int(row["step"]) for row in table]
+    assert steps == sorted(steps)
+    unpackable = lines[0].removeprefix("Unpackable now: ").split(", ")
+    assert unpackable[0] == table[0]["name"]
+    assert lines[1] == f"1. {table[0]['name']}"
+    assert len(lines) == 1 + steps[-1]
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_tinted_image_has_many_colours_and_neighbours_apart(tmp_path: Path) -> None:
+    lines = run("tinted_picture.py", tmp_path)
+    image = iio.imread(tmp_path / "out/tinted.png")
+    assert image.shape == (360, 480, 3)
+    vivid = image[np.ptp(image.astype(int), axis=2) > 100]
+    assert len(vivid) > 5000
+    assert len(np.unique(vivid // 64, axis=0)) > 8
+    pairs = re.fullmatch(r"(\d+) objects in view, (\d+) pairs interfere", lines[0])
+    assert pairs is not None
+    assert int(pairs[1]) > 8
+    assert int(pairs[2]) > 8
+    assert float(lines[1].split(": ")[1]) > 0.03
+
+
+@pytest.mark.usefixtures("alone")
+def test_labels_of_another_tool_are_asked_about(tmp_path: Path) -> None:
+    lines = run("own_labels.py", tmp_path)
+    table = rows(tmp_path / "out/objects.csv")
+    near = {int(row["id"]): {int(i) for i in row["interferes_with"].split()} for row in table}
+    assert len(near) == 12
+    assert all(a in near[b] for a in near for b in near[a])
+    exact = {int(row["id"]): float(row["exact"]) for row in table}
+    assert min(exact.values()) == 0.0
+    assert max(exact.values()) > 0.5
+    # What a straight pull allows, the paper's rule allows too.
+    assert all(float(row["first_hit"]) == 0.0 for row in table if float(row["exact"]) == 0.0)
+    *_, last = lines
+    unpackable = [int(i) for i in last.split(":")[1].split()]
+    assert unpackable == sorted(i for i, ratio in exact.items() if ratio == 0.0)
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_movie_shows_objects_on_their_way(tmp_path: Path) -> None:
+    lines = run("movie_of_unpacking.py", tmp_path)
+    frames = iio.imread(tmp_path / "out/unpacking.mp4").astype(int)
+    assert frames.shape[1:] == (240, 320, 3)
+    assert len(frames) > 20
+    assert np.abs(frames[-1] - frames[0]).mean() > 2
+    assert len(lines[0].removeprefix("leave in this order: ").split(", ")) == 3
+    assert lines[1] == f"wrote {tmp_path / 'out/unpacking.mp4'}"
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_trained_confidence_is_saved_and_used(tmp_path: Path) -> None:
+    lines = run("train_confidence.py", tmp_path)
+    assert nu.Oracle.load(tmp_path / "out/oracle.npz").bad is not None
+    assert lines[:2] == [
+        "Learned from volume 1: 9 objects",
+        "Learned from volume 2: 18 objects",
+    ]
+    told = [line for line in lines if line.startswith("object ")]
+    assert len(told) > 4
+    numbers = [float(n) for line in told for n in re.findall(r"\d\.\d\d", line)]
+    assert len(numbers) == 2 * len(told)
+    assert all(0 <= n <= 1 for n in numbers)
+    assert numbers[0::2] != numbers[1::2]
