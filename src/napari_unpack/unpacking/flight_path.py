@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Vector, unit
+from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 
@@ -73,8 +74,7 @@ def skirt(
     out = 1.0 - max(0.0, 1.0 - gone / STRAIGHT_UNTIL) ** 2
     first = start + out * _way_out(start - center, along, radius) * along - center
     last = target - center
-    turned = float(np.clip((gone - TURNING_FROM) / (1.0 - TURNING_FROM), 0.0, 1.0))
-    turned = turned * turned * (3.0 - 2.0 * turned)
+    turned = ease((gone - TURNING_FROM) / (1.0 - TURNING_FROM))
     near, far = float(np.linalg.norm(first)), float(np.linalg.norm(last))
     if min(near, far) < 1e-9 * radius:
         return center + (1.0 - turned) * first + turned * last
@@ -225,7 +225,7 @@ class Flight:
             center = (1 - gone) * leaving.center + gone * outside.center
             return replace(leaving, center=center)
         rest = (fraction - first) / (1.0 - first)
-        pose = outside.toward(self.target, _smooth(rest))
+        pose = outside.toward(self.target, ease(rest))
         along = unit(camera.linear @ self.direction)
         if self.around is not None:
             middle = packed_pose(self.around.center, camera).center
@@ -249,10 +249,6 @@ class Flight:
 
 def _bezier(a: Vector, b: Vector, c: Vector, s: float) -> NDArray[np.float64]:
     return (1 - s) ** 2 * a + 2 * s * (1 - s) * b + s**2 * c
-
-
-def _smooth(s: float) -> float:
-    return s * s * (3.0 - 2.0 * s)
 
 
 def _before_the_eye(center: Vector, camera: Camera) -> Vector:

@@ -20,6 +20,7 @@ import numpy as np
 from qtpy.QtWidgets import QApplication, QStyle
 
 from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import Frame
@@ -58,8 +59,7 @@ class HueFade:
         """How far they have come; 1 where none are on their way."""
         if not self.running:
             return 1.0
-        part = min(max((self._clock.now() - self._began) / FADE_SECONDS, 0.0), 1.0)
-        return part * part * (3.0 - 2.0 * part)
+        return ease((self._clock.now() - self._began) / FADE_SECONDS)
 
     def begin(self) -> None:
         """Set out from the beginning."""
@@ -131,8 +131,7 @@ class Inspection:
         aspect : float
             Width of the view over its height.
         """
-        gone = float(np.clip((now - self.since) / FRAMING_SECONDS, 0.0, 1.0))
-        eased = gone * gone * (3.0 - 2.0 * gone)
+        eased = ease((now - self.since) / FRAMING_SECONDS)
         fraction = 1.0 - eased if self.leaving else eased
         framed = Pose(np.zeros(3), self.rotation, self.framed_scale(aspect))
         return replace(self.home, rotation=self.rotation).toward(framed, fraction)
@@ -299,8 +298,7 @@ class Glide:
 
     def center(self, time: float) -> Vector:
         """Return where it is, at rest at both ends."""
-        s = min(max((time - self.start) / GLIDE_SECONDS, 0.0), 1.0)
-        gone = s * s * (3.0 - 2.0 * s)
+        gone = ease((time - self.start) / GLIDE_SECONDS)
         center: Vector = (1.0 - gone) * self.origin + gone * self.target
         return center
 
