@@ -1,4 +1,4 @@
-"""Print one table of what DESIGN section 6 asks, with peers measured in the same run."""
+"""Print one table of what the package has to reach, with peers measured in the same run."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"\n{sum(r.met is False for r in done)} missed, {minutes:.1f} minutes")
     if options.write:
         DOCUMENT.write_text(
-            "# Measurements\n\n`make workspace` made this table; `python -m benchmarks --write` "
+            "# Measurements\n\n`make bench` made this table; `python -m benchmarks --write` "
             f"renews it. {_machine()}. What limits the casters is in profiles.md.\n\n{MISSED}\n"
             f"{table.markdown(done)}" + plots.section(scenes.figures)
         )

@@ -28,7 +28,7 @@ class Row:
     ratio : str
         Ours over the peer's, both of this run.
     goal : str
-        What DESIGN section 6 asks.
+        What is to be reached.
     met : bool, optional
         None where it was not measured.
     """

@@ -1,4 +1,4 @@
-"""The rows of DESIGN section 6, one concept a file; each has `measure(scenes) -> rows`."""
+"""The rows of the table, one concept a file; each has `measure(scenes) -> rows`."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from benchmarks.row import Row, ms
 from benchmarks.scenes import Scenes
 
 WHAT = "a click answers"
-WORK = "256x256x512, 27 objects: N to the first changed picture, best and worst of 5"
-STATES = {"rested": "", "turned": ", straight after a turn: who is free is asked first"}
+WORK = "256x256x512, 27 objects: N to the first changed image, best and worst of 5"
+STATES = {"rested": "", "turned": ", straight after a turn: occlusion is asked first"}
 GOAL = "<= 100 ms"
 
 _SCRIPT = """
@@ -24,11 +24,11 @@ viewer = napari.Viewer(show=True)
 viewer.window.resize(1200, 800)
 panel = UnpackingWidget(viewer)
 viewer.window.add_dock_widget(panel, area="right")
-panel.workbench.open(Session(data["volume"], data["labels"]), seconds=0.5)
-stage = panel.workbench.stage
-stage.settle(120)
+panel.workspace.open(Session(data["volume"], data["labels"]), seconds=0.5)
+controller = panel.workspace.controller
+controller.settle(120)
 seen = []
-stage.events.frame.connect(lambda: seen.append(time.perf_counter()))
+controller.events.frame.connect(lambda: seen.append(time.perf_counter()))
 canvas = compat.native_canvas(viewer).native
 for _ in range(6):
     if sys.argv[2] == "turned":
@@ -42,9 +42,9 @@ for _ in range(6):
         QApplication.processEvents()
     QApplication.processEvents()
     print("answered", seen[0] - start, flush=True)
-    while stage.flying:
+    while controller.flying:
         QApplication.processEvents()
-    stage.settle(60)
+    controller.settle(60)
 panel.end()
 viewer.close()
 """

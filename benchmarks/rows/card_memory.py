@@ -11,21 +11,24 @@ GOAL = "<= 1.10x volume + labels"
 _SCRIPT = """
 import sys
 from benchmarks.packing import pack
-from benchmarks.staged import send_out, staged
+from benchmarks.napari_window import opened_in_napari, unpack_at_once
 from napari_unpack.rendering.gl.memory import ledger
 *shape, size = (int(n) for n in sys.argv[1:])
 bag = pack(tuple(shape), (4, 3, 5))
-viewer, stage = staged(bag.volume, bag.labels, size, backend="gl", recolor_at_rest=False)
-send_out(stage, 20)
-stage.seconds = 600.0
-stage.unpack(5)
-stage.settle(300)
+viewer, controller = opened_in_napari(
+    bag.volume, bag.labels, size, backend="gl", recolor_at_rest=False
+)
+unpack_at_once(controller, 20)
+controller.seconds = 600.0
+controller.unpack(5)
+controller.settle(300)
 held = ledger().bytes_held()
 texel = 1 if bag.count < 256 else 2
 volumes = bag.volume.nbytes + texel * bag.labels.size
-print("held", sum(held.values()), volumes, len(stage.transition.shots), len(stage.sprites.sprites))
-stage.finish()
-stage.close()
+flying, sprites = len(controller.transition.shots), len(controller.sprites.sprites)
+print("held", sum(held.values()), volumes, flying, sprites)
+controller.finish()
+controller.close()
 viewer.close()
 """
 

@@ -1,11 +1,4 @@
-"""Segmentation of 512 x 512 x 1024, and how its cost grows to there.
-
-Predicted before it was built, from what its passes do to a voxel on two cores: reducing 1 s,
-objects on 10 million cells 10 s, borders 5 s (a fifth of all voxels at 60 ns on two threads),
-measuring 2 s: below 20 s and 3.5 GB. Measured on cores shared with nine other processes: 137 s and
-2.4 GB, of which the objects on the grid took 76 s, 18 s of them processor time, reducing 2.4 s and
-measuring 1.2 s; so the objects on the grid are dearer than predicted, the rest is not.
-"""
+"""Segmentation of 512 x 512 x 1024, and how its cost grows to there."""
 
 from __future__ import annotations
 
@@ -26,7 +19,7 @@ def measure(scenes: Scenes) -> list[Row]:
             "segmentation cost",
             f"{shape}, 27 objects, {full.filled:.0%} filled",
             f"{full.seconds:.0f} s, {full.peak / 1e9:.1f} GB",
-            "session 1, whole: 238 s, 11 GB; EDT + peaks + watershed: 166 s, 9.1 GB",
+            "the first version, whole: 238 s, 11 GB; EDT + peaks + watershed: 166 s, 9.1 GB",
             f"{full.seconds / 166:.2f}",
             "<= 60 s, <= 6 GB",
             full.seconds <= 60 and full.peak <= 6e9,

@@ -11,13 +11,15 @@ GOAL = "<= 4x that image"
 _SCRIPT = """
 import sys
 from benchmarks.packing import pack
-from benchmarks.staged import send_out, staged
+from benchmarks.napari_window import opened_in_napari, unpack_at_once
 *shape, size = (int(n) for n in sys.argv[1:])
 bag = pack(tuple(shape), (2, 4, 5))
-viewer, stage = staged(bag.volume, bag.labels, size, backend="cpu", recolor_at_rest=False)
-send_out(stage, 40)
-print("held", len(stage.sprites.sprites), stage.sprites.nbytes, *stage.frame.size)
-stage.close()
+viewer, controller = opened_in_napari(
+    bag.volume, bag.labels, size, backend="cpu", recolor_at_rest=False
+)
+unpack_at_once(controller, 40)
+print("held", len(controller.sprites.sprites), controller.sprites.nbytes, *controller.frame.size)
+controller.close()
 viewer.close()
 """
 

@@ -12,13 +12,15 @@ GOAL = ">= 10 fps"
 _SCRIPT = """
 import sys, time, numpy as np
 from qtpy.QtWidgets import QApplication
-from benchmarks.staged import send_out, staged
+from benchmarks.napari_window import opened_in_napari, unpack_at_once
 from napari_unpack.layers.compat import native_canvas
 data = np.load(sys.argv[1])
-viewer, stage = staged(data["volume"], data["labels"], int(sys.argv[2]), backend="cpu")
-send_out(stage, 20)
+viewer, controller = opened_in_napari(
+    data["volume"], data["labels"], int(sys.argv[2]), backend="cpu"
+)
+unpack_at_once(controller, 20)
 drawn = []
-native_canvas(viewer).events.draw.connect(lambda _: drawn.append(stage.packed.shot))
+native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.shot))
 start = time.perf_counter()
 while time.perf_counter() - start < 6:
     angles = viewer.camera.angles
@@ -28,7 +30,7 @@ seconds = time.perf_counter() - start
 fresh = sum(a is not b for a, b in zip(drawn, drawn[1:]))
 rays = np.mean([min(shot.size) for shot in drawn])
 print("fps", fresh / seconds, len(drawn) / seconds, rays)
-stage.close()
+controller.close()
 viewer.close()
 """
 

@@ -1,4 +1,4 @@
-"""A bag on its stage in napari; for scripts of `on_screen.run_script`."""
+"""A bag in the 3D view of napari; for scripts of `on_screen.run_script`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from napari_unpack import Session
 from napari_unpack.viewer.controller import SessionController
 
 
-def staged(
+def opened_in_napari(
     volume: NDArray[Any], labels: NDArray[Any], size: int, **settings: Any
 ) -> tuple[napari.Viewer, SessionController]:
     """Show a bag in a square window, and wait until all of it is drawn.
@@ -25,7 +25,7 @@ def staged(
     size : int
         Side of the window, pixels.
     **settings
-        Attributes of the stage to set before it opens.
+        Attributes of the controller to set before it opens.
     """
     viewer = napari.Viewer(ndisplay=3, show=True)
     viewer.window.resize(size, size)
@@ -37,7 +37,7 @@ def staged(
     return viewer, controller
 
 
-def send_out(controller: SessionController, count: int) -> None:
+def unpack_at_once(controller: SessionController, count: int) -> None:
     """Have so many objects outside the bag, and wait until all is drawn."""
     controller.unpack(count)
     controller.finish()
