@@ -125,23 +125,23 @@ class Hand:
     def __init__(self, viewer: Any, panel: Any, rng: np.random.Generator, folder: Path) -> None:
         self.viewer, self.panel, self.rng = viewer, panel, rng
         self.file = folder / "soak.unpack"
-        workspace = panel.workspace
+        workspace, commands = panel.workspace, panel.commands
         self.commands: dict[str, tuple[float, Callable[[], None]]] = {
-            "unpack": (8, lambda: workspace.unpack(int(rng.integers(1, 4)))),
-            "restore": (5, lambda: workspace.restore(int(rng.integers(1, 3)))),
-            "restore all": (1, workspace.restore_all),
-            "unpack these": (2, lambda: workspace.unpack(self.some())),
-            "scrub": (4, lambda: workspace.go_to(int(rng.integers(0, 8)))),
-            "play": (2, panel.unpack.scrub.play.click),
-            "inspect": (2, lambda: workspace.inspect(self.some()[0])),
-            "leave": (2, workspace.leave),
-            "hide": (2, lambda: workspace.hide(self.some())),
-            "show": (2, lambda: workspace.show(workspace.session.ids)),
-            "isolate": (1, lambda: workspace.isolate(self.some())),
-            "recolor": (2, workspace.recolor),
-            "undo": (6, workspace.undo),
-            "redo": (4, workspace.redo),
-            "select": (3, lambda: workspace.select(self.some())),
+            "unpack": (8, lambda: commands.unpack(int(rng.integers(1, 4)))),
+            "restore": (5, lambda: commands.restore(int(rng.integers(1, 3)))),
+            "restore all": (1, commands.restore_all),
+            "unpack these": (2, lambda: commands.unpack(self.some())),
+            "scrub": (4, lambda: commands.go_to(int(rng.integers(0, 8)))),
+            "play": (2, panel.unpack.step_slider.play.click),
+            "inspect": (2, lambda: commands.inspect(self.some()[0])),
+            "leave": (2, commands.leave),
+            "hide": (2, lambda: commands.hide(self.some())),
+            "show": (2, lambda: commands.show(workspace.session.ids)),
+            "isolate": (1, lambda: commands.isolate(self.some())),
+            "recolor": (2, commands.recolor),
+            "undo": (6, commands.undo),
+            "redo": (4, commands.redo),
+            "select": (3, lambda: commands.select(self.some())),
             "turn": (8, self.turn),
             "zoom": (3, self.zoom),
             "direction": (1, self.direct),
@@ -195,7 +195,7 @@ class Hand:
 
     def open(self) -> None:
         """Open what was saved, in place of what is there."""
-        if self.file.exists() and not self.panel.files.waiting.running:
+        if self.file.exists() and not self.panel.files.progress.running:
             self.panel.files.open_from(self.file)
 
     def dismiss(self) -> None:
@@ -212,16 +212,16 @@ class Hand:
 
     def put_away(self) -> None:
         """Bring everything to rest in the bag, so that memory can be compared."""
-        workspace = self.panel.workspace
+        workspace, commands = self.panel.workspace, self.panel.commands
         deadline = monotonic() + 60
-        while self.panel.files.waiting.running and monotonic() < deadline:
+        while self.panel.files.progress.running and monotonic() < deadline:
             QCoreApplication.processEvents()
-        self.panel.unpack.scrub.play.setChecked(False)
+        self.panel.unpack.step_slider.play.setChecked(False)
         self.dismiss()
         self.viewer.dims.ndisplay = 3
         if workspace.controller is not None:
-            workspace.show(workspace.session.ids)
-            workspace.go_to(0)
+            commands.show(workspace.session.ids)
+            commands.go_to(0)
             workspace.controller.frame_bag()
             workspace.controller.settle(8)
         stale = [a for a in self.viewer.layers if not a.visible and "soak" in a.name]

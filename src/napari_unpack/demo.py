@@ -93,10 +93,10 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
     iio.imwrite(output / "unpacked.png", frames[-1])
     progress(0.0, "Inspecting")
     shown = max(controller.session.poses, key=lambda i: controller.session.objects.loc[i, "voxels"])
-    panel.workspace.inspect(shown)
+    panel.commands.inspect(shown)
     clock.time += 10.0
     iio.imwrite(output / "inspect.png", canvas_image(viewer, controller))
-    panel.workspace.leave()
+    panel.commands.leave()
     clock.time += 10.0
     canvas_image(viewer, controller)
     progress(0.0, "Writing the movie")
@@ -285,11 +285,11 @@ def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> Unpacki
     viewer.add_image(scan.volume, name=scan.name, colormap="gray", **placed)
     _, panel = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
     if scan.labels is not None:
-        panel.segment.labels_box.choose(viewer.layers[f"{scan.name} labels"])
+        panel.segment.labels_input.choose(viewer.layers[f"{scan.name} labels"])
     QApplication.processEvents()
-    panel.segment.waiting.job.progressed.connect(_named(progress, "Segmenting"))
+    panel.segment.progress.progressed.connect(_named(progress, "Segmenting"))
     panel.segment.start.click()
-    while panel.segment.waiting.running:
+    while panel.segment.progress.running:
         QApplication.processEvents()
         time.sleep(0.005)
     QApplication.processEvents()

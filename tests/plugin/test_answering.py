@@ -51,7 +51,7 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     viewer = make_napari_viewer_proxy(show=True)
     panel = UnpackingWidget(viewer)
     panel.workspace.open(session)
-    controller, news = panel.workspace.controller, panel.unpack.news
+    controller, news = panel.workspace.controller, panel.unpack.sentence
     controller.recolor_at_rest = False
     assert controller.settle(60)
     said, asked, whole = [], [], OcclusionQuestion.answer

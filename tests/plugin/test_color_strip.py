@@ -9,6 +9,7 @@ from qtpy.QtGui import QColor
 from napari_unpack.widgets import color_ramp_editor
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
 from napari_unpack.widgets.color_section import ColorSection
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.workspace import Workspace
 
 LEFT, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
@@ -47,7 +48,7 @@ def test_a_double_click_adds_a_colour_and_changes_one(qtbot, strip, dialog) -> N
     assert rgb == pytest.approx((0.2, 0.8, 0.4), abs=1e-3)
     assert [d for d, _ in strip.stops[1:]] == [500.0, 1280.0]
     dialog[0] = QColor("#ffff00")
-    qtbot.mouseDClick(strip, LEFT, pos=strip.place_of(1280.0).toPoint())
+    qtbot.mouseDClick(strip, LEFT, pos=strip.position(1280.0).toPoint())
     assert strip.stops[2] == (1280.0, pytest.approx((1.0, 1.0, 0.0)))
     dialog[0] = QColor()
     qtbot.mouseDClick(strip, LEFT, pos=at(60))
@@ -55,7 +56,7 @@ def test_a_double_click_adds_a_colour_and_changes_one(qtbot, strip, dialog) -> N
 
 
 def test_a_dragged_colour_stays_between_its_neighbours(qtbot, strip) -> None:
-    qtbot.mousePress(strip, LEFT, pos=strip.place_of(500.0).toPoint())
+    qtbot.mousePress(strip, LEFT, pos=strip.position(500.0).toPoint())
     qtbot.mouseMove(strip, at(8 + 120))
     assert strip.stops[0] == (pytest.approx(0.36 * 2000), (1.0, 0.0, 0.0))
     qtbot.mouseMove(strip, at(8 + 199))
@@ -69,14 +70,14 @@ def test_a_dragged_colour_stays_between_its_neighbours(qtbot, strip) -> None:
 
 
 def test_keys_and_a_right_click_act_on_the_chosen_colour(qtbot, strip, dialog) -> None:
-    qtbot.mouseClick(strip, LEFT, pos=strip.place_of(500.0).toPoint())
+    qtbot.mouseClick(strip, LEFT, pos=strip.position(500.0).toPoint())
     qtbot.keyClick(strip, Qt.Key.Key_Right)
     assert strip.stops[0][0] == pytest.approx(0.505**2 * 2000)
     qtbot.keyClick(strip, Qt.Key.Key_Return)
     assert strip.stops[0][1] == pytest.approx((0.2, 0.8, 0.4), abs=1e-3)
     qtbot.keyClick(strip, Qt.Key.Key_Delete)
     assert [d for d, _ in strip.stops] == [1280.0]
-    qtbot.mousePress(strip, RIGHT, pos=strip.place_of(1280.0).toPoint())
+    qtbot.mousePress(strip, RIGHT, pos=strip.position(1280.0).toPoint())
     assert strip.stops == []
 
 
@@ -84,15 +85,15 @@ def test_colours_are_the_sessions_and_the_curve_stays(
     make_napari_viewer_proxy, session, qtbot, dialog
 ) -> None:
     workspace = Workspace(make_napari_viewer_proxy())
-    section = ColorSection(workspace)
+    section = ColorSection(workspace, Commands(workspace))
     qtbot.addWidget(section)
     workspace.open(session)
     section.curve.toggle.setChecked(True)
     before = session.transfer_function
-    assert section.strip.stops == list(before.colors or ())
+    assert section.ramp.stops == list(before.colors or ())
     low, high = before.domain
     stops = [(low, (1.0, 0.5, 0.0)), (high, (0.0, 0.5, 1.0))]
-    section.strip.edited.emit(stops)
+    section.ramp.edited.emit(stops)
     qtbot.waitUntil(lambda: session.transfer_function is not before, timeout=5000)
     assert session.transfer_function.colors == tuple(stops)
     assert session.transfer_function.points == before.points
@@ -101,9 +102,9 @@ def test_colours_are_the_sessions_and_the_curve_stays(
     section.editor.edited.emit([(low, 0.0), (high, 0.5)])
     qtbot.waitUntil(lambda: session.transfer_function.points[-1][1] == 0.5, timeout=5000)
     assert session.transfer_function.colors == tuple(stops)
-    section.strip.edited.emit([])
+    section.ramp.edited.emit([])
     qtbot.waitUntil(lambda: session.transfer_function.colors is None, timeout=5000)
-    section.picture.end()
+    section.background.end()
     workspace.close()
 
 

@@ -78,7 +78,7 @@ def test_two_clicks_split_and_undo_joins(
     assert np.array_equal(layer.data, session.labels)
     assert panel.workspace.controller.settle(30)
 
-    panel.workspace.undo()
+    panel.commands.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
@@ -124,17 +124,17 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
 ) -> None:
     objects = panel.objects
     objects.table.show_selection(frozenset({BELL, CUBE}))
-    panel.workspace.select([BELL, CUBE])
+    panel.commands.select([BELL, CUBE])
     qtbot.waitUntil(objects.merge.isEnabled, timeout=20000)
     press(qtbot, objects.merge)
     qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=20000)
     assert panel.workspace.controller.settle(30)
-    panel.workspace.undo()
+    panel.commands.undo()
     assert session.ids == (1, 2, 3)
 
     session.take_least_occluded = True
-    panel.workspace.unpack([CUBE])
+    panel.commands.unpack([CUBE])
     panel.workspace.controller.finish()
     before = session.labels
     objects.repair.delete([CUBE])
@@ -143,7 +143,7 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
     objects.repair.delete([BELL])
     qtbot.waitUntil(lambda: session.ids == (2, 3), timeout=10000)
     assert panel.workspace.controller.settle(30)
-    panel.workspace.undo()
+    panel.commands.undo()
     assert session.ids == (1, 2, 3)
     assert session.states[CUBE].name == "UNPACKED"
 
@@ -165,7 +165,7 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert np.array_equal(session.labels, layer.data)
     assert session.states[CUBE].name == "HIDDEN"
     qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=20000)
-    panel.workspace.undo()
+    panel.commands.undo()
     assert np.array_equal(session.labels, first)
     assert np.array_equal(layer.data, first)
     assert session.states[CUBE].name == "HIDDEN"
@@ -213,7 +213,8 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
 def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
     viewer: Any, panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    workspace, given = panel.workspace, session.labels.copy()
+    workspace, commands = panel.workspace, panel.commands
+    given = session.labels.copy()
     session.merge([BELL, CUBE])
     session.delete([SLAB])
     threads, apply = [], LabelEdit.apply
@@ -223,15 +224,15 @@ def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
         return apply(edit, labels)
 
     monkeypatch.setattr(LabelEdit, "apply", told)
-    workspace.undo()
+    commands.undo()
     assert threads == []
-    workspace.undo()
+    commands.undo()
     assert len(threads) == 1
     assert threads[0] is not threading.main_thread()
     assert np.array_equal(session.labels, given)
     assert workspace.controller.settle(60)
-    workspace.redo()
-    workspace.redo()
+    commands.redo()
+    commands.redo()
     assert session.ids == (BELL,)
     assert len(threads) == 2
     assert threading.main_thread() not in threads

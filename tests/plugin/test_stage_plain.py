@@ -9,7 +9,6 @@ from napari.layers import Labels
 from napari_unpack.layers import compat
 from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.plain_stage import PlainStage, controller_class
-from napari_unpack.widgets.workspace import Workspace
 
 
 @pytest.fixture
@@ -74,20 +73,6 @@ def test_it_looks_where_the_viewer_looks(
     np.testing.assert_allclose(session.camera.direction, [0, 1, 0], atol=1e-6)
     np.testing.assert_allclose(session.unpack_direction, [0, -1, 0], atol=1e-6)
     controller.close()
-
-
-def test_the_workspace_opens_it_and_says_why(
-    make_napari_viewer_proxy, session, without_registry, qtbot
-) -> None:
-    viewer = make_napari_viewer_proxy()
-    workspace = Workspace(viewer)
-    workspace.open(session, ())
-    assert isinstance(workspace.controller, PlainStage)
-    workspace.unpack(1)
-    assert sum(s.name == "UNPACKED" for s in session.states.values()) == 1
-    viewer.layers.remove("Packed")
-    assert workspace.controller is None
-    workspace.close()
 
 
 def test_the_session_looks_as_napari_does_at_a_mirrored_layer(

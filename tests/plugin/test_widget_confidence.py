@@ -20,7 +20,7 @@ def taught(make_napari_viewer_proxy, qtbot, monkeypatch):
 
 
 def _select(panel, ids):
-    panel.workspace.select(ids)
+    panel.commands.select(ids)
     panel.objects.table.show_selection(frozenset(ids))
     panel.objects.confidence.refresh()
 
@@ -52,10 +52,10 @@ def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp
     session.mark_examples([1, 2, 3])
     box.refresh()
     # Before a file is asked for.
-    assert "training needs 8" in box.told.text()
+    assert "training needs 8" in box.sentence.text()
     assert not box.train.isEnabled()
     box.train_to(str(tmp_path / "mine.npz"))
-    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert len(warned) == 1
     assert "at least 8" in warned[0]
     assert not (tmp_path / "mine.npz").exists()
@@ -69,20 +69,20 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     path = tmp_path / "mine.npz"
     rng = np.random.default_rng(0)
     fit_features(rng.normal(size=(40, len(FEATURES)))).save(path)
-    box.judge_by(str(path))
-    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
     mine = session.objects["confidence"].to_numpy().copy()
     assert np.isfinite(mine).all()
-    assert "your confidence" in box.told.text()
+    assert "your own oracle" in box.sentence.text()
     press(qtbot, box.restore)
-    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert (session.objects["confidence"].to_numpy() != mine).any()
-    assert "default" in box.told.text()
+    assert "the default oracle" in box.sentence.text()
     path.write_text("no oracle")
     warned = []
     monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
-    box.judge_by(str(path))
-    qtbot.waitUntil(lambda: not box.job.running, timeout=60000)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert "not an oracle" in warned[0]
 
 
@@ -91,7 +91,7 @@ def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:
     box = panel.objects.confidence
     session.use_oracle(None, dict.fromkeys(session.ids, 1e-9))
     box.refresh()
-    assert "taught on other things" in box.told.text()
+    assert "trained on other kinds" in box.sentence.text()
     session.use_oracle(None, {i: 0.1 * i for i in session.ids})
     box.refresh()
-    assert "taught on other things" not in box.told.text()
+    assert "trained on other kinds" not in box.sentence.text()

@@ -78,7 +78,7 @@ def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) ->
     controller, session, camera = hand.controller, hand.session, viewer.scene.camera
     controller.seconds = 0.2
     panel.color.at_rest.setChecked(False)
-    panel.unpack.marked.setChecked(False)
+    panel.unpack.outlines.setChecked(False)
     hand.rest()
     view = {name: getattr(camera, name) for name in ("center", "zoom", "angles", "perspective")}
     start = hand.picture()
@@ -134,10 +134,10 @@ def test_figures_1_4_and_5(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) ->
     at = hand.at_sprite(one)
     QTest.mouseDClick(hand.widget, LEFT, pos=at)
     qtbot.waitUntil(lambda: states(session)[one] == "INSPECTED", timeout=20000)
-    qtbot.waitUntil(panel.unpack.studied.isVisible, timeout=20000)
+    qtbot.waitUntil(panel.unpack.inspection.isVisible, timeout=20000)
     assert camera.zoom == zoom
     qtbot.waitUntil(
-        lambda: "along its own axes" in panel.unpack.studied.facts.text(), timeout=60000
+        lambda: "along its own axes" in panel.unpack.inspection.facts.text(), timeout=60000
     )
     held, angles = controller.rotation_of(one).copy(), camera.angles
     hand.drag(middle, QPoint(60, 10))

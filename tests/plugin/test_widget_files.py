@@ -15,7 +15,7 @@ from widget_phantoms import add_bag, controller_with, press, rest, states
 import napari_unpack as nu
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
-from napari_unpack.widgets.files_section import EXPORTS, _with_suffix
+from napari_unpack.widgets.files_section import EXPORTS, with_suffix
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 Viewers = Callable[..., Any]
@@ -32,7 +32,7 @@ def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget
 
 
 def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
-    qtbot.waitUntil(lambda: not panel.files.waiting.running, timeout=60000)
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
 
 
 def shot(viewer: Any) -> Any:
@@ -56,78 +56,78 @@ def out(panel: UnpackingWidget) -> list[int]:
 def test_the_bar_runs_the_unpacking_forwards_and_backwards(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    panel, scrub = staged, staged.unpack.scrub
+    panel, slider = staged, staged.unpack.step_slider
     session = panel.workspace.session
     # Outlines of who is free come when a worker knows, before this picture or after it.
-    panel.unpack.marked.setChecked(False)
+    panel.unpack.outlines.setChecked(False)
     rest(panel, qtbot)
     first, hues = shot(viewer), dict(session.hues)
-    assert (scrub.bar.minimum(), scrub.bar.value(), scrub.bar.maximum()) == (0, 0, 6)
-    scrub.bar.setValue(4)
+    assert (slider.slider.minimum(), slider.slider.value(), slider.slider.maximum()) == (0, 0, 6)
+    slider.slider.setValue(4)
     assert session.step == 4
     assert not session.flights
     rest(panel, qtbot)
     four, where = out(panel), session.poses
     assert len(four) == 4
     name = session.objects["name"][session.steps[3][0]]
-    assert scrub.words.text() == f"Step 4 of 6: {name}"
+    assert slider.sentence.text() == f"Step 4 of 6: {name}"
     assert np.abs(shot(viewer) - first).max() > 40
 
     for step in (1, 6, 2, 5, 3):
-        scrub.bar.setValue(step)
+        slider.slider.setValue(step)
         qtbot.wait(20)
-    scrub.bar.setValue(4)
+    slider.slider.setValue(4)
     rest(panel, qtbot)
     assert out(panel) == four
     for i, pose in where.items():
         np.testing.assert_array_equal(session.poses[i].center, pose.center)
 
-    scrub.bar.setValue(0)
+    slider.slider.setValue(0)
     rest(panel, qtbot)
     assert set(states(session).values()) == {"PACKED"}
     assert session.hues == hues
     # Windows of the packed picture that are cast anew may round a pixel otherwise.
     assert_same_picture(shot(viewer), first, most=1)
-    assert scrub.words.text() == "Everything packed, 6 steps known"
+    assert slider.sentence.text() == "Everything packed, 6 steps known"
 
     # All of the dragging was one step; the bar follows other commands.
-    panel.workspace.undo()
+    panel.commands.undo()
     rest(panel, qtbot)
     assert session.step == 0
     assert session.steps == ()
     press(qtbot, panel.unpack.next)
     rest(panel, qtbot)
-    assert scrub.bar.value() == 1
+    assert slider.slider.value() == 1
     press(qtbot, panel.unpack.back)
     rest(panel, qtbot)
-    assert scrub.bar.value() == 0
+    assert slider.slider.value() == 0
 
 
 def test_play_flies_one_object_after_another_and_stops_when_asked(
     staged: UnpackingWidget, qtbot: QtBot
 ) -> None:
-    panel, scrub = staged, staged.unpack.scrub
+    panel, slider = staged, staged.unpack.step_slider
     session = panel.workspace.session
-    scrub.play.click()
-    assert scrub.playing
+    slider.play.click()
+    assert slider.playing
     qtbot.waitUntil(lambda: session.step >= 2, timeout=20000)
-    scrub.play.click()
-    assert not scrub.playing
+    slider.play.click()
+    assert not slider.playing
     reached = session.step
     rest(panel, qtbot)
     assert session.step == reached < 6
     panel.workspace.controller.seconds = 0.05
-    scrub.play.click()
-    qtbot.waitUntil(lambda: not scrub.play.isChecked(), timeout=30000)
+    slider.play.click()
+    qtbot.waitUntil(lambda: not slider.play.isChecked(), timeout=30000)
     rest(panel, qtbot)
     assert len(out(panel)) == 6
     # At the end, play begins again with the packed bag; dragging stops it.
-    scrub.play.click()
+    slider.play.click()
     assert session.step <= 1
-    scrub.bar.setValue(3)
-    assert not scrub.playing
+    slider.slider.setValue(3)
+    assert not slider.playing
     panel.workspace.close()
-    assert not scrub.isEnabled()
+    assert not slider.isEnabled()
 
 
 def test_a_session_saved_in_the_panel_opens_as_it_was(
@@ -136,7 +136,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     panel = staged
     session = panel.workspace.session
     panel.color.at_rest.setChecked(True)
-    panel.unpack.scrub.bar.setValue(3)
+    panel.unpack.step_slider.slider.setValue(3)
     session.rename(session.ids[0], "first")
     session.select(session.ids[1:3])
     viewer.scene.camera.angles = (20, 50, 10)
@@ -146,7 +146,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     hues, names, seen = session.hues, session.objects["name"], shot(viewer)
     path = tmp_path / "bag.unpack"
     panel.files.save_to(path)
-    assert panel.files.waiting.isVisibleTo(panel)
+    assert panel.files.progress.isVisibleTo(panel)
     assert not panel.files.save.isEnabled()
     done(panel, qtbot)
     assert panel.files.status == "bag.unpack written"
@@ -175,7 +175,7 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     np.testing.assert_allclose(again.camera.height, session.camera.height, rtol=1e-6)
     # The camera went through napari's angles: a pixel here and there may round otherwise.
     assert (np.abs(shot(viewer) - seen).max(-1) > 40).mean() < 0.01
-    assert panel.unpack.scrub.bar.value() == 3
+    assert panel.unpack.step_slider.slider.value() == 3
     viewer.dims.ndisplay = 2
     assert viewer.layers["bag"].visible
 
@@ -203,7 +203,7 @@ def test_faults_of_files_are_told_and_change_nothing(
     assert [layer.name for layer in viewer.layers] == names
     # Cancelled before it was done, nothing is written.
     panel.files.save_to(tmp_path / "late.unpack")
-    panel.files.waiting.cancel.click()
+    panel.files.progress.cancel.click()
     done(panel, qtbot)
     assert len(said) == 4
     assert sorted(p.name for p in tmp_path.iterdir())[:2] == ["cut.unpack", "empty.unpack"]
@@ -234,7 +234,7 @@ def test_exports_are_written_and_the_view_is_not_disturbed(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = staged
-    panel.unpack.scrub.bar.setValue(2)
+    panel.unpack.step_slider.slider.setValue(2)
     rest(panel, qtbot)
     before, seen = states(panel.workspace.session), shot(viewer)
     panel.files.width_px.setValue(96)
@@ -253,9 +253,9 @@ def test_exports_are_written_and_the_view_is_not_disturbed(
 
 
 def test_suffixes_are_added_where_they_are_missing() -> None:
-    assert _with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
-    assert _with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
-    assert _with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
+    assert with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
+    assert with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
+    assert with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
 
 
 def test_a_session_opens_where_its_layers_stood(

@@ -78,13 +78,13 @@ def test_waiting_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> 
 
     waiting.begin(work)
     assert waiting.running
-    qtbot.waitUntil(lambda: waiting.told.text() == "halfway there", timeout=20000)
+    qtbot.waitUntil(lambda: waiting.text.text() == "halfway there", timeout=20000)
     assert not waiting.isHidden()
     with pytest.raises(RuntimeError):
         waiting.begin(work)
     with qtbot.waitSignal(waiting.ended, timeout=20000) as heard:
         waiting.cancel.click()
-        assert waiting.told.text() == "Stopping"
+        assert waiting.text.text() == "Stopping"
         assert not waiting.cancel.isEnabled()
     assert heard.args[0].cancelled
     assert waiting.isHidden()

@@ -25,14 +25,14 @@ def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     controller = panel.workspace.controller
     controller.seconds, controller.recolor_at_rest = 0.1, False
     assert controller.settle(60)
-    panel.workspace.inspect(1)
-    qtbot.waitUntil(lambda: panel.unpack.studied.isVisibleTo(panel), timeout=20000)
+    panel.commands.inspect(1)
+    qtbot.waitUntil(lambda: panel.unpack.inspection.isVisibleTo(panel), timeout=20000)
     return viewer, panel, session, mine
 
 
 def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbot: QtBot) -> None:
     viewer, panel, session, _ = studied
-    box, controller = panel.unpack.studied, panel.workspace.controller
+    box, controller = panel.unpack.inspection, panel.workspace.controller
     at_rest(controller, qtbot)
     whole = canvas(viewer)
     box.cut.setValue(60)
@@ -47,7 +47,7 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     cut = canvas(viewer)
     assert (np.abs(cut - whole).max(axis=-1) > 12).mean() > 0.02
 
-    press(qtbot, box.plain)
+    press(qtbot, box.reset)
     assert session.study(1).cut is None
     assert box.cut.value() == 0
     at_rest(controller, qtbot)
@@ -59,12 +59,12 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
 ) -> None:
     viewer, panel, outer, mine = studied
     view = {name: getattr(viewer.scene.camera, name) for name in ("center", "zoom", "angles")}
-    workspace = panel.workspace
+    workspace, commands = panel.workspace, panel.commands
     hue = mine.colormap.map(np.array([1, 2]))
     at_rest(workspace.controller, qtbot)
     workspace.controller.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
     held = workspace.controller.rotation_of(1).copy()
-    press(qtbot, panel.unpack.studied.open)
+    press(qtbot, panel.unpack.inspection.open)
     assert workspace.is_inside
     inner = workspace.session
     assert inner is not outer
@@ -84,10 +84,10 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     assert list(states(inner).values()).count("UNPACKED") == 2
     assert set(states(outer).values()) == {"PACKED"}
 
-    assert panel.unpack.outside.isVisibleTo(panel)
+    assert panel.unpack.back_to_bag.isVisibleTo(panel)
     # Escape ends first what was begun last.
     canvas_widget = compat.native_canvas(viewer).native
-    workspace.inspect(1)
+    commands.inspect(1)
     qtbot.keyClick(canvas_widget, Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: states(inner)[1] == "UNPACKED", timeout=20000)
     assert workspace.is_inside
@@ -104,19 +104,19 @@ def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
     studied: Any, qtbot: QtBot
 ) -> None:
     _, panel, outer, _ = studied
-    workspace = panel.workspace
-    press(qtbot, panel.unpack.studied.open)
+    workspace, commands = panel.workspace, panel.commands
+    press(qtbot, panel.unpack.inspection.open)
     inner = workspace.session
-    workspace.unpack(1)
+    commands.unpack(1)
     at_rest(workspace.controller, qtbot)
     left = states(inner)
     assert list(left.values()).count("UNPACKED") == 2
-    press(qtbot, panel.unpack.outside)
+    press(qtbot, panel.unpack.back_to_bag)
     assert workspace.session is outer
-    workspace.open_object(1)
+    workspace.open_container(1)
     assert workspace.is_inside
     assert states(workspace.session) == left
-    workspace.restore(1)
+    commands.restore(1)
     at_rest(workspace.controller, qtbot)
     assert list(states(workspace.session).values()).count("UNPACKED") == 1
 
@@ -124,10 +124,10 @@ def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
 def test_an_object_that_was_repaired_is_opened_anew(studied: Any, qtbot: QtBot) -> None:
     _, panel, outer, _ = studied
     workspace = panel.workspace
-    workspace.open_object(1)
+    workspace.open_container(1)
     before = workspace.session
-    workspace.leave_object()
+    workspace.leave_container()
     assert outer.merge([1, 2]) == 1
-    workspace.open_object(1)
+    workspace.open_container(1)
     assert workspace.session is not before
     assert workspace.session.labels.shape[2] > before.labels.shape[2]

@@ -28,7 +28,7 @@ def _refused(panel: UnpackingWidget, qtbot: QtBot) -> list[str]:
     """Press the first step's button, wait for the end of the work, return what was said."""
     before = len(notification_manager.records)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=30000)
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=30000)
     qtbot.waitUntil(lambda: len(notification_manager.records) > before, timeout=20000)
     return _said(before)
 
@@ -73,9 +73,9 @@ def test_a_volume_is_chosen_by_itself_and_pictures_are_passed_over(
 ) -> None:
     viewer.add_image(np.zeros((5, 6)), name="slice")
     add_bag(viewer)
-    panel.segment.volume_box.refresh()
-    assert panel.segment.volume_box.count() == 2
-    assert panel.segment.volume_box.layer.name == "bag"
+    panel.segment.volume_input.refresh()
+    assert panel.segment.volume_input.count() == 2
+    assert panel.segment.volume_input.layer.name == "bag"
     assert panel.segment.start.text() == "Segment"
     assert panel.segment.sample.isHidden()
 
@@ -83,7 +83,7 @@ def test_a_volume_is_chosen_by_itself_and_pictures_are_passed_over(
 def test_only_labels_of_the_volumes_shape_are_offered(viewer: Any, panel: UnpackingWidget) -> None:
     add_bag(viewer)
     viewer.add_labels(np.zeros((4, 4, 4), np.uint8), name="other", visible=False)
-    box = panel.segment.labels_box
+    box = panel.segment.labels_input
     assert [box.itemText(k) for k in range(box.count())] == ["Find the objects", "expert"]
 
 
@@ -99,17 +99,17 @@ def test_selecting_labels_in_the_layer_list_offers_to_unpack_them(
 def test_a_renamed_layer_keeps_its_place(viewer: Any, panel: UnpackingWidget) -> None:
     image, _ = add_bag(viewer)
     image.name = "suitcase"
-    assert panel.segment.volume_box.currentText() == "suitcase"
+    assert panel.segment.volume_input.currentText() == "suitcase"
     viewer.layers.remove("expert")
     viewer.layers.remove("suitcase")
-    assert panel.segment.volume_box.layer is None
+    assert panel.segment.volume_input.layer is None
 
 
 def test_labels_without_a_volume_are_their_own_volume(viewer: Any, panel: UnpackingWidget) -> None:
     image, _ = add_bag(viewer)
-    panel.segment.labels_box.choose(None)
+    panel.segment.labels_input.choose(None)
     viewer.layers.remove("bag")
-    boxes = panel.segment.volume_box, panel.segment.labels_box
+    boxes = panel.segment.volume_input, panel.segment.labels_input
     assert [box.currentText() for box in boxes] == ["expert", "expert"]
     assert panel.segment.start.text() == "Unpack these labels"
     viewer.add_image(image.data, name="bag again")
@@ -147,7 +147,7 @@ def test_labels_of_another_shape_than_the_volume_say_why_it_is_not_shown(
     half = (image.data[:20] > 100).astype(np.uint8)
     viewer.add_labels(half, name="half", scale=image.scale, units=image.units)
     before = len(notification_manager.records)
-    controller_with(panel, qtbot, panel.segment.labels_box.layer)
+    controller_with(panel, qtbot, panel.segment.labels_input.layer)
     (said,) = _said(before)
     assert said.startswith("'half' has another shape than 'bag'")
     assert panel.segment.status == "1 object"
@@ -156,7 +156,7 @@ def test_labels_of_another_shape_than_the_volume_say_why_it_is_not_shown(
 def test_nothing_found_is_a_sentence(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
     image, _ = add_bag(viewer)
     empty = viewer.add_labels(np.zeros_like(image.data), name="empty")
-    panel.segment.labels_box.choose(empty)
+    panel.segment.labels_input.choose(empty)
     (said,) = _refused(panel, qtbot)
     assert "no objects" in said.lower()
 
@@ -171,7 +171,7 @@ def test_a_refusal_leaves_the_open_controller_alone(
     session = controller_with(panel, qtbot, labels)
     names = [layer.name for layer in viewer.layers]
     bad = viewer.add_image(np.full((8, 8, 8), 7.0), name="bad", contrast_limits=(0, 1))
-    panel.segment.volume_box.choose(bad)
+    panel.segment.volume_input.choose(bad)
     assert len(_refused(panel, qtbot)) == 1
     assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == [*names, "bad"]
@@ -190,12 +190,12 @@ def test_cancelling_leaves_everything_as_it_was(
     monkeypatch.setattr(segmentation, "segment", endless)
     add_bag(viewer)
     press(qtbot, panel.segment.start)
-    qtbot.waitUntil(lambda: panel.segment.waiting.told.text() == "Cutting", timeout=20000)
-    qtbot.waitUntil(lambda: panel.segment.waiting.bar.value() == 225, timeout=20000)
-    assert not panel.segment.waiting.isHidden()
-    press(qtbot, panel.segment.waiting.cancel)
-    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
-    assert panel.segment.waiting.isHidden()
+    qtbot.waitUntil(lambda: panel.segment.progress.text.text() == "Cutting", timeout=20000)
+    qtbot.waitUntil(lambda: panel.segment.progress.bar.value() == 225, timeout=20000)
+    assert not panel.segment.progress.isHidden()
+    press(qtbot, panel.segment.progress.cancel)
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=20000)
+    assert panel.segment.progress.isHidden()
     assert panel.workspace.controller is None
     assert [layer.name for layer in viewer.layers] == ["expert", "bag"]
 
@@ -232,13 +232,13 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
     add_bag(viewer)
     options = panel.segment.options
     assert not options.isHidden()
-    options.way.setCurrentText("Fixed density")
+    options.foreground.setCurrentText("Fixed density")
     options.threshold.setText("dense")
     press(qtbot, panel.segment.start)
     assert "must be a number, got 'dense'" in _said(-1)[0]
     options.threshold.setText("350")
     options.smallest.setValue(20)
-    options.noise.setCurrentText("Leave")
+    options.noise.setCurrentText("Keep")
     options.shell.setChecked(False)
     (said,) = _refused(panel, qtbot)
     assert said.startswith("Nothing found: all is air; under Details in step 1")
@@ -251,22 +251,22 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
         "shell": False,
     }
     options.smallest.setValue(0)
-    options.noise.setCurrentText("Take away")
+    options.noise.setCurrentText("Remove")
     assert options.settings()["smallest"] is None
     assert options.settings()["grainy"] is True
     assert not options.shell.isEnabled()
-    options.way.setCurrentText("One level")
+    options.foreground.setCurrentText("One level")
     assert options.threshold.text() == ""
     assert options.settings()["foreground"] == "otsu"
     options.threshold.clear()
     qtbot.keyClicks(options.threshold, "420")
     assert options.settings()["foreground"] == 420.0
-    panel.segment.labels_box.choose(viewer.layers["expert"])
+    panel.segment.labels_input.choose(viewer.layers["expert"])
     assert options.isHidden()
 
 
 def test_verbs_without_a_controller_say_what_to_do_first(panel: UnpackingWidget) -> None:
-    for verb in (panel.workspace.unpack, panel.workspace.undo):
+    for verb in (panel.commands.unpack, panel.commands.undo):
         notification_manager.records.clear()
         verb()
         assert len(_said(0)) == 1
@@ -297,22 +297,22 @@ def test_the_simulated_bag_is_one_click_away(
     )
     press(qtbot, panel.segment.sample)
     qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=20000)
-    assert panel.segment.volume_box.layer.name == "sample"
+    assert panel.segment.volume_input.layer.name == "sample"
     assert panel.segment.start.isEnabled()
     assert panel.segment.start.text() == "Segment"
     assert panel.segment.sample.isHidden()
 
 
 def test_the_sample_is_labels_unseen_and_above_them_the_volume_to_segment() -> None:
-    from napari_unpack.widgets.contributions import COUNT, SHAPE, packed_bag
+    from napari_unpack.widgets.contributions import SAMPLE_COUNT, SAMPLE_SHAPE, packed_bag
 
     heard = []
     (labels, about_labels, _), (volume, about_volume, kind) = packed_bag(
         progress=lambda fraction, text: heard.append(fraction)
     )
     assert kind == "image"
-    assert labels.shape == volume.shape == SHAPE
-    assert len(np.unique(labels)) == COUNT + 1
+    assert labels.shape == volume.shape == SAMPLE_SHAPE
+    assert len(np.unique(labels)) == SAMPLE_COUNT + 1
     assert about_labels["visible"] is False
     assert about_volume["scale"] == about_labels["scale"]
     assert heard

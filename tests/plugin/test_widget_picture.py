@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from napari_unpack.appearance import Surroundings
-from napari_unpack.widgets.background_options import DARK, OWN, BackgroundOptions
+from napari_unpack.widgets.background_options import DARK, NAPARIS, BackgroundOptions
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.workspace import Workspace
 
 
@@ -13,7 +14,7 @@ from napari_unpack.widgets.workspace import Workspace
 def options(make_napari_viewer_proxy, session, qtbot):
     viewer = make_napari_viewer_proxy()
     workspace = Workspace(viewer)
-    made = BackgroundOptions(workspace)
+    made = BackgroundOptions(workspace, Commands(workspace))
     qtbot.addWidget(made)
     workspace.open(session)
     yield made
@@ -27,7 +28,7 @@ def test_choices_become_the_sessions_surroundings(options, session) -> None:
     options.scale.setChecked(True)
     around = session.surroundings
     assert (around.background.name, around.box, around.scale) == ("light", True, True)
-    options.choose(OWN)
+    options.choose(NAPARIS)
     assert session.surroundings.background.name == "napari"
     viewer = options._workspace.viewer
     assert viewer.canvas.background_color_override is None

@@ -68,7 +68,7 @@ def test_segment_unpack_three_restore_one(
     panel.color.at_rest.setChecked(False)
     assert controller.recolor_at_rest is False
     # Outlines of who is free are drawn on the transition layer; here it is to be empty at rest.
-    panel.unpack.marked.setChecked(False)
+    panel.unpack.outlines.setChecked(False)
 
     # Six balls of six densities; every one is found, and the user's own layers step back.
     assert sorted(states(session).values()) == ["PACKED"] * 6
@@ -168,7 +168,7 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     assert set(states(piled).values()) == {"PACKED"}
     table.swatch_clicked.emit(4)
     assert [i for i, s in states(piled).items() if s == "PACKED"] == [4]
-    panel.workspace.undo()
+    panel.commands.undo()
     assert set(states(piled).values()) == {"PACKED"}
 
     menu = panel.objects.menu()

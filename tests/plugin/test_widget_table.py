@@ -1,6 +1,5 @@
 """The table of objects: what it shows, how it sorts, filters, selects and answers clicks."""
 
-from enum import Enum
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +9,10 @@ from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
+from napari_unpack.session import ObjectState
 from napari_unpack.widgets.object_model import ID, Column, ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
 
-State = Enum("State", "PACKED FLYING_OUT UNPACKED FLYING_BACK INSPECTED HIDDEN")
 DISPLAY = Qt.ItemDataRole.DisplayRole
 
 
@@ -35,7 +34,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         spacing=(1.0, 2.0, 5.0),
         boxes=SimpleNamespace(ids=np.array(ids), lower=lower, upper=upper),
         objects=objects,
-        states=dict.fromkeys(ids, State.PACKED),
+        states=dict.fromkeys(ids, ObjectState.PACKED),
         hues={ids[0]: 0.0},
         tint_mode="hsv",
         selected=frozenset(),
@@ -56,7 +55,7 @@ def session() -> SimpleNamespace:
 
 @pytest.fixture
 def table(qtbot: QtBot, session: SimpleNamespace) -> ObjectTable:
-    model = ObjectModel()
+    model = ObjectModel(session.rename)
     model.load(session)
     made = ObjectTable(model)
     qtbot.addWidget(made)
@@ -71,7 +70,7 @@ def _shown(table: ObjectTable, column: Column) -> list[str]:
 
 
 def test_the_model_keeps_qts_rules(qtmodeltester: ModelTester, session: SimpleNamespace) -> None:
-    model = ObjectModel()
+    model = ObjectModel(session.rename)
     model.load(session)
     qtmodeltester.check(model)
 
@@ -125,9 +124,9 @@ def test_search_finds_names_and_ids(table: ObjectTable) -> None:
 
 
 def test_states_filter_and_follow_the_session(table: ObjectTable, session: SimpleNamespace) -> None:
-    table.rows.keep_states(frozenset({"HIDDEN"}))
+    table.rows.keep_states(frozenset({ObjectState.HIDDEN}))
     assert _shown(table, Column.NAME) == []
-    session.states[5] = State.HIDDEN
+    session.states[5] = ObjectState.HIDDEN
     table.objects.refresh()
     assert _shown(table, Column.STATE) == ["hidden"]
 
@@ -138,16 +137,18 @@ def test_only_rows_that_changed_are_told(table: ObjectTable, session: SimpleName
     session.hues[8] = 0.5
     table.objects.refresh()
     assert told == [(2, Column.SWATCH, Column.SWATCH)]
-    session.states[3] = State.UNPACKED
+    session.states[3] = ObjectState.UNPACKED
     table.objects.refresh()
     assert told[1:] == [(0, Column.EYE, Column.STATE)]
 
 
-def test_what_is_free_says_so_until_it_leaves(table: ObjectTable, session: SimpleNamespace) -> None:
-    table.objects.refresh(free={3})
+def test_an_unpackable_object_says_so_until_it_leaves(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    table.objects.refresh(unpackable={3})
     words = dict(zip(_shown(table, Column.NAME), _shown(table, Column.STATE), strict=True))
-    assert words == {"Object 10": "free", "Shoe": "packed", "Object 2": "packed"}
-    session.states[3] = State.FLYING_OUT
+    assert words == {"Object 10": "ready", "Shoe": "packed", "Object 2": "packed"}
+    session.states[3] = ObjectState.FLYING_OUT
     table.objects.refresh()
     assert "flying" in _shown(table, Column.STATE)
 
@@ -248,11 +249,11 @@ def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
 
     ids = tuple(range(1, 1001))
     session = _session(tuple(f"Object {i}" for i in ids), ids)
-    model = ObjectModel()
+    model = ObjectModel(session.rename)
     table = ObjectTable(model)
     qtbot.addWidget(table)
     model.load(session)
-    session.states[500] = State.UNPACKED
+    session.states[500] = ObjectState.UNPACKED
     start = perf_counter()
     model.refresh()
     assert perf_counter() - start < 0.1
@@ -260,10 +261,11 @@ def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
 
 def test_a_thousand_rows_are_selected_and_read_as_they_are_sorted(qtbot: QtBot) -> None:
     ids = tuple(range(1, 1001))
-    model = ObjectModel()
+    session = _session(tuple(f"Object {i}" for i in ids), ids)
+    model = ObjectModel(session.rename)
     table = ObjectTable(model)
     qtbot.addWidget(table)
-    model.load(_session(tuple(f"Object {i}" for i in ids), ids))
+    model.load(session)
     asked: list[int] = []
     flags = model.flags
     model.flags = lambda index: asked.append(1) or flags(index)  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""What the third step says about who is free, and what it does when nobody is."""
+"""What the third step says about unpackable objects, and what it does where there is none."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,37 +16,37 @@ from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 Viewers = Callable[..., Any]
 
 
-def _marked_free(panel: UnpackingWidget) -> set[int]:
+def _marked_unpackable(panel: UnpackingWidget) -> set[int]:
     model = panel.objects.model
     words = {
         model.id_at(row): model.index(row, Column.STATE).data(Qt.ItemDataRole.DisplayRole)
         for row in range(model.rowCount())
     }
-    return {i for i, word in words.items() if word == "free"}
+    return {i for i, word in words.items() if word == "ready"}
 
 
-def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, free: set[int]) -> None:
+def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, unpackable: set[int]) -> None:
     panel.unpack.direction.setCurrentText(direction)
-    qtbot.waitUntil(lambda: _marked_free(panel) == free, timeout=10000)
+    qtbot.waitUntil(lambda: _marked_unpackable(panel) == unpackable, timeout=10000)
 
 
-def test_the_free_objects_are_counted_and_marked_for_every_direction(
+def test_the_unpackable_objects_are_counted_and_marked_for_every_direction(
     panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
     # Balls 1 and 3 stand at x = 14, 2 and 4 behind them at x = 34. Ball 5 lies on all four, its
     # rim just behind those of 1 and 3: voxel column (20, 26) is 9.8 from its centre and 10.0
     # from that of 1. It hides 6. Upwards 5 and 6 lie free, side by side.
     _leave(panel, qtbot, "Left (−x)", {1, 3})
-    assert panel.unpack.news.text() == "2 of 6 are free now."
+    assert panel.unpack.sentence.text() == "2 of 6 are unpackable now."
     _leave(panel, qtbot, "Up (−y)", {5, 6})
 
     # The queue is used up before it is asked anew, but what the step says is always true: with
     # 5 gone, 1 and 3 are free; 2 and 4 still lie under the rim of 6.
     panel.workspace.controller.seconds = 0.1
-    panel.workspace.unpack([5])
-    qtbot.waitUntil(lambda: _marked_free(panel) == {1, 3, 6}, timeout=10000)
+    panel.commands.unpack([5])
+    qtbot.waitUntil(lambda: _marked_unpackable(panel) == {1, 3, 6}, timeout=10000)
     assert states(piled)[5] == "UNPACKED"
-    assert panel.unpack.news.text() == "3 of 5 are free now."
+    assert panel.unpack.sentence.text() == "3 of 5 are unpackable now."
 
 
 def test_unpacking_what_is_blocked_says_who_stands_in_front(
@@ -56,7 +56,7 @@ def test_unpacking_what_is_blocked_says_who_stands_in_front(
     piled.rename(1, "Bottle")
     piled.rename(2, "Shoe")
     before = len(notification_manager.records)
-    panel.workspace.unpack([2])
+    panel.commands.unpack([2])
     (notice,) = notification_manager.records[before:]
     assert "Shoe cannot leave" in notice.message
     assert "Bottle" in notice.message
@@ -78,9 +78,9 @@ def test_a_step_names_all_who_leave_together(
 ) -> None:
     _knot(viewer, panel, qtbot)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    panel.workspace.unpack(1)
+    panel.commands.unpack(1)
     said = "Step 1 of 1: Object 1 and Object 2"
-    qtbot.waitUntil(lambda: panel.unpack.scrub.words.text() == said, timeout=20000)
+    qtbot.waitUntil(lambda: panel.unpack.step_slider.sentence.text() == said, timeout=20000)
 
 
 def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
@@ -89,11 +89,11 @@ def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
     session = _knot(viewer, panel, qtbot)
     session.max_group_size = 1
     panel.unpack.direction.setCurrentText("Left (−x)")
-    qtbot.waitUntil(lambda: "Looking" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "Looking" in panel.unpack.sentence.text(), timeout=10000)
     assert not panel.unpack.answered
     await_unpackable(panel)
     assert panel.unpack.reveal.text() == "Reveal…"
-    assert "would be free" in panel.unpack.news.text()
+    assert "would be unpackable" in panel.unpack.sentence.text()
 
 
 def test_where_nobody_is_free_the_setting_decides(
@@ -101,18 +101,19 @@ def test_where_nobody_is_free_the_setting_decides(
 ) -> None:
     session = _knot(viewer, panel, qtbot)
     session.max_group_size = 1
-    panel.unpack.least.setChecked(False)
+    panel.unpack.take_least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(
-        lambda: "Every object is blocked this way;" in panel.unpack.news.text(), timeout=10000
+        lambda: "Every object is blocked in this direction." in panel.unpack.sentence.text(),
+        timeout=10000,
     )
-    assert "is blocked least. Turn the bag" in panel.unpack.news.text()
+    assert "is the least occluded. Turn the bag" in panel.unpack.sentence.text()
     # Of another direction that says nothing, until it has been looked along.
     panel.unpack.direction.setCurrentText("Up (−y)")
-    qtbot.waitUntil(lambda: "Looking for what can" in panel.unpack.news.text(), timeout=10000)
-    qtbot.waitUntil(lambda: "are free now" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "Looking for unpackable" in panel.unpack.sentence.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "are unpackable now" in panel.unpack.sentence.text(), timeout=10000)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    qtbot.waitUntil(lambda: "Turn the bag" in panel.unpack.news.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "Turn the bag" in panel.unpack.sentence.text(), timeout=10000)
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)
@@ -123,12 +124,12 @@ def test_where_nobody_is_free_the_setting_decides(
     press(qtbot, panel.unpack.force)
     assert set(states(session).values()) == {"PACKED", "FLYING_OUT"}
     assert not session.take_least_occluded
-    panel.workspace.undo()
+    panel.commands.undo()
     panel.workspace.controller.finish()
     assert set(states(session).values()) == {"PACKED"}
 
     notification_manager.records.clear()
-    panel.unpack.least.setChecked(True)
+    panel.unpack.take_least.setChecked(True)
     assert panel.unpack.force.isHidden()
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(lambda: len(notification_manager.records) == 1, timeout=20000)

@@ -52,15 +52,15 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     session, controller = panel.workspace.session, panel.workspace.controller
     session.direction = "+z"
     session.select([1])
-    panel.unpack.reveal_selected()
-    box = panel.unpack.box
+    panel.planner.reveal_selected()
+    box = panel.unpack.reveal_box
     qtbot.waitUntil(box.isVisible, timeout=60000)
-    assert "Object 2 must leave first or with it, towards you and up." in box.news.text()
+    assert "Object 2 must leave first or with it, towards you and up." in box.sentence.text()
     assert controller.overlays._marks.buried == 1
     assert controller.overlays._marks.leaving == {2}
     row = panel.objects.model.row_of(2)
     state = panel.objects.model.index(row, 3)
-    qtbot.waitUntil(lambda: state.data() == "first", timeout=10000)
+    qtbot.waitUntil(lambda: state.data() == "next", timeout=10000)
     qtbot.waitUntil(
         lambda: len(controller.overlays.painter.cards_at(controller.frame)) == 1, timeout=60000
     )
@@ -70,7 +70,7 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
     assert not box.isVisible()
     assert session.direction == (1.0, 0.0, 0.0)
-    panel.workspace.undo()
+    panel.commands.undo()
     assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
 
 
@@ -121,16 +121,16 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     # Somebody is free in this bag: the watch must not say so in between.
     panel._watch.end()
     panel._watch.known.disconnect()
-    panel.unpack.tell_free(frozenset())
-    qtbot.waitUntil(panel.unpack.way.isVisible, timeout=60000)
+    panel.unpack.show_unpackable(frozenset())
+    qtbot.waitUntil(panel.unpack.use_best.isVisible, timeout=60000)
     best = session.best_direction()
-    assert f"({len(best.ids)} free)" in panel.unpack.way.text()
+    assert f"({len(best.ids)} unpackable)" in panel.unpack.use_best.text()
     words = words_of(best.direction, session.camera)
-    assert words in panel.unpack.news.text().lower()
-    assert "leaves next" in panel.unpack.news.text()
+    assert words in panel.unpack.sentence.text().lower()
+    assert "leaves next" in panel.unpack.sentence.text()
     # However long the words are, the panel gets no wider than its place.
     assert panel.unpack.minimumSizeHint().width() < UNPACKING_WIDTH
-    press(qtbot, panel.unpack.way)
+    press(qtbot, panel.unpack.use_best)
     np.testing.assert_allclose(session.unpack_direction, best.direction, atol=1e-9)
 
 
@@ -166,7 +166,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     assert session._situation.out[out].slot == slot
     assert controller.viewer.scene.camera.angles == angles
     assert controller._renderer._small.casts == casts
-    panel.workspace.undo()
+    panel.commands.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
     move(widget, QPoint(3, 3))
     qtbot.waitUntil(
@@ -179,7 +179,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
         lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 3, timeout=100000
     )
     # Sent home by a key while the mouse lies still: nothing is left of the ghost.
-    panel.workspace.restore()
+    panel.commands.restore()
     assert controller.settle(60)
     assert session.states[out].name == "PACKED"
     assert not controller.overlays.ghost.cards_at(controller.frame)

@@ -54,10 +54,10 @@ def press(qtbot: QtBot, button: Any) -> None:
 
 def controller_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) -> Any:
     """Press the first step's button and wait for the stage; return its session."""
-    panel.segment.labels_box.choose(labels)
+    panel.segment.labels_input.choose(labels)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=90000)
-    qtbot.waitUntil(lambda: not panel.segment.waiting.running, timeout=20000)
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=20000)
     return panel.workspace.session
 
 

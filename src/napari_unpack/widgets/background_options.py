@@ -3,123 +3,125 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from qtpy.QtCore import QSignalBlocker
 from qtpy.QtGui import QColor
-from qtpy.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QHBoxLayout
+from qtpy.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog
 
-from napari_unpack.widgets.notifications import spoken
-from napari_unpack.widgets.section import Collapsible, form
-from napari_unpack.widgets.theme import GAP
+from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.section import Collapsible, form, row
 from napari_unpack.widgets.workspace import Workspace
 
-DARK, OWN, COLOR, PICTURE = "Dark", "napari's own", "A colour…", "A picture…"
+if TYPE_CHECKING:
+    from napari.utils.events import Event
+
+    from napari_unpack.appearance import Background, Surroundings
+
+DARK, NAPARIS, COLOR, IMAGE = "Dark", "napari's own", "A colour…", "A picture…"
 NAMED = {
     DARK: "dark",
     "Dusk, a gradient": "dusk",
     "Light": "light",
     "Daylight, a gradient": "daylight",
 }
-PICTURES = "Pictures (*.png *.jpg *.jpeg *.tif *.tiff *.bmp)"
+"""Titles of the backgrounds that `Surroundings.of` knows by name."""
+
+IMAGE_FILES = "Pictures (*.png *.jpg *.jpeg *.tif *.tiff *.bmp)"
+SUGGESTED_COLOR = "#20242c"
+"""Where the colour dialog starts: a dark grey, on which tints stand out."""
 
 
 class BackgroundOptions(Collapsible):
-    """Background, box and scale bar of the picture in the viewer and of exported ones.
+    """Background, box and scale bar of the 3D view and of exported pictures.
 
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
     """
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__(
             "Background, box and scale",
-            "What is behind and around the bag, here and in exported pictures and films.",
+            "What is behind and around the bag, here and in exported pictures and movies.",
         )
-        self._workspace = workspace
+        self._workspace, self._settings = workspace, commands.settings
         self.background = QComboBox()
-        self.background.addItems([*NAMED, OWN, COLOR, PICTURE])
+        self.background.addItems([*NAMED, NAPARIS, COLOR, IMAGE])
         self.background.setToolTip(
             "What is behind the bag: a colour, a gradient, napari's own canvas colour, or a "
-            "picture, which is scaled until it covers."
+            "picture, which is scaled until it covers the view."
         )
         self.box = QCheckBox("Box")
         self.box.setToolTip("Draw the edges of the box around all objects.")
         self.scale = QCheckBox("Scale bar")
-        self.scale.setToolTip("Show how long a length is, at the depth of the bag's middle.")
-        line = QHBoxLayout()
-        line.setSpacing(2 * GAP)
-        line.addWidget(self.box)
-        line.addWidget(self.scale)
-        line.addStretch(1)
+        self.scale.setToolTip("Show a length, as it looks at the depth of the bag's middle.")
         self.contents.addLayout(form(Behind=self.background))
-        self.contents.addLayout(line)
-        self._wanted: Any = NAMED[DARK]
+        self.contents.addLayout(row(self.box, self.scale))
+        self._chosen: Background | Path | str = NAMED[DARK]
         self._before = DARK
         self.background.textActivated.connect(self.choose)
         self.box.toggled.connect(lambda _: self._apply())
         self.scale.toggled.connect(lambda _: self._apply())
-        workspace.staged.connect(self._reload)
+        workspace.switched.connect(self._reload)
         workspace.viewer.events.theme.connect(self._follow_theme)
 
     def choose(self, name: str) -> None:
-        """Choose a background by its name here, asking for a colour or a picture if need be."""
-        wanted: Any = NAMED.get(name)
-        if name == OWN:
-            wanted = self._own()
+        """Choose a background by its title here; asks for a colour or a picture if need be."""
+        chosen: Background | Path | str | None = NAMED.get(name)
+        if name == NAPARIS:
+            chosen = self._canvas_color()
         elif name == COLOR:
-            color = QColorDialog.getColor(QColor("#20242c"), self, "Background")
-            wanted = color.name() if color.isValid() else None
-        elif name == PICTURE:
-            path = QFileDialog.getOpenFileName(self, "Background", "", PICTURES)[0]
-            wanted = Path(path) if path else None
-        if wanted is None:
+            color = QColorDialog.getColor(QColor(SUGGESTED_COLOR), self, "Background")
+            chosen = color.name() if color.isValid() else None
+        elif name == IMAGE:
+            path = QFileDialog.getOpenFileName(self, "Background", "", IMAGE_FILES)[0]
+            chosen = Path(path) if path else None
+        if chosen is None:
             self.background.setCurrentText(self._before)
             return
-        self._wanted, self._before = wanted, name
+        self._chosen, self._before = chosen, name
         self.background.setCurrentText(name)
         self._apply()
 
     def end(self) -> None:
-        """Stop listening."""
+        """Listen to the viewer no longer."""
         self._workspace.viewer.events.theme.disconnect(self._follow_theme)
 
     def _apply(self) -> None:
+        self._settings.set_surroundings(self._surroundings)
+
+    def _surroundings(self) -> Surroundings:
         from napari_unpack.appearance import Surroundings
 
-        session = self._workspace.session
-        if session is None:
-            return
-        shown = [kind for kind in ("box", "scale") if getattr(self, kind).isChecked()]
-        with spoken():
-            session.surroundings = Surroundings.of(self._wanted, shown)
+        checked = {"box": self.box.isChecked(), "scale": self.scale.isChecked()}
+        return Surroundings.of(self._chosen, [kind for kind, on in checked.items() if on])
 
     def _reload(self) -> None:
-        """Show what a session brings, which may be a saved one."""
+        """Show the surroundings of the session, which may be a saved one."""
         session = self._workspace.session
         if session is None:
             return
         around = session.surroundings
-        self._wanted = around.background
-        names = {**{own: shown for shown, own in NAMED.items()}, "napari": OWN}
-        ground = around.background
-        name = names.get(ground.name, COLOR if ground.picture is None else PICTURE)
-        self._before = name
-        self.background.setCurrentText(name)
+        self._chosen = background = around.background
+        titles = {**{name: title for title, name in NAMED.items()}, "napari": NAPARIS}
+        default = COLOR if background.picture is None else IMAGE
+        self._before = titles.get(background.name, default)
+        self.background.setCurrentText(self._before)
         for box, on in ((self.box, around.box), (self.scale, around.scale)):
-            blocked = box.blockSignals(True)
-            box.setChecked(on)
-            box.blockSignals(blocked)
+            with QSignalBlocker(box):
+                box.setChecked(on)
 
-    def _own(self) -> Any:
+    def _canvas_color(self) -> Background:
         from napari.utils.theme import get_theme
 
         from napari_unpack.appearance import Background
 
-        color: Any = get_theme(self._workspace.viewer.theme).canvas
-        red, green, blue = (value / 255 for value in color.as_rgb_tuple()[:3])
+        rgb = get_theme(self._workspace.viewer.theme).canvas.as_rgb_tuple()
+        red, green, blue = (value / 255 for value in rgb[:3])
         return Background(((red, green, blue, 1.0),), name="napari")
 
-    def _follow_theme(self, _event: Any = None) -> None:
-        if self._before == OWN:
-            self.choose(OWN)
+    def _follow_theme(self, _event: Event | None = None) -> None:
+        if self._before == NAPARIS:
+            self.choose(NAPARIS)

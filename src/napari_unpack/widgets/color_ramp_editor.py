@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QLinearGradient, QPainter, QPen
 from qtpy.QtWidgets import QColorDialog, QWidget
 
+from napari_unpack.widgets.opacity_editor import MARGIN, SMALLEST_GAP
+
+if TYPE_CHECKING:
+    from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
+
 RGB = tuple[float, float, float]
 Stop = tuple[float, RGB]
 
-MARGIN = 8.0
-"""At both ends, pixels: as in the opacity editor above."""
+GRAB_PIXELS = 7.0
+"""How near to a colour's middle a press grabs it: its radius and a little more."""
 
-_GRAB = 7.0
-_GAP = 1e-3
+SHADES = 33
+"""Samples of the ramp: between two the gradient is linear in x, which density is not."""
+
 WHITE: RGB = (1.0, 1.0, 1.0)
 
 
@@ -43,13 +50,13 @@ class ColorRampEditor(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("Colours along the density axis")
         self.setToolTip(
-            "Colours of densities, which tints are multiplied on; grey and white leave tints as "
-            "they are. Double-click adds a colour or changes one; drag it along the densities; a "
-            "right click or Delete removes it."
+            "Colours of densities, multiplied by the tints; white leaves tints as they are. "
+            "Double-click adds a colour or changes one; drag it along the densities; a right click "
+            "or Delete removes it."
         )
 
     def sizeHint(self) -> QSize:
-        """Return the size it likes."""
+        """Return the size that fits the panel."""
         return QSize(240, 22)
 
     @property
@@ -57,12 +64,12 @@ class ColorRampEditor(QWidget):
         """The colours, (density, (r, g, b)) by ascending density; none for white."""
         return list(self._stops)
 
-    def show_colors(self, colors: Any, domain: tuple[float, float]) -> None:
+    def show_colors(self, colors: Iterable[Stop] | None, domain: tuple[float, float]) -> None:
         """Show the colours of a transfer function.
 
         Parameters
         ----------
-        colors : sequence of (float, (float, float, float)), or None
+        colors : iterable of (float, (float, float, float)), or None
             Ascending densities and straight RGB in [0, 1].
         domain : (float, float)
             Lowest and highest density shown.
@@ -74,11 +81,11 @@ class ColorRampEditor(QWidget):
         self._chosen = min(self._chosen, len(self._stops) - 1)
         self.update()
 
-    def place_of(self, density: float) -> QPointF:
-        """Return where a density's colour is held, in pixels."""
+    def position(self, density: float) -> QPointF:
+        """Return where a density's colour is drawn, in pixels."""
         low, high = self._domain
-        part = np.sqrt(min(max((density - low) / (high - low), 0.0), 1.0))
-        return QPointF(MARGIN + part * (self.width() - 2 * MARGIN), self.height() / 2)
+        share = np.sqrt(min(max((density - low) / (high - low), 0.0), 1.0))
+        return QPointF(MARGIN + share * (self.width() - 2 * MARGIN), self.height() / 2)
 
     def color_at(self, density: float) -> RGB:
         """Return the colour of a density, between stops linearly."""
@@ -90,7 +97,7 @@ class ColorRampEditor(QWidget):
         )
         return red, green, blue
 
-    def mousePressEvent(self, event: Any) -> None:
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Choose a colour, or remove it."""
         self._chosen = self._nearest(event.position())
         if event.button() == Qt.MouseButton.RightButton:
@@ -99,55 +106,55 @@ class ColorRampEditor(QWidget):
             self._dragging = self._chosen >= 0
         self.update()
 
-    def mouseMoveEvent(self, event: Any) -> None:
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag the chosen colour."""
         if self._dragging:
             self._move(self._density_at(event.position().x()))
 
-    def mouseReleaseEvent(self, event: Any) -> None:
-        """Let go."""
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """End the drag."""
         self._dragging = False
 
-    def mouseDoubleClickEvent(self, event: Any) -> None:
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a colour, or ask for another in place of one."""
         self._dragging = False
         self._chosen = self._nearest(event.position())
         if self._chosen >= 0:
-            self._ask()
+            self._change_chosen()
             return
         density = self._density_at(event.position().x())
-        color = self._asked(self.color_at(density))
+        color = self._ask_color(self.color_at(density))
         if color is not None and all(d != density for d, _ in self._stops):
             self._chosen = sum(d < density for d, _ in self._stops)
             self._stops.insert(self._chosen, (density, color))
-            self._tell()
+            self._emit()
 
-    def keyPressEvent(self, event: Any) -> None:
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move, change or remove the chosen colour."""
         steps = {Qt.Key.Key_Left: -1.0, Qt.Key.Key_Right: 1.0}
         if self._chosen < 0 and self._stops and event.key() in steps:
             self._chosen = 0
             self.update()
         elif self._chosen >= 0 and event.key() in steps:
-            x = self.place_of(self._stops[self._chosen][0]).x()
+            x = self.position(self._stops[self._chosen][0]).x()
             self._move(self._density_at(x + steps[event.key()]))
         elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Delete, Qt.Key.Key_Backspace):
             self._remove()
         elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
-            self._ask()
+            self._change_chosen()
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: Any) -> None:
-        """Draw the colours, and where they are held."""
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the ramp, and a circle for each colour."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setOpacity(1.0 if self.isEnabled() else 0.4)
         area = QRectF(MARGIN, 5.0, self.width() - 2 * MARGIN, self.height() - 10.0)
         shade = QLinearGradient(area.topLeft(), area.topRight())
         low, high = self._domain
-        for part in np.linspace(0.0, 1.0, 33):
-            shade.setColorAt(part, QColor.fromRgbF(*self.color_at(low + part**2 * (high - low))))
+        for share in np.linspace(0.0, 1.0, SHADES):
+            shade.setColorAt(share, QColor.fromRgbF(*self.color_at(low + share**2 * (high - low))))
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(shade)
         painter.drawRoundedRect(area, 3, 3)
@@ -155,43 +162,43 @@ class ColorRampEditor(QWidget):
         for k, (density, rgb) in enumerate(self._stops):
             painter.setPen(QPen(ink, 2.4 if k == self._chosen else 1.2))
             painter.setBrush(QColor.fromRgbF(*rgb))
-            painter.drawEllipse(self.place_of(density), 5.5, 5.5)
+            painter.drawEllipse(self.position(density), 5.5, 5.5)
         painter.end()
 
     def _density_at(self, x: float) -> float:
         low, high = self._domain
-        part = (x - MARGIN) / max(self.width() - 2 * MARGIN, 1.0)
-        return float(low + min(max(part, 0.0), 1.0) ** 2 * (high - low))
+        share = (x - MARGIN) / max(self.width() - 2 * MARGIN, 1.0)
+        return float(low + min(max(share, 0.0), 1.0) ** 2 * (high - low))
 
     def _nearest(self, position: QPointF) -> int:
-        far = [abs(self.place_of(d).x() - position.x()) for d, _ in self._stops]
-        best = int(np.argmin(far)) if far else -1
-        return best if best >= 0 and far[best] <= _GRAB else -1
+        distances = [abs(self.position(d).x() - position.x()) for d, _ in self._stops]
+        nearest = int(np.argmin(distances)) if distances else -1
+        return nearest if nearest >= 0 and distances[nearest] <= GRAB_PIXELS else -1
 
     def _move(self, density: float) -> None:
-        k, gap = self._chosen, _GAP * (self._domain[1] - self._domain[0])
+        k, gap = self._chosen, SMALLEST_GAP * (self._domain[1] - self._domain[0])
         below = self._stops[k - 1][0] + gap if k > 0 else -np.inf
         above = self._stops[k + 1][0] - gap if k + 1 < len(self._stops) else np.inf
         self._stops[k] = (float(max(min(density, above), below)), self._stops[k][1])
-        self._tell()
+        self._emit()
 
     def _remove(self) -> None:
         if self._chosen >= 0:
             del self._stops[self._chosen]
             self._chosen = -1
-            self._tell()
+            self._emit()
 
-    def _ask(self) -> None:
+    def _change_chosen(self) -> None:
         density, rgb = self._stops[self._chosen]
-        color = self._asked(rgb)
+        color = self._ask_color(rgb)
         if color is not None:
             self._stops[self._chosen] = (density, color)
-            self._tell()
+            self._emit()
 
-    def _asked(self, now: RGB) -> RGB | None:
+    def _ask_color(self, now: RGB) -> RGB | None:
         color = QColorDialog.getColor(QColor.fromRgbF(*now), self, "Colour of this density")
         return (color.redF(), color.greenF(), color.blueF()) if color.isValid() else None
 
-    def _tell(self) -> None:
+    def _emit(self) -> None:
         self.update()
         self.edited.emit(self.stops)

@@ -1,22 +1,25 @@
-"""Step 2: hues that neighbours in this view do not share, and what density shows.
-
-The names under which transfer functions are offered.
-"""
+"""Step 2: hues that neighbours in this view do not share, and what density shows."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QTimer
-from qtpy.QtWidgets import QCheckBox, QComboBox, QHBoxLayout
+from numpy.typing import ArrayLike
+from qtpy.QtCore import QSignalBlocker
+from qtpy.QtWidgets import QCheckBox, QComboBox
 
 from napari_unpack.widgets.background_options import BackgroundOptions
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor, Stop
-from napari_unpack.widgets.notifications import spoken
+from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.inspection_box import APPLY_MS
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
-from napari_unpack.widgets.section import Collapsible, Section, button, form
-from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.section import Collapsible, Section, button, form, row
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.appearance import TransferFunction
+    from napari_unpack.appearance.tints import Mode
+    from napari_unpack.session import Session
 
 AUTOMATIC = "Automatic"
 CUSTOM = "My own curve"
@@ -26,18 +29,20 @@ PRESETS = {
     "Dense: solids": "dense",
     "Metal": "metal",
 }
-"""Names here to names in `appearance.TransferFunction.preset`, all for CT numbers."""
+"""Titles of `TransferFunction.preset`, all for CT numbers."""
+
+MODES: dict[str, Mode] = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 
 
-def transfer_function(name: str, volume: Any) -> Any:
+def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
     """Make the transfer function of a name.
 
     Parameters
     ----------
     name : str
         `AUTOMATIC`, or a key of `PRESETS`.
-    volume : (Z, Y, X) ndarray
-        What the automatic one is fitted to.
+    volume : (Z, Y, X) array_like
+        The automatic one is fitted to its densities.
 
     Returns
     -------
@@ -57,21 +62,21 @@ def transfer_function(name: str, volume: Any) -> Any:
     return TransferFunction.preset(PRESETS[name])
 
 
-MODES = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
-_LIVE_MS = 40
-
-
 class ColorSection(Section):
     """Recolour, choose what is shown, edit the opacity curve.
 
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
     """
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__("2", "Colour")
-        self._workspace = workspace
+        self._workspace, self._settings = workspace, commands.settings
+        self._points: list[Point] | None = None
+        self._stops: list[Stop] | None = None
+        self._domain: tuple[float, float] | None = None
         self.recolor = button(
             "Recolour for this view",
             "Give objects that meet in this view hues that are far apart (C).",
@@ -89,45 +94,34 @@ class ColorSection(Section):
             "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
             "saturation and value, as in the paper."
         )
-        self.editor, self.strip = OpacityEditor(), ColorRampEditor()
-        more = Collapsible(
-            "Opacity curve, colours and veil",
-            "Which densities are shown and in which colours, by hand; matter of no object.",
-        )
+        self.editor, self.ramp = OpacityEditor(), ColorRampEditor()
         self.unlabelled = QCheckBox("Show matter of no object")
         self.unlabelled.setToolTip(
-            "Draw what is not part of any object, such as the bag itself, as a thin veil."
+            "Draw matter that belongs to no object, such as the bag itself, almost transparent."
         )
-        more.contents.addWidget(self.editor)
-        more.contents.addWidget(self.strip)
-        more.contents.addWidget(self.unlabelled)
-        self.curve = more
-        line = QHBoxLayout()
-        line.setSpacing(GAP)
-        line.addWidget(self.recolor, stretch=1)
+        self.curve = Collapsible(
+            "Opacity curve and colours",
+            "Which densities are shown and in which colours, by hand; matter of no object.",
+        )
+        for widget in (self.editor, self.ramp, self.unlabelled):
+            self.curve.contents.addWidget(widget)
+        self.background = BackgroundOptions(workspace, commands)
+        line = row(self.recolor)
         line.addWidget(self.at_rest)
         self.contents.addLayout(line)
         self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
-        self.picture = BackgroundOptions(workspace)
-        self.contents.addWidget(more)
-        self.contents.addWidget(self.picture)
+        self.contents.addWidget(self.curve)
+        self.contents.addWidget(self.background)
 
-        self._edited: list[Point] | None = None
-        self._colored: list[Stop] | None = None
-        self._live = QTimer(self)
-        self._live.setSingleShot(True)
-        self._live.setInterval(_LIVE_MS)
-        self._live.timeout.connect(self._apply_curve)
-        self._domain: tuple[float, float] | None = None
-        self.recolor.clicked.connect(lambda: self._workspace.recolor())
-        self.at_rest.toggled.connect(self._set_at_rest)
-        self.mode.currentTextChanged.connect(self._set_mode)
-        self.unlabelled.toggled.connect(self._set_unlabelled)
+        self.recolor.clicked.connect(lambda: commands.recolor())
+        self.at_rest.toggled.connect(self._settings.set_recolor_at_rest)
+        self.mode.currentTextChanged.connect(lambda name: self._settings.set_tint_mode(MODES[name]))
+        self.unlabelled.toggled.connect(self._settings.set_show_unlabelled)
         self.preset.activated.connect(lambda _: self._apply_preset())
-        self.editor.edited.connect(self._edit)
-        self.strip.edited.connect(self._edit_colors)
-        more.toggle.toggled.connect(lambda _: self._show_curve())
-        workspace.staged.connect(self._reload)
+        self.editor.edited.connect(self._edit_points)
+        self.ramp.edited.connect(self._edit_stops)
+        self.curve.toggle.toggled.connect(lambda _: self._show_curve())
+        workspace.switched.connect(self._reload)
         workspace.changed.connect(self._refresh)
         self._reload()
 
@@ -137,16 +131,15 @@ class ColorSection(Section):
         self.lock("Available after step 1." if controller is None else None)
         if controller is None:
             return
-        blocked = self.at_rest.blockSignals(True)
-        self.at_rest.setChecked(bool(controller.recolor_at_rest))
-        self.at_rest.blockSignals(blocked)
-        self._set_mode(self.mode.currentText())
-        self._set_unlabelled(self.unlabelled.isChecked())
+        with QSignalBlocker(self.at_rest):
+            self.at_rest.setChecked(bool(controller.recolor_at_rest))
+        self._settings.set_tint_mode(MODES[self.mode.currentText()])
+        self._settings.set_show_unlabelled(self.unlabelled.isChecked())
         self.preset.setCurrentText(AUTOMATIC)
         self._show_curve()
 
-    def _refresh(self, news: frozenset[str]) -> None:
-        if "transfer_function" in news:
+    def _refresh(self, change: Change) -> None:
+        if Change.TRANSFER_FUNCTION in change:
             self._show_curve()
 
     def _show_curve(self) -> None:
@@ -155,58 +148,44 @@ class ColorSection(Section):
             return
         shown = session.transfer_function
         low, high = shown.domain
+        # The axis only grows: a point dragged inwards must not move under the mouse.
         if self._domain is None or low < self._domain[0] or high > self._domain[1]:
             self._domain = (float(low), float(high))
             self.editor.show_histogram(histogram(session.volume, self._domain))
         self.editor.show_curve(shown.points, self._domain)
-        self.strip.show_colors(shown.colors, self._domain)
-
-    def _set_at_rest(self, on: bool) -> None:
-        if self._workspace.controller is not None:
-            self._workspace.controller.recolor_at_rest = on
-
-    def _set_mode(self, name: str) -> None:
-        if self._workspace.session is not None:
-            with spoken():
-                self._workspace.session.tint_mode = MODES[name]
-
-    def _set_unlabelled(self, shown: bool) -> None:
-        if self._workspace.session is not None:
-            self._workspace.session.show_unlabelled = shown
+        self.ramp.show_colors(shown.colors, self._domain)
 
     def _apply_preset(self) -> None:
-        session = self._workspace.session
         name = self.preset.currentText()
-        if session is None:
-            return
         if name == CUSTOM:
             self.curve.toggle.setChecked(True)
-            return
-        with spoken():
-            session.transfer_function = transfer_function(name, session.volume)
+        else:
+            self._settings.set_transfer_function(
+                lambda session: transfer_function(name, session.volume)
+            )
 
-    def _edit(self, points: list[Point]) -> None:
-        self._edited = points
+    def _edit_points(self, points: list[Point]) -> None:
+        self._points = points
         self._apply_soon()
 
-    def _edit_colors(self, stops: list[Stop]) -> None:
-        self._colored = stops
+    def _edit_stops(self, stops: list[Stop]) -> None:
+        self._stops = stops
         self._apply_soon()
 
     def _apply_soon(self) -> None:
         self.preset.setCurrentText(CUSTOM)
-        if not self._live.isActive():
-            self._live.start()
+        self._workspace.scheduler.throttle(self._apply_curve, APPLY_MS, self._apply_curve)
 
     def _apply_curve(self) -> None:
         from napari_unpack.appearance import TransferFunction
 
-        session = self._workspace.session
-        if session is None:
-            return
-        shown = session.transfer_function
-        points = shown.points if self._edited is None else self._edited
-        colors = shown.colors if self._colored is None else self._colored or None
-        self._edited = self._colored = None
-        with spoken():
-            session.transfer_function = TransferFunction(points, colors)
+        points, stops = self._points, self._stops
+        self._points = self._stops = None
+
+        def edited(session: Session) -> TransferFunction:
+            shown = session.transfer_function
+            # No stops at all mean white, which the transfer function writes as None.
+            colors = shown.colors if stops is None else stops or None
+            return TransferFunction(shown.points if points is None else points, colors)
+
+        self._settings.set_transfer_function(edited)

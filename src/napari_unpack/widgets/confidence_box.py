@@ -1,33 +1,45 @@
-"""Teach the confidence: mark good objects, train on them, keep and load what was learned."""
+"""Train the confidence: mark examples, train on them, load an oracle, go back to the default."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from qtpy.QtWidgets import QFileDialog
 
-from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.tasks import Progress, Task
+from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.section import Collapsible, button, label, row
 from napari_unpack.widgets.workspace import Workspace
 
+if TYPE_CHECKING:
+    from napari_unpack.segmentation import Oracle
+    from napari_unpack.session import Session
+
+    Scored = tuple[Oracle | None, Mapping[int, float]]
+
+SLOT = "confidence"
 FILES = "Oracle (*.npz)"
 NEEDED = 8
-"""So many marked objects `train_on_marked` asks for."""
+"""The fewest examples that `train_on_marked` accepts."""
 
-FEW, UNLIKE = 5, 0.01
-"""Of at least so many objects, nine in ten less sure than this: the oracle knows none of them."""
+FEWEST_SCORES, UNKNOWN_SCORE = 5, 0.01
+"""Where nine in ten of at least so many objects score lower than this, the oracle was trained on
+other kinds of objects: in bags like its own, at least the whole objects score near 1."""
 
 
 class ConfidenceBox(Collapsible):
-    """Mark, Train, Load and Default, behind one line under the table.
+    """Buttons to mark, train, load and restore, behind one line under the table.
 
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
     chosen : callable
         Returns the IDs selected in the table.
     rescored : callable
@@ -37,128 +49,146 @@ class ConfidenceBox(Collapsible):
     def __init__(
         self,
         workspace: Workspace,
+        commands: Commands,
         chosen: Callable[[], list[int]],
         rescored: Callable[[], None],
     ) -> None:
         super().__init__(
-            "Confidence", "Teach what a whole object looks like, from objects that you mark good."
+            "Confidence", "Train what a whole object looks like, on examples that you mark."
         )
-        self._workspace = workspace
+        self._workspace, self._commands = workspace, commands
         self._chosen = chosen
         self._rescored = rescored
-        self._oracle: Any = None
-        self._subject: Any = None
-        self.job = Job(self)
-        self.told = label("", "hint", wrap=True)
-        self.mark = button("Mark good", "The selected objects are examples of whole objects (✓).")
-        self.unmark = button("Unmark", "The selected objects are no examples any more.")
-        self.train = button(
-            "Train…", "Learn the confidence from the objects marked good, and save it to a file."
+        self._oracle: Oracle | None = None
+        self.sentence = label("", "hint", wrap=True)
+        self.mark = button(
+            "Mark as example", "Mark the selected objects as examples of whole objects (✓)."
         )
-        self.load = button("Load…", "Judge by a confidence that was trained before.")
-        self.restore = button("Default", "Judge by the confidence that comes with the plugin.")
-        self.contents.addWidget(self.told)
+        self.unmark = button("Unmark", "Remove the mark from the selected objects.")
+        self.train = button("Train…", "Train an oracle on the examples, and save it to a file.")
+        self.load = button("Load…", "Use an oracle that was trained before.")
+        self.restore = button("Default", "Use the oracle that comes with the plugin.")
+        self.contents.addWidget(self.sentence)
         self.contents.addLayout(row(self.mark, self.unmark))
         self.contents.addLayout(row(self.train, self.load, self.restore))
         self.mark.clicked.connect(lambda: self._mark(True))
         self.unmark.clicked.connect(lambda: self._mark(False))
         self.train.clicked.connect(self._ask_where_to_save)
         self.load.clicked.connect(self._ask_what_to_load)
-        self.restore.clicked.connect(lambda: self.judge_by(None))
-        self.job.ended.connect(self._finish)
-        workspace.staged.connect(self._follow_controller)
+        self.restore.clicked.connect(lambda: self.use_oracle(None))
+        workspace.switched.connect(self._follow)
         self.refresh()
 
     def refresh(self) -> None:
         """Say how many objects are marked, and enable what can be done."""
         session = self._workspace.session
         marked = frozenset() if session is None else session.examples
-        whose = "your confidence" if self._oracle is not None else "the default confidence"
-        if self.job.running:
-            self.told.setText("Working…")
+        oracle = "your own" if self._oracle is not None else "the default"
+        if self.running:
+            self.sentence.setText("Working…")
         else:
             wanted = f", training needs {NEEDED}" if 0 < len(marked) < NEEDED else ""
-            said = f"{len(marked)} marked good{wanted}. Judged by {whose}."
-            self.told.setText(said + self._doubt())
-        some = set() if session is None else set(self._chosen())
-        idle = session is not None and not self.job.running
-        self.mark.setEnabled(idle and bool(some - marked))
-        self.unmark.setEnabled(idle and bool(some & marked))
+            count = "1 example" if len(marked) == 1 else f"{len(marked)} examples"
+            self.sentence.setText(f"{count}{wanted}. Scored by {oracle} oracle.{self._doubt()}")
+        chosen = set() if session is None else set(self._chosen())
+        idle = session is not None and not self.running
+        self.mark.setEnabled(idle and bool(chosen - marked))
+        self.unmark.setEnabled(idle and bool(chosen & marked))
         self.train.setEnabled(idle and len(marked) >= NEEDED)
         self.load.setEnabled(idle)
         self.restore.setEnabled(idle and self._oracle is not None)
 
     def _doubt(self) -> str:
-        """Return what to say where the confidence has never seen anything like these objects."""
+        """Return a warning where the oracle was trained on other kinds of objects."""
         session = self._workspace.session
         if session is None or "confidence" not in session.objects:
             return ""
         scores = session.objects["confidence"].to_numpy(float)
         known = scores[~np.isnan(scores)]
-        if len(known) < FEW or np.quantile(known, 0.9) > UNLIKE:
+        if len(known) < FEWEST_SCORES or np.quantile(known, 0.9) > UNKNOWN_SCORE:
             return ""
-        return " It was taught on other things than these: mark good ones and train your own."
+        return " It was trained on other kinds of objects: mark examples and train your own."
 
-    def _mark(self, good: bool) -> None:
-        self._workspace.mark_examples(self._chosen(), good)
+    def _mark(self, examples: bool) -> None:
+        self._commands.mark_examples(self._chosen(), examples)
         self.refresh()
 
     def _ask_where_to_save(self) -> None:
-        path, _ = QFileDialog.getSaveFileName(self, "Train on the marked", "oracle.npz", FILES)
+        path, _ = QFileDialog.getSaveFileName(self, "Train on the examples", "oracle.npz", FILES)
         if path:
             self.train_to(path if path.endswith(".npz") else f"{path}.npz")
 
     def _ask_what_to_load(self) -> None:
-        path, _ = QFileDialog.getOpenFileName(self, "Load a confidence", "", FILES)
+        path, _ = QFileDialog.getOpenFileName(self, "Load an oracle", "", FILES)
         if path:
-            self.judge_by(path)
+            self.use_oracle(path)
 
     def train_to(self, path: str) -> None:
-        """Train on the marked objects, save the result and judge by it."""
-        session = self._workspace.session
-        labels, good = session.labels, session.examples
+        """Train an oracle on the marked objects, save it and use it.
 
-        def work(progress: Progress) -> tuple[Any, Mapping[int, float]]:
+        Parameters
+        ----------
+        path : str
+            File to write.
+        """
+        session = self._workspace.session
+        if session is None:
+            return
+        labels, examples = session.labels, session.examples
+
+        def work(progress: Progress) -> Scored:
             from napari_unpack.segmentation.training import train_on_marked
 
-            progress(0.0, "Learning")
-            oracle = train_on_marked(session.volume, labels, session.spacing, good)
+            progress(0.0, "Training")
+            oracle = train_on_marked(session.volume, labels, tuple(session.spacing), examples)
             oracle.save(path)
             return oracle, _scores(session, labels, oracle)
 
         self._begin(session, work)
 
-    def judge_by(self, path: str | None) -> None:
-        """Judge by the confidence in a file; None is the one that comes with the plugin."""
+    def use_oracle(self, path: str | None) -> None:
+        """Use the oracle in a file; None is the one that comes with the plugin."""
         session = self._workspace.session
+        if session is None:
+            return
         labels = session.labels
 
-        def work(progress: Progress) -> tuple[Any, Mapping[int, float]]:
+        def work(progress: Progress) -> Scored:
             from napari_unpack.segmentation import Oracle
 
-            progress(0.0, "Judging")
+            progress(0.0, "Scoring")
             oracle = None if path is None else Oracle.load(path)
             return oracle, _scores(session, labels, oracle)
 
         self._begin(session, work)
 
-    def _begin(self, session: Any, work: Callable[[Progress], Any]) -> None:
-        if self.job.running:
-            return
-        self._subject = session
-        self.job.start(work)
+    @property
+    def running(self) -> bool:
+        """Whether an oracle is being trained or used."""
+        return self._workspace.scheduler.has(SLOT)
+
+    def _begin(self, session: Session, work: Callable[[Progress], Scored]) -> None:
+        if not self.running:
+            finish = partial(self._finish, session)
+            task = Task(object(), work)
+            self._workspace.scheduler.submit(
+                task, Worker.LONG, finish, failed=self._fail, slot=SLOT
+            )
+            self.refresh()
+
+    def _finish(self, session: Session, scored: Scored) -> None:
+        with notifications.errors_shown():
+            self._oracle, scores = scored
+            session.use_oracle(self._oracle, scores)
+            self._rescored()
         self.refresh()
 
-    def _finish(self, outcome: TaskResult[Any]) -> None:
-        session, self._subject = self._subject, None
-        if not outcome.cancelled:
-            with notifications.spoken():
-                self._oracle, scores = outcome.get()
-                session.use_oracle(self._oracle, scores)
-                self._rescored()
+    def _fail(self, error: Exception) -> None:
+        notifications.show_error(error)
         self.refresh()
 
-    def _follow_controller(self) -> None:
+    def _follow(self) -> None:
+        """Score the objects of a newly shown session by the oracle in use."""
         session, oracle = self._workspace.session, self._oracle
         if session is not None and oracle is not None:
             labels = session.labels
@@ -166,7 +196,8 @@ class ConfidenceBox(Collapsible):
         self.refresh()
 
 
-def _scores(session: Any, labels: Any, oracle: Any) -> dict[int, float]:
+def _scores(session: Session, labels: NDArray[Any], oracle: Oracle | None) -> dict[int, float]:
+    """Score the objects; the labels are those of when it was asked, since repairs replace them."""
     from napari_unpack.segmentation.object_table import confidences
 
     z, y, x = (float(v) for v in session.spacing)

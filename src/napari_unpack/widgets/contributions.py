@@ -1,24 +1,33 @@
-"""Saved sessions dropped on napari: they open in the panel, on the stage.
-
-Two commands on any Labels layer: distinct colours for this view, and the old ones back.
-
-A simulated packed bag as napari sample data.
-"""
+"""What the manifest offers beside the panel: two commands, sample data, a reader of sessions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import napari
 from napari.layers import Labels
 
 from napari_unpack.tasks import Progress
-from napari_unpack.widgets.notifications import inform, spoken
+from napari_unpack.widgets.notifications import errors_shown, inform
+
+if TYPE_CHECKING:
+    import napari
+    from napari.qt.threading import FunctionWorker
+
+LayerData = tuple[Any, ...]
+"""As napari's readers return layers: (data, attributes, layer type)."""
+
+READ_ELSEWHERE: list[LayerData] = [(None,)]
+"""napari's answer of a reader that needs no layers added."""
+
+PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
+
+SAMPLE_SHAPE, SAMPLE_COUNT = (96, 120, 144), 18
+"""Voxels and objects of the sample: segmented in seconds, yet some objects block others."""
 
 
-def distinct_colors(viewer: napari.Viewer) -> Any:
+def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
     """Give objects that are near one another in the view colours that are far apart.
 
     Parameters
@@ -29,18 +38,18 @@ def distinct_colors(viewer: napari.Viewer) -> Any:
     Returns
     -------
     worker or None
-        What works out the colours; None where there is no such layer.
+        It works out the colours; None where there is no such layer.
     """
     from napari.qt.threading import create_worker
 
     from napari_unpack.viewer.view_colors import put_on, question
 
-    layer = _layer(viewer)
+    layer = _labels_layer(viewer)
     if layer is None:
         return None
-    with spoken():
+    with errors_shown():
         asked = question(viewer, layer)
-        worker: Any = create_worker(
+        worker: FunctionWorker = create_worker(
             asked.answer, _start_thread=False, _progress={"desc": "Distinct colours"}
         )
         worker.returned.connect(
@@ -61,12 +70,12 @@ def restore_colors(viewer: napari.Viewer) -> None:
     """
     from napari_unpack.viewer.view_colors import give_back
 
-    layer = _layer(viewer)
+    layer = _labels_layer(viewer)
     if layer is not None and not give_back(layer):
-        inform(f"{layer.name} has the colours it always had.")
+        inform(f"The colours of {layer.name} have not been changed.")
 
 
-def _layer(viewer: napari.Viewer) -> Labels | None:
+def _labels_layer(viewer: napari.Viewer) -> Labels | None:
     active = viewer.layers.selection.active
     if isinstance(active, Labels):
         return active
@@ -79,17 +88,13 @@ def _layer(viewer: napari.Viewer) -> Labels | None:
     return None
 
 
-SHAPE = (96, 120, 144)
-COUNT = 18
-
-
 def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerData]:
     """Simulate a small bag and its true objects.
 
     Parameters
     ----------
     seed : int
-        Which bag.
+        Each makes another bag.
     progress : callable, optional
         Takes (fraction in [0, 1], text); raises to cancel.
 
@@ -101,38 +106,18 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     """
     from napari_unpack.simulation import simulate_bag
 
-    bag = simulate_bag(seed=seed, shape=SHAPE, count=COUNT, progress=progress)
+    bag = simulate_bag(seed=seed, shape=SAMPLE_SHAPE, count=SAMPLE_COUNT, progress=progress)
     placed = {"scale": tuple(float(s) for s in bag.spacing), "units": ("mm",) * 3}
-    return [
-        (
-            bag.labels,
-            {
-                "name": "Packed bag, true objects",
-                "visible": False,
-                "features": {"index": list(bag.objects.index), "name": list(bag.objects["name"])},
-                **placed,
-            },
-            "labels",
-        ),
-        (
-            bag.volume,
-            {
-                "name": "Packed bag",
-                "colormap": "gray",
-                "contrast_limits": (0, 3000),
-                "rendering": "attenuated_mip",
-                **placed,
-            },
-            "image",
-        ),
-    ]
-
-
-LayerData = tuple[Any, ...]
-NOTHING: list[LayerData] = [(None,)]
-"""What napari takes for a reader that has seen to everything itself."""
-
-PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
+    features = {"index": list(bag.objects.index), "name": list(bag.objects["name"])}
+    truth = {"name": "Packed bag, true objects", "visible": False, "features": features}
+    shown = {
+        "name": "Packed bag",
+        "colormap": "gray",
+        # From air to dense plastic; metal alone is brighter.
+        "contrast_limits": (0, 3000),
+        "rendering": "attenuated_mip",
+    }
+    return [(bag.labels, truth | placed, "labels"), (bag.volume, shown | placed, "image")]
 
 
 def get_session_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
@@ -153,7 +138,7 @@ def get_session_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerD
 
 
 def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
-    """Open a session in the panel; without a window, as an Image and Labels.
+    """Open a session in the panel; without a viewer, as an Image and Labels.
 
     Parameters
     ----------
@@ -163,7 +148,7 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     Returns
     -------
     list of (data, attributes, layer type)
-        Nothing where the panel opens it, in a worker.
+        No layers where the panel opens the session, in a worker.
     """
     from napari import current_viewer
 
@@ -172,7 +157,7 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     if viewer is not None:
         _, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
         panel.files.open_from(first)
-        return NOTHING
+        return READ_ELSEWHERE
     return _layers(first)
 
 

@@ -1,4 +1,4 @@
-"""The directions in which objects may leave, by name."""
+"""The directions in which objects may leave, by name and in words."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from napari_unpack.geometry.axes import unit
+from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.view import Camera
 
 Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
 ALONG_ARROW = "Along arrow"
+"""Shown for a direction that was drawn, or that has no name."""
+
 DIRECTIONS: dict[str, Direction] = {
     TOWARDS_ME: None,
     "Out of the bag": "up",
@@ -25,8 +27,11 @@ DIRECTIONS: dict[str, Direction] = {
 """As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up."""
 
 
-WAYS = (("towards you", "away from you"), ("down", "up"), ("to the right", "to the left"))
-"""Of the axes of the picture, along them and against them."""
+WORDS = (("towards you", "away from you"), ("down", "up"), ("to the right", "to the left"))
+"""Along the axes of pivot space, and against them."""
+
+LEAST_COMPONENT = 0.25
+"""Smaller components of a unit vector are not named: below 15 degrees nobody would say them."""
 
 
 def name_of(direction: Direction) -> str | None:
@@ -34,22 +39,22 @@ def name_of(direction: Direction) -> str | None:
     return next((name for name, each in DIRECTIONS.items() if each == direction), None)
 
 
-def words_of(direction: Sequence[float], camera: Camera) -> str:
-    """Say which way a direction points as the bag is seen now: "up", "to the left and up".
+def words_of(direction: Sequence[float] | Vector, camera: Camera) -> str:
+    """Return a direction in words as the bag is seen now: "up", "to the left and up".
 
     Parameters
     ----------
     direction : (3,) sequence of float
         World, z y x.
     camera : Camera
-        Of the session.
 
     Returns
     -------
     str
-        Its largest part first.
+        The largest component first.
     """
     vector = unit(camera.linear @ np.asarray(direction, dtype=float))
-    parts = [k for k in np.argsort(-np.abs(vector), kind="stable") if abs(vector[k]) > 0.25]
-    words = [WAYS[k][int(vector[k] < 0)] for k in parts]
+    order = np.argsort(-np.abs(vector), kind="stable")
+    axes = [k for k in order if abs(vector[k]) > LEAST_COMPONENT]
+    words = [WORDS[k][int(vector[k] < 0)] for k in axes]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

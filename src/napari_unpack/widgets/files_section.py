@@ -1,7 +1,4 @@
-"""Step 5: keep what was done: sessions, pictures, films, tables.
-
-What a session can be exported as.
-"""
+"""Step 5: save and open sessions; export pictures, movies, reports and tables."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
@@ -21,27 +18,28 @@ from napari_unpack.widgets.section import Collapsible, Section, button, form, ro
 from napari_unpack.widgets.task_progress import TaskProgress
 from napari_unpack.widgets.workspace import Workspace
 
+if TYPE_CHECKING:
+    from napari_unpack.geometry.axes import Matrix
+    from napari_unpack.session import Session
+
 
 @dataclass(frozen=True)
-class Prints:
-    """How pictures and films are made.
+class ExportOptions:
+    """How pictures and movies are made.
 
     Parameters
     ----------
     size : (int, int)
         Height and width, pixels.
     fps : int
-        Pictures a second.
+        Frames a second.
     seconds : float
-        Of one flight.
-    backend : str
-        Who casts; workers have no GL context of the viewer's, "gl" is made headless.
+        Duration of one flight.
     """
 
     size: tuple[int, int]
     fps: int
     seconds: float
-    backend: str
 
 
 @dataclass(frozen=True)
@@ -55,36 +53,39 @@ class Export:
     suffixes : tuple of str
         Of its files, the usual one first.
     write : callable
-        (session, path, prints, progress) -> path; runs in a worker and changes no session.
+        (session, path, options, progress) -> path; runs in a worker and changes no session.
     """
 
     title: str
     suffixes: tuple[str, ...]
-    write: Callable[[Any, Path, Prints, Progress], Path]
+    write: Callable[[Session, Path, ExportOptions, Progress], Path]
 
 
-def _picture(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+# Workers have no GL context of the viewer's, so exports are drawn by the processor.
+
+
+def _picture(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import copy_session
     from napari_unpack.rendering.compose import scene_image
 
     progress(0.0, "Drawing the picture")
     shown = copy_session(session, packed=False).scene()
-    image = scene_image(shown, session.camera, prints.size, backend="cpu")
+    image = scene_image(shown, session.camera, options.size, backend="cpu")
     progress(0.9, "Writing the picture")
     return save_png(image, path)
 
 
-def _film(kind: str) -> Callable[[Any, Path, Prints, Progress], Path]:
-    def write(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+def _movie(kind: str) -> Callable[[Session, Path, ExportOptions, Progress], Path]:
+    def write(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
         from napari_unpack.io import movie
 
         return movie(
             session,
             path,
-            size=prints.size,
-            fps=prints.fps,
-            seconds=prints.seconds,
+            size=options.size,
+            fps=options.fps,
+            seconds=options.seconds,
             backend="cpu",
             progress=progress,
             kind=kind,
@@ -93,35 +94,34 @@ def _film(kind: str) -> Callable[[Any, Path, Prints, Progress], Path]:
     return write
 
 
-def _page(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+def _report(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io import save_objects_page
 
     return save_objects_page(session, path, path.stem, progress, backend="cpu")
 
 
-def _csv(session: Any, path: Path, prints: Prints, progress: Progress) -> Path:
+def _table(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io import save_objects_csv
 
     progress(0.0, "Writing the table")
     return save_objects_csv(session.objects, path)
 
 
-FILMS = (".mp4", ".gif")
+MOVIES = (".mp4", ".gif")
 EXPORTS = (
     Export("Picture", (".png",), _picture),
-    Export("Film of the unpacking", FILMS, _film("unpacking")),
-    Export("Film of the bag turning", FILMS, _film("turntable")),
-    Export("Objects as web page", (".html",), _page),
-    Export("Objects as table", (".csv",), _csv),
+    Export("Movie of the unpacking", MOVIES, _movie("unpacking")),
+    Export("Movie of the bag turning", MOVIES, _movie("turntable")),
+    Export("Objects as web page", (".html",), _report),
+    Export("Objects as table", (".csv",), _table),
 )
-
 
 WHOLE = "Session with its volume (*.unpack)"
 REFERRING = "Small session that refers to the volume's file (*.unpack)"
 
 
 class FilesSection(Section):
-    """Save and open sessions, and export; all in a worker, with progress and cancel.
+    """Save, open and export in a worker, with progress and cancel.
 
     Parameters
     ----------
@@ -132,9 +132,11 @@ class FilesSection(Section):
         super().__init__("5", "Files")
         self._workspace = workspace
         self._then: Callable[[Any], None] = lambda result: None
-        self.open = button("Open session…", "Go on where a saved session stopped.")
-        self.save = button("Save session…", "Keep everything, to go on another day.")
-        self.export = button("Export…", "Write a picture, a film, or the table of objects.")
+        self.open = button("Open session…", "Continue a saved session.")
+        self.save = button("Save session…", "Save everything, to continue another day.")
+        self.export = button(
+            "Export…", "Write a picture, a movie, a web page or the table of objects."
+        )
         self.menu = QMenu(self)
         for kind in EXPORTS:
             self.menu.addAction(f"{kind.title}…").triggered.connect(partial(self._ask, kind))
@@ -143,26 +145,26 @@ class FilesSection(Section):
         self.fps = QSpinBox()
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
-        self.fps.setToolTip("Pictures a second of films.")
-        self.waiting = TaskProgress(workspace.scheduler, "Stop; no half file is left.")
+        self.fps.setToolTip("Frames a second of movies.")
+        self.progress = TaskProgress(workspace.scheduler, "Stop; no unfinished file is left.")
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)
         self.save.clicked.connect(self._ask_save)
-        self.waiting.ended.connect(self._finish)
-        workspace.staged.connect(self._refresh)
+        self.progress.ended.connect(self._finish)
+        workspace.switched.connect(self._refresh)
         self._refresh()
 
     def _arrange(self) -> None:
         self.contents.addLayout(row(self.open, self.save))
         self.contents.addWidget(self.export)
-        more = Collapsible("Size of pictures and films", "How large exports are, and how smooth.")
+        more = Collapsible("Size of pictures and movies", "How large exports are, and how smooth.")
         more.contents.addLayout(form(Width=self.width_px, Height=self.height_px, Fps=self.fps))
         self.contents.addWidget(more)
-        self.contents.addWidget(self.waiting)
+        self.contents.addWidget(self.progress)
 
     def _refresh(self) -> None:
-        idle = not self.waiting.running
+        idle = not self.progress.running
         self.open.setEnabled(idle)
         for control in (self.save, self.export):
             control.setEnabled(idle and self._workspace.session is not None)
@@ -181,60 +183,68 @@ class FilesSection(Section):
         from napari_unpack.layers.placement import standing
 
         files = self._files() if refer else {}
-        session, packed = self._workspace.session, self._workspace.controller.packed
-        files["standing"] = standing(packed, session.spacing)
+        controller = self._workspace.controller
+        if controller is None:
+            return
+        session = controller.session
+        files["standing"] = standing(controller.packed, session.spacing)
         work = partial(save_session, session, path, copy=not refer, **files)
         self._begin(lambda progress: work(progress=progress), self._say_written)
 
     def open_from(self, path: str | Path) -> None:
-        """Open a session in a worker, and put it on the stage."""
+        """Open a session in a worker, and show it in the 3D view."""
         from napari_unpack.io import open_session
         from napari_unpack.io.sessions import standing_of
 
         self._begin(
             lambda progress: (open_session(path, progress=progress), standing_of(path)),
-            lambda found: self._put_on_controller(found[0], found[1], Path(path).stem),
+            lambda found: self._show(found[0], found[1], Path(path).stem),
         )
 
     def export_to(self, kind: Export, path: str | Path) -> None:
-        """Write an export in a worker; the view is not disturbed."""
-        prints = Prints(
-            (self.height_px.value(), self.width_px.value()),
-            self.fps.value(),
-            self._workspace.controller.seconds,
-            self._workspace.controller.backend,
-        )
-        work = partial(kind.write, self._workspace.session, Path(path), prints)
-        self._begin(lambda progress: work(progress), self._say_written)
+        """Write an export in a worker; the view is not disturbed.
+
+        Parameters
+        ----------
+        kind : Export
+        path : str or Path
+        """
+        session = self._workspace.session
+        if session is None:
+            return
+        size = self.height_px.value(), self.width_px.value()
+        options = ExportOptions(size, self.fps.value(), session.seconds)
+        self._begin(partial(kind.write, session, Path(path), options), self._say_written)
 
     def end(self) -> None:
         """Stop all work."""
-        self.waiting.stop()
+        self.progress.stop()
 
     def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
-        if self.waiting.running:
+        if self.progress.running:
             notifications.inform("Wait for the file that is being written, or cancel it.")
             return
         self._then = then
-        self.waiting.begin(work)
+        self.progress.begin(work)
         self._refresh()
 
     def _finish(self, outcome: TaskResult[Any]) -> None:
         self._refresh()
         if not outcome.cancelled:
-            with notifications.spoken(ImportError):
+            # A format may need a package that is not installed.
+            with notifications.errors_shown(ImportError):
                 self._then(outcome.get())
 
-    def _say_written(self, path: Any) -> None:
+    def _say_written(self, path: Path | str) -> None:
         self.set_status(f"{Path(path).name} written")
 
-    def _put_on_controller(self, session: Any, affine: Any, name: str) -> None:
+    def _show(self, session: Session, affine: Matrix | None, name: str) -> None:
         from napari_unpack.io.session_json import given_labels
 
-        # The viewer is where an inspection is looked at; it begins with the whole bag.
+        # A session saved during an inspection opens with the whole bag.
         session.leave()
-        liked, camera = preferences(), session.camera
-        session.backend = liked.backend
+        preferred, camera = preferences(), session.camera
+        session.backend = preferred.backend
         viewer = self._workspace.viewer
         placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
         placed |= {"affine": affine, "visible": False}
@@ -245,16 +255,17 @@ class FilesSection(Section):
             sources=(image, labels),
             camera=camera,
             seconds=session.seconds,
-            backend=liked.backend,
-            recolor_at_rest=liked.recolor_at_rest,
+            backend=preferred.backend,
+            recolor_at_rest=preferred.recolor_at_rest,
         )
         self.set_status(f"{name} opened")
 
     def _files(self) -> dict[str, Any]:
-        """Return the files of the stage's own layers, where they came from files."""
+        """Return the files that the layers of the session were read from, if any."""
         found: dict[str, Any] = {}
-        for layer in self._workspace.controller.sources:
-            path = getattr(layer.source, "path", None)
+        controller = self._workspace.controller
+        for layer in () if controller is None else controller.sources:
+            path = layer.source.path
             if path:
                 found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path
         return found
@@ -271,13 +282,13 @@ class FilesSection(Section):
         forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
         path, chosen = QFileDialog.getSaveFileName(self, "Save session", "", ";;".join(forms))
         if path:
-            self.save_to(_with_suffix(path, ".unpack"), refer=chosen == REFERRING)
+            self.save_to(with_suffix(path, ".unpack"), refer=chosen == REFERRING)
 
     def _ask(self, kind: Export, _checked: bool = False) -> None:
         suffixes = " ".join(f"*{suffix}" for suffix in kind.suffixes)
         path, _ = QFileDialog.getSaveFileName(self, kind.title, "", f"{kind.title} ({suffixes})")
         if path:
-            self.export_to(kind, _with_suffix(path, *kind.suffixes))
+            self.export_to(kind, with_suffix(path, *kind.suffixes))
 
 
 def _pixels(value: int) -> QSpinBox:
@@ -285,11 +296,11 @@ def _pixels(value: int) -> QSpinBox:
     made.setRange(64, 7680)
     made.setSingleStep(64)
     made.setValue(value)
-    made.setToolTip("Pixels of exported pictures and films.")
+    made.setToolTip("Pixels of exported pictures and movies.")
     return made
 
 
-def _with_suffix(path: str, *suffixes: str) -> Path:
-    """Return a path with the first of some suffixes where it has none of them."""
+def with_suffix(path: str, *suffixes: str) -> Path:
+    """Return a path, with the first of the suffixes where it has none of them."""
     found = Path(path)
     return found if found.suffix.lower() in suffixes else found.with_name(found.name + suffixes[0])

@@ -8,7 +8,7 @@ from qtpy.QtCore import QObject, QTimer, Signal
 
 from napari_unpack.tasks import TaskResult
 from napari_unpack.widgets.job import Job
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
 
 REST_MS = 350
 
@@ -38,7 +38,7 @@ class FreeWatch(QObject):
         self._rest.setInterval(REST_MS)
         self._rest.timeout.connect(self._ask)
         self._job.ended.connect(self._take)
-        workspace.staged.connect(self._wait)
+        workspace.switched.connect(self._wait)
         workspace.changed.connect(self._hear)
 
     def end(self) -> None:
@@ -46,15 +46,16 @@ class FreeWatch(QObject):
         self._rest.stop()
         self._asked = None
 
-    def _hear(self, news: frozenset[str]) -> None:
-        if news & {"states", "view", "queue"}:
-            if self._workspace.session.direction != self._along:
+    def _hear(self, news: Change) -> None:
+        if news & (Change.STATES | Change.VIEW | Change.QUEUE):
+            session = self._workspace.session
+            if session is not None and session.direction != self._along:
                 # Another way out: what was said of the last one says nothing of this.
                 self.known.emit(None)
             self._wait()
 
     def _wait(self) -> None:
-        if self._workspace.controller is None:
+        if self._workspace.session is None:
             self._rest.stop()
             self.known.emit(None)
         else:
@@ -88,6 +89,8 @@ class FreeWatch(QObject):
     def _tell(self) -> None:
         """Tell who is free of what is still in the bag, also while the queue is being used up."""
         session = self._workspace.session
+        if session is None:
+            return
         # The queue comes up to date, which may name the least blocked for want of a free one.
         session.unpackable()
         self.known.emit(frozenset(int(i) for group in session.unpackable_groups() for i in group))

@@ -1,22 +1,37 @@
-"""Beside an object that is studied alone: its facts, its opacity, a cut, and what is in it."""
+"""Beside an inspected object: its facts, its opacity, a cut, and a button that opens it."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from qtpy.QtCore import Qt, QTimer
+from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.session.errors import percent
-from napari_unpack.tasks import TaskResult
-from napari_unpack.widgets.job import Job
-from napari_unpack.widgets.notifications import spoken
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.widgets.commands import Commands, objects_in
+from napari_unpack.widgets.notifications import errors_shown, show_error
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.workspace import Workspace
 
-_LIVE_MS = 40
+if TYPE_CHECKING:
+    from napari_unpack.geometry.axes import Vector
+    from napari_unpack.rendering.object_style import Facts
+    from napari_unpack.session import Session
+
+SLOT = "facts of the inspected object"
+
+APPLY_MS = 40
+"""A drag is applied 25 times a second: about as often as the object can be drawn."""
+
+NAMED_NEIGHBOURS = 4
+"""Of what touched an object the largest contacts are named; more would fill the panel."""
 
 
 class InspectionBox(QWidget):
@@ -25,125 +40,115 @@ class InspectionBox(QWidget):
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
     """
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__()
         self._workspace = workspace
-        self._shown = 0
-        self._job = Job(self)
-        self._job.ended.connect(self._tell)
+        self._inspected = 0
+        self._points: list[Point] | None = None
         self.facts = label("", "hint", wrap=True)
         self.facts.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.editor = OpacityEditor()
         self.cut = QSlider(Qt.Orientation.Horizontal)
         self.cut.setRange(0, 100)
         self.cut.setToolTip("Cut the object open from your side; turn it to see the cut.")
-        self.open = button("Open", "Take out what is inside it, as a bag of its own.", True)
-        self.plain = button("Reset", "Show it as in the bag again: no own curve, no cut.")
+        self.open = button("Open", "Show what is inside the object as a bag of its own.", True)
+        self.reset = button("Reset", "Remove the cut and the object's own opacity curve.")
         contents = column(self)
         contents.addWidget(self.facts)
         contents.addWidget(self.editor)
         contents.addLayout(form(Cut=self.cut))
-        contents.addLayout(row(self.open, self.plain))
-        self._edited: list[Point] | None = None
-        self._live = QTimer(self)
-        self._live.setSingleShot(True)
-        self._live.setInterval(_LIVE_MS)
-        self._live.timeout.connect(self._apply)
+        contents.addLayout(row(self.open, self.reset))
         self.editor.edited.connect(self._edit)
-        self.cut.valueChanged.connect(lambda _: self._start())
-        self.open.clicked.connect(lambda: workspace.open_object(self._shown))
-        self.plain.clicked.connect(self._reset)
-        workspace.changed.connect(self._follow)
-        workspace.staged.connect(self._follow)
+        self.cut.valueChanged.connect(lambda _: self._apply_soon())
+        self.open.clicked.connect(lambda: commands.open_container(self._inspected))
+        self.reset.clicked.connect(self._reset)
+        workspace.changed.connect(lambda _: self._follow())
+        workspace.switched.connect(self._follow)
         self.hide()
 
-    def _follow(self, _news: Any = None) -> None:
+    def _follow(self) -> None:
         session = self._workspace.session
-        states = {} if session is None else session.states
-        now = next((i for i, state in states.items() if state.name == "INSPECTED"), 0)
-        if now == self._shown:
+        inspected = next(iter(objects_in(session, ObjectState.INSPECTED)), 0)
+        if inspected == self._inspected:
             return
-        self._shown = now
-        self._live.stop()
-        self.setVisible(bool(now))
-        if now:
-            self._load()
+        self._inspected = inspected
+        self._workspace.scheduler.forget(self._apply)
+        self.setVisible(bool(inspected))
+        if session is not None and inspected:
+            self._load(session, inspected)
 
-    def _load(self) -> None:
+    def _load(self, session: Session, object_id: int) -> None:
         from napari_unpack.rendering.object_style import facts_of
 
-        session, object_id = self._workspace.session, self._shown
         self.facts.setText("…")
-        if not self._job.running:
-            self._job.start(lambda _progress: (object_id, facts_of(session, object_id)))
+        task = Task(object(), lambda _: facts_of(session, object_id))
+        show = partial(self._show_facts, session, object_id)
+        self._workspace.scheduler.submit(task, Worker.LONG, show, failed=show_error, slot=SLOT)
         function = session.transfer_function_of(object_id)
         low, high = (float(v) for v in function.domain)
         window = session.boxes.slices(object_id)
         inside = session.labels[window] == object_id
         self.editor.show_histogram(histogram(session.volume[window][inside], (low, high)))
         self.editor.show_curve(function.points, (low, high))
-        blocked = self.cut.blockSignals(True)
-        self.cut.setValue(0)
-        self.cut.blockSignals(blocked)
-        self._edited = None
+        with QSignalBlocker(self.cut):
+            self.cut.setValue(0)
+        self._points = None
 
-    def _tell(self, outcome: TaskResult[Any]) -> None:
-        if not self._shown or self._workspace.session is None:
-            return
-        with spoken():
-            object_id, facts = outcome.get()
-            if object_id != self._shown:
-                self._load()
-                return
-            names = self._workspace.session.objects["name"]
+    def _show_facts(self, session: Session, object_id: int, facts: Facts) -> None:
+        if session is self._workspace.session and object_id == self._inspected:
+            names = session.objects["name"]
             self.facts.setText(describe(facts, [str(names[i]) for i in facts.neighbours]))
 
     def _edit(self, points: list[Point]) -> None:
-        self._edited = points
-        self._start()
+        self._points = points
+        self._apply_soon()
 
-    def _start(self) -> None:
-        if not self._live.isActive():
-            self._live.start()
+    def _apply_soon(self) -> None:
+        self._workspace.scheduler.throttle(self._apply, APPLY_MS, self._apply)
 
     def _apply(self) -> None:
         from napari_unpack.appearance import TransferFunction
         from napari_unpack.rendering.object_style import ObjectStyle
 
-        session, object_id = self._workspace.session, self._shown
+        session, object_id = self._workspace.session, self._inspected
         if session is None or not object_id:
             return
-        known = session.study(object_id)
-        own = known.transfer_function
-        if self._edited is not None:
+        own = session.study(object_id).transfer_function
+        if self._points is not None:
             colors = session.transfer_function_of(object_id).colors
-            with spoken():
-                own = TransferFunction(self._edited, colors)
-        session.set_study(object_id, ObjectStyle(own, self._plane()))
+            with errors_shown():
+                own = TransferFunction(self._points, colors)
+        session.set_study(object_id, ObjectStyle(own, self._cutting_plane()))
 
-    def _plane(self) -> Any:
-        """Return the plane that takes the nearest part away, as the object is turned now."""
+    def _cutting_plane(self) -> tuple[Vector, Vector] | None:
+        """Return the plane that cuts the nearest part away, as the object is turned now."""
         from napari_unpack.rendering.object_style import cut_open
 
-        depth = self.cut.value() / 100
-        if depth == 0:
+        controller, depth = self._workspace.controller, self.cut.value() / 100
+        if depth == 0 or controller is None:
             return None
-        session, rotation = (
-            self._workspace.session,
-            self._workspace.controller.rotation_of(self._shown),
-        )
-        return cut_open(session, self._shown, rotation, depth)
+        rotation = controller.rotation_of(self._inspected)
+        return cut_open(controller.session, self._inspected, rotation, depth)
 
     def _reset(self) -> None:
-        if self._workspace.session is not None and self._shown:
-            self._workspace.session.set_study(self._shown, None)
-            self._load()
+        session = self._workspace.session
+        if session is not None and self._inspected:
+            session.set_study(self._inspected, None)
+            self._load(session, self._inspected)
 
 
-def describe(facts: Any, neighbours: list[str]) -> str:
-    """Write an object's facts as rich text."""
+def describe(facts: Facts, neighbours: Sequence[str]) -> str:
+    """Write an object's facts as rich text.
+
+    Parameters
+    ----------
+    facts : Facts
+    neighbours : sequence of str
+        Names of the objects that touched it, the largest contact first.
+    """
     size = " × ".join(f"{edge:.0f}" for edge in facts.size_mm)
     volume = facts.volume_mm3 / 1000
     lines = [
@@ -154,8 +159,9 @@ def describe(facts: Any, neighbours: list[str]) -> str:
     if not np.isnan(facts.confidence):
         lines.append(f"{percent(facts.confidence)} sure that it is one whole object")
     if neighbours:
-        more = f" and {len(neighbours) - 4} more" if len(neighbours) > 4 else ""
-        lines.append(f"touched {', '.join(neighbours[:4])}{more}")
+        rest = len(neighbours) - NAMED_NEIGHBOURS
+        more = f" and {rest} more" if rest > 0 else ""
+        lines.append(f"touched {', '.join(neighbours[:NAMED_NEIGHBOURS])}{more}")
     else:
         lines.append("touched nothing")
     return "<br>".join(lines)

@@ -1,25 +1,29 @@
-"""What the panel takes from napari's own layers: arrays, voxel size, matching shapes.
-
-A drop-down list of the viewer's layers that keeps itself up to date.
-"""
+"""Layers of the viewer to choose from, and what is read from a chosen one."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from napari.layers import Labels
+from napari.layers import Labels, Layer
+from numpy.typing import NDArray
 from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QComboBox
 
+from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.placement import data_to_world
+
+if TYPE_CHECKING:
+    import napari
+    import pint
+    from napari.utils.events import Event
 
 
 class LayerInput(QComboBox):
-    """Choose one of the viewer's layers.
+    """A drop-down list of the viewer's layers that keeps itself up to date.
 
     `chosen` is emitted when the chosen layer changes, by hand or because layers came and went.
 
@@ -27,55 +31,54 @@ class LayerInput(QComboBox):
     ----------
     viewer : napari.Viewer
     accepts : callable
-        Takes a layer, tells whether to list it.
+        Takes a layer and returns whether to list it.
     none : str, optional
         Text of a first entry that means no layer.
     prefers : callable, optional
-        Takes a layer, tells whether it is a good first choice.
+        Takes a layer and returns whether to choose it first.
     """
 
     chosen = Signal()
 
     def __init__(
         self,
-        viewer: Any,
-        accepts: Callable[[Any], bool],
+        viewer: napari.Viewer,
+        accepts: Callable[[Layer], bool],
         none: str | None = None,
-        prefers: Callable[[Any], bool] | None = None,
+        prefers: Callable[[Layer], bool] | None = None,
     ) -> None:
         super().__init__()
         self._viewer = viewer
         self._accepts = accepts
         self._none = none
         self._prefers = prefers
-        self._layers: list[Any] = []
-        self._named: list[Any] = []
+        self._layers: list[Layer] = []
         # Long layer names must not widen the panel.
         self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.setMinimumContentsLength(8)
-        for event in (viewer.layers.events.inserted, viewer.layers.events.removed):
+        events = viewer.layers.events
+        for event in (events.inserted, events.removed, events.reordered):
             event.connect(self.refresh)
-        viewer.layers.events.reordered.connect(self.refresh)
         self.currentIndexChanged.connect(lambda _: self.chosen.emit())
         self.refresh()
 
     @property
-    def layer(self) -> Any:
+    def layer(self) -> Layer | None:
         """The chosen layer, or None."""
         index = self.currentIndex() - (self._none is not None)
         return self._layers[index] if 0 <= index < len(self._layers) else None
 
-    def choose(self, layer: Any) -> None:
+    def choose(self, layer: Layer | None) -> None:
         """Choose a listed layer; one that is not listed, or None, means the first entry."""
         position = next((k for k, each in enumerate(self._layers) if each == layer), None)
         first = 0 if self.count() else -1
         self.setCurrentIndex(first if position is None else position + (self._none is not None))
 
-    def refresh(self, _event: Any = None) -> None:
+    def refresh(self, _event: Event | None = None) -> None:
         """List the viewer's layers anew, keeping the choice where it is still there."""
         kept = self.layer
         self._unlink()
-        self._layers = [plain(layer) for layer in self._viewer.layers if self._accepts(layer)]
+        self._layers = [unwrap(layer) for layer in self._viewer.layers if self._accepts(layer)]
         blocked = self.blockSignals(True)
         self.clear()
         if self._none is not None:
@@ -85,11 +88,10 @@ class LayerInput(QComboBox):
         self.blockSignals(blocked)
         for layer in self._layers:
             layer.events.name.connect(self.refresh)
-            self._named.append(layer)
         if self.layer is not kept:
             self.chosen.emit()
 
-    def _first_choice(self) -> Any:
+    def _first_choice(self) -> Layer | None:
         if self._none is not None or self._prefers is None:
             return None
         return next(filter(self._prefers, self._layers), None)
@@ -97,27 +99,31 @@ class LayerInput(QComboBox):
     def close_links(self) -> None:
         """Stop listening to the viewer."""
         self._unlink()
-        for event in ("inserted", "removed", "reordered"):
-            getattr(self._viewer.layers.events, event).disconnect(self.refresh)
+        events = self._viewer.layers.events
+        for event in (events.inserted, events.removed, events.reordered):
+            event.disconnect(self.refresh)
 
     def _unlink(self) -> None:
-        for layer in self._named:
+        for layer in self._layers:
             layer.events.name.disconnect(self.refresh)
-        self._named.clear()
 
 
-def plain(layer: Any) -> Any:
-    """Return the layer itself where the viewer's public proxy handed out a proxy of it."""
-    return getattr(layer, "__wrapped__", layer)
-
-
-def is_users(layer: Any) -> bool:
-    """Tell the user's own layers from those of our stage."""
-    return not type(plain(layer)).__module__.startswith("napari_unpack")
+def is_users(layer: Layer) -> bool:
+    """Return whether a layer is the user's own, and not one of the plugin's."""
+    return not type(unwrap(layer)).__module__.startswith("napari_unpack")
 
 
 WATER = 1000
 """Density of water, HU + 1000."""
+
+LABEL_BYTES = 12
+"""Of a voxel, beside the volume: int32 labels of the layer, of the session, and to work with."""
+
+USABLE_MEMORY = 0.7
+"""Share of the memory that volume and labels may fill; napari and the system need the rest."""
+
+LazyArray: TypeAlias = Any
+"""What napari layers hold: a NumPy, dask or zarr array, with `shape` and `dtype` and slicing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,19 +140,19 @@ class Volume:
         The layer's name.
     """
 
-    data: Any
+    data: LazyArray
     spacing: tuple[float, float, float]
     name: str
 
 
-def volume_of(layer: Any) -> Volume:
+def volume_of(layer: Layer) -> Volume:
     """Take the density volume out of an Image layer.
 
     Parameters
     ----------
     layer : napari.layers.Image or napari.layers.Labels
-        Three-dimensional, one channel. Of a multiscale layer the finest level is taken. What is
-        labelled in labels that come without a volume counts as water.
+        Three-dimensional, one channel. Of a multiscale layer the finest level is taken. Labelled
+        voxels of a Labels layer count as water.
 
     Returns
     -------
@@ -172,7 +178,7 @@ def volume_of(layer: Any) -> Volume:
     return Volume(data, spacing_of(layer), str(layer.name))
 
 
-def in_memory(volume: Volume, memory: float | None = None) -> Any:
+def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
     """Read a volume that may still be on disk.
 
     Parameters
@@ -180,7 +186,7 @@ def in_memory(volume: Volume, memory: float | None = None) -> Any:
     volume : Volume
         Its data may be a zarr or dask array.
     memory : float, optional
-        Bytes there are; by default this computer's, where it can be asked.
+        Bytes; by default this computer's, where the system tells.
 
     Returns
     -------
@@ -189,16 +195,15 @@ def in_memory(volume: Volume, memory: float | None = None) -> Any:
     Raises
     ------
     ValueError
-        If volume and labels would fill most of the memory: the stage shows them whole.
+        If volume and labels would fill most of the memory: both are shown whole.
     """
     data = volume.data
     if isinstance(data, np.ndarray):
         return data
     voxels = float(np.prod([float(n) for n in data.shape]))
     room = _memory() if memory is None else memory
-    # The volume, its labels twice (the layer's and the session's) and as much again to work with.
-    needed = voxels * (np.dtype(data.dtype).itemsize + 12)
-    if room is not None and needed > 0.7 * room:
+    needed = voxels * (np.dtype(data.dtype).itemsize + LABEL_BYTES)
+    if room is not None and needed > USABLE_MEMORY * room:
         extent = " x ".join(map(str, data.shape))
         raise ValueError(
             f"'{volume.name}' ({extent}) needs about {needed / 1e9:.0f} GB to be unpacked, and "
@@ -209,21 +214,21 @@ def in_memory(volume: Volume, memory: float | None = None) -> Any:
 
 
 def _memory() -> float | None:
-    """Return this computer's memory in bytes, None where it cannot be asked."""
+    """Return this computer's memory in bytes, None where the system does not tell."""
     try:
         return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, OSError, ValueError):
         return None
 
 
-def labels_of(layer: Any, volume: Volume) -> Any:
+def labels_of(layer: Labels, volume: Volume) -> LazyArray:
     """Take the label volume that belongs to a density volume.
 
     Parameters
     ----------
     layer : napari.layers.Labels
     volume : Volume
-        What the labels must match, voxel for voxel.
+        The labels must have its shape.
 
     Returns
     -------
@@ -245,7 +250,7 @@ def labels_of(layer: Any, volume: Volume) -> Any:
     return data
 
 
-def names_of(layer: Any) -> dict[int, str]:
+def names_of(layer: Labels) -> dict[int, str]:
     """Read the names of objects that a Labels layer carries.
 
     Parameters
@@ -264,8 +269,8 @@ def names_of(layer: Any) -> dict[int, str]:
     return {int(i): name for i, name in pairs if isinstance(name, str) and name}
 
 
-def spacing_of(layer: Any) -> tuple[float, float, float]:
-    """Read the voxel size of a 3D layer from where it stands in the world.
+def spacing_of(layer: Layer) -> tuple[float, float, float]:
+    """Read the voxel size of a 3D layer from its transform.
 
     Parameters
     ----------
@@ -284,20 +289,21 @@ def spacing_of(layer: Any) -> tuple[float, float, float]:
     """
     units = [_millimetres(unit) for unit in layer.units[-3:]]
     edges = np.diag(units) @ data_to_world(layer)[:3, :3]
-    # Householder's triangle of the edges, x first; its diagonal is what each adds to the others.
+    # A QR decomposition of the edges, x first: on its diagonal stands what each edge adds at
+    # right angles to those before it.
     lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
     z, y, x = (float(f"{mm:.12g}") for mm in lengths)
     return (z, y, x)
 
 
-def _millimetres(unit: Any) -> float:
+def _millimetres(unit: pint.Unit) -> float:
     if dict(unit.dimensionality) != {"[length]": 1.0}:
         return 1.0
     return float((1.0 * unit).to("millimeter").magnitude)
 
 
-def same_shape(image: Any, labels: Any) -> bool:
-    """Tell whether a Labels layer may belong to an Image layer, without reading either."""
+def same_shape(image: Layer, labels: Layer) -> bool:
+    """Return whether labels may belong to an image; reads no voxels."""
     a = image.data[0] if image.multiscale else image.data
     b = labels.data[0] if labels.multiscale else labels.data
     return np.shape(a) == np.shape(b)

@@ -6,15 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 
+from napari_unpack.tasks import Cancelled
+
 SHOWN = timedelta(seconds=4)
-"""How long napari shows a notice."""
+"""How long napari shows a notification."""
 
 EXPECTED = (ValueError, TypeError, KeyError, MemoryError, OSError)
-"""What bad input and full machines raise; anything else is a defect and keeps its traceback."""
+"""What bad input and a full memory or disk raise; anything else is a defect with a traceback."""
 
 
 def sentence(error: BaseException) -> str:
-    """Turn an exception into a sentence for people.
+    """Turn an exception into a sentence.
 
     Parameters
     ----------
@@ -33,40 +35,46 @@ def sentence(error: BaseException) -> str:
 
 
 def inform(text: str) -> None:
-    """Say something that needs no action."""
+    """Show a message that needs no action."""
     from napari.utils.notifications import show_info
 
-    if not _stands_there(text):
+    if not _is_shown(text):
         show_info(text)
 
 
 def warn(text: str) -> None:
-    """Say why something could not be done."""
+    """Show why something could not be done."""
     from napari.utils.notifications import show_warning
 
-    if not _stands_there(text):
+    if not _is_shown(text):
         show_warning(text)
 
 
-def _stands_there(text: str) -> bool:
-    """Tell whether the last thing said was this, and is still shown.
-
-    napari lays one notice over the other, and keeps them as long as its window is not in front.
-    """
+def _is_shown(text: str) -> bool:
+    """Return whether the last notification was this one, and is still shown."""
     from napari.utils.notifications import notification_manager
 
-    said = notification_manager.records[-1:]
-    return any(s.message == text and datetime.now() - s.date < SHOWN for s in said)
+    # napari lays one notification over the other and keeps all while its window is not in front:
+    # a key held down would bury the viewer under copies of one sentence.
+    last = notification_manager.records[-1:]
+    return any(n.message == text and datetime.now() - n.date < SHOWN for n in last)
+
+
+def show_error(error: Exception) -> None:
+    """Show the error of a task as `errors_shown` does; cancelling is none."""
+    if not isinstance(error, Cancelled):
+        with errors_shown():
+            raise error
 
 
 @contextmanager
-def spoken(*also: type[Exception]) -> Iterator[None]:
-    """Turn expected errors of the block into warnings; let defects through.
+def errors_shown(*also: type[Exception]) -> Iterator[None]:
+    """Show expected errors of the block as warnings; let defects through.
 
     Parameters
     ----------
     *also : exception types
-        What is expected of this block beside `EXPECTED`.
+        Expected of this block beside `EXPECTED`.
     """
     expected: tuple[type[Exception], ...] = (*EXPECTED, *also)
     try:

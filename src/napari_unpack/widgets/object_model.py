@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from qtpy.QtGui import QColor, QFont
 
 from napari_unpack.session.errors import percent
-from napari_unpack.widgets import notifications
+from napari_unpack.session.object_state import ObjectState
+
+if TYPE_CHECKING:
+    from qtpy.QtCore import QObject
+
+    from napari_unpack.appearance.tints import Mode
+    from napari_unpack.session import Session
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
 SORT = Qt.ItemDataRole.UserRole
@@ -26,22 +32,24 @@ _NAMED = _CELL | Qt.ItemFlag.ItemIsEditable
 _NO_COLOR: Rgb = (0.5, 0.5, 0.5)
 
 STATE_WORDS = {
-    "PACKED": "packed",
-    "FLYING_OUT": "flying",
-    "UNPACKED": "out",
-    "FLYING_BACK": "flying",
-    "INSPECTED": "alone",
-    "HIDDEN": "hidden",
+    ObjectState.PACKED: "packed",
+    ObjectState.FLYING_OUT: "flying",
+    ObjectState.UNPACKED: "out",
+    ObjectState.FLYING_BACK: "flying",
+    ObjectState.INSPECTED: "alone",
+    ObjectState.HIDDEN: "hidden",
 }
+"""Short enough for a narrow column."""
 
-
-FREE, TOGETHER, FIRST = "free", "group", "first"
+UNPACKABLE, TOGETHER, FIRST = "ready", "group", "next"
 MARKS = {
-    FREE: "Nothing blocks this object: it can be unpacked now.",
-    TOGETHER: "Free together with those that hold it: they leave as one.",
-    FIRST: "Must leave before the object that is to be revealed.",
+    UNPACKABLE: "Unpackable: nothing blocks this object.",
+    TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
+    FIRST: "This object must leave before the one to be revealed.",
 }
-"""What may be said of a packed object, and what it means."""
+"""What the state column says of some packed objects, and what it means.
+
+The column is too narrow for "unpackable" beside the confidence."""
 
 
 class Column(IntEnum):
@@ -71,7 +79,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class _Facts:
-    """What never changes about an object; `label` is the ID people know; cm³, mm."""
+    """What never changes about an object, in cm³ and mm; `label` is its ID in the user's labels."""
 
     id: int
     label: int
@@ -86,32 +94,41 @@ class _Live:
     """What may change about an object at any moment."""
 
     name: str
-    state: str
+    state: ObjectState
     hue: float | None
     color: Rgb
     mark: str
-    good: bool = False
+    is_example: bool = False
 
     @property
-    def words(self) -> str:
-        return self.mark if self.mark and self.state == "PACKED" else STATE_WORDS[self.state]
+    def state_words(self) -> str:
+        packed = self.state is ObjectState.PACKED
+        return self.mark if self.mark and packed else STATE_WORDS[self.state]
 
 
 class ObjectModel(QAbstractTableModel):
-    """One row an object; `refresh` takes over states, hues and names from the session."""
+    """One row an object; `refresh` reads states, hues and names from the session.
 
-    def __init__(self, parent: Any = None) -> None:
+    Parameters
+    ----------
+    rename : callable
+        Takes an object ID and the name that the user has typed.
+    parent : QObject, optional
+    """
+
+    def __init__(self, rename: Callable[[int, str], None], parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._session: Any = None
+        self._rename = rename
+        self._session: Session | None = None
         self._facts: list[_Facts] = []
         self._rows: dict[int, int] = {}
         self._live: list[_Live] = []
-        self._tiny = False
+        self._shows_mm3 = False
         self._keys: dict[int, tuple[list[_Live], list[Any]]] = {}
-        self._free: frozenset[int] = frozenset()
+        self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
-    def load(self, session: Any) -> None:
+    def load(self, session: Session | None) -> None:
         """Show the objects of a session, or nothing for None.
 
         Parameters
@@ -122,62 +139,61 @@ class ObjectModel(QAbstractTableModel):
         self._session = session
         self._facts = [] if session is None else _facts_of(session)
         self._rows = {facts.id: row for row, facts in enumerate(self._facts)}
-        self._free = self._first = frozenset()
+        self._unpackable = self._first = frozenset()
         self._live = self._look()
-        self._tiny = bool(self._facts) and max(f.volume for f in self._facts) < 1.0
+        self._shows_mm3 = bool(self._facts) and max(f.volume for f in self._facts) < 1.0
         self.endResetModel()
 
     def refresh(
-        self, free: Iterable[int] | None = None, first: Iterable[int] | None = None
+        self, unpackable: Iterable[int] | None = None, first: Iterable[int] | None = None
     ) -> None:
-        """Read states, hues and names anew; tell the view of the rows that changed only.
+        """Read states, hues and names anew; only rows that changed are drawn again.
 
         Parameters
         ----------
-        free : iterable of int, optional
-            The objects that nothing blocks now, where that is known.
+        unpackable : iterable of int, optional
+            The objects that nothing blocks now; by default those of the last call.
         first : iterable of int, optional
-            Those that must leave before the one to be revealed.
+            Those that must leave before the one to be revealed; by default as before.
         """
-        if free is not None:
-            self._free = frozenset(free)
+        if unpackable is not None:
+            self._unpackable = frozenset(unpackable)
         if first is not None:
             self._first = frozenset(first)
         before, self._live = self._live, self._look()
-        columns = {"color": (Column.SWATCH, Column.SWATCH), "rest": (Column.EYE, Column.STATE)}
         for row, (old, new) in enumerate(zip(before, self._live, strict=True)):
             if old != new:
-                only_color = (old.state, old.name, old.mark) == (new.state, new.name, new.mark)
-                left, right = columns["color" if only_color else "rest"]
-                if old.good != new.good:
-                    left, right = Column.EYE, Column.STATE
+                # Hues change for all rows at once, while the bag turns: one cell a row is enough.
+                only_color = replace(old, hue=new.hue, color=new.color) == new
+                left = Column.SWATCH if only_color else Column.EYE
+                right = Column.SWATCH if only_color else Column.STATE
                 self.dataChanged.emit(self.index(row, left), self.index(row, right))
 
     def _look(self) -> list[_Live]:
         if self._session is None:
             return []
-        states, hues = self._session.states, self._session.hues
-        names = self._session.objects["name"].to_dict()
-        colors = _colors(hues, self._session.tint_mode)
-        good = self._session.examples
-        groups = self._session.unpackable_groups()
+        session = self._session
+        states, hues = session.states, session.hues
+        names = session.objects["name"].to_dict()
+        colors = _colors(hues, session.tint_mode)
+        groups = session.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
         def mark(object_id: int) -> str:
             if object_id in self._first:
                 return FIRST
-            if object_id not in self._free:
+            if object_id not in self._unpackable:
                 return ""
-            return TOGETHER if object_id in together else FREE
+            return TOGETHER if object_id in together else UNPACKABLE
 
         return [
             _Live(
                 str(names.get(f.id, "")),
-                str(states[f.id].name) if f.id in states else "HIDDEN",
+                states.get(f.id, ObjectState.HIDDEN),
                 float(hues[f.id]) % 1.0 if f.id in hues else None,
                 colors.get(f.id, _NO_COLOR),
                 mark(f.id),
-                f.id in good,
+                f.id in session.examples,
             )
             for f in self._facts
         ]
@@ -190,7 +206,7 @@ class ObjectModel(QAbstractTableModel):
     def sort_keys(self, column: int) -> list[Any]:
         """Return what every row sorts by in a column; kept until something changes.
 
-        Qt compares some ten thousand pairs to sort a thousand rows: each must be a glance.
+        Qt compares some ten thousand pairs to sort a thousand rows.
         """
         kept = self._keys.get(column)
         if kept is None or kept[0] is not self._live:
@@ -222,7 +238,7 @@ class ObjectModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return None
         title, tip = TITLES[Column(section)]
-        if section == Column.VOLUME and self._tiny:
+        if section == Column.VOLUME and self._shows_mm3:
             title, tip = "mm³", "Volume in cubic millimetres."
         if role == Qt.ItemDataRole.DisplayRole:
             return title
@@ -233,7 +249,7 @@ class ObjectModel(QAbstractTableModel):
         return None
 
     def flags(self, index: Index) -> Any:
-        """Tell what a cell can do: all are selectable, names are editable."""
+        """Return what a cell can do: all are selectable, names are editable."""
         if not index.isValid():
             return Qt.ItemFlag.NoItemFlags
         return _NAMED if index.column() == Column.NAME else _CELL
@@ -246,11 +262,17 @@ class ObjectModel(QAbstractTableModel):
         facts, live = self._facts[row], self._live[row]
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             if column == Column.VOLUME:
-                return _amount(facts.volume * (1000 if self._tiny else 1))
+                return _amount(facts.volume * (1000 if self._shows_mm3 else 1))
             shown = _text(facts, live, column)
-            marked = live.good and column == Column.NAME and role == Qt.ItemDataRole.DisplayRole
+            marked = (
+                live.is_example and column == Column.NAME and role == Qt.ItemDataRole.DisplayRole
+            )
             return f"{shown} ✓" if marked else shown
-        if role == Qt.ItemDataRole.FontRole and column == Column.STATE and live.words in MARKS:
+        if (
+            role == Qt.ItemDataRole.FontRole
+            and column == Column.STATE
+            and live.state_words in MARKS
+        ):
             return _bold()
         if role == SORT:
             return _sort_key(facts, live, column)
@@ -271,11 +293,9 @@ class ObjectModel(QAbstractTableModel):
         name = str(value).strip()
         if index.column() != Column.NAME or not name or self._session is None:
             return False
-        with notifications.spoken():
-            self._session.rename(self.id_at(index.row()), name)
-            self.refresh()
-            return True
-        return False
+        self._rename(self.id_at(index.row()), name)
+        self.refresh()
+        return True
 
 
 def _bold() -> QFont:
@@ -284,8 +304,8 @@ def _bold() -> QFont:
     return font
 
 
-def _colors(hues: Mapping[int, float], mode: Any) -> dict[int, Rgb]:
-    """Return the tints as they are multiplied onto the picture."""
+def _colors(hues: Mapping[int, float], mode: Mode) -> dict[int, Rgb]:
+    """Return the tints as they are multiplied onto the densities."""
     if not hues:
         return {}
     from napari_unpack.appearance import tints_of
@@ -298,7 +318,7 @@ def _text(facts: _Facts, live: _Live, column: Column) -> str:
     if column == Column.NAME:
         return live.name
     if column == Column.STATE:
-        return live.words
+        return live.state_words
     if column == Column.SIZE:
         return " × ".join(f"{edge:.0f}" for edge in facts.edges)
     if column == Column.DENSITY:
@@ -315,13 +335,13 @@ def _amount(volume: float) -> str:
 def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
     match column:
         case Column.EYE:
-            return live.state == "HIDDEN"
+            return live.state is ObjectState.HIDDEN
         case Column.SWATCH:
             return -1.0 if live.hue is None else live.hue
         case Column.NAME:
             return _natural(live.name)
         case Column.STATE:
-            return live.words
+            return live.state_words
         case Column.VOLUME:
             return facts.volume
         case Column.SIZE:
@@ -332,24 +352,24 @@ def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
 
 
 def _tip(facts: _Facts, live: _Live, column: Column) -> str:
-    if column == Column.STATE and live.words in MARKS:
-        return "Nothing blocks this object: it can be unpacked now."
+    if column == Column.STATE and live.state_words in MARKS:
+        return MARKS[live.state_words]
     if column in (Column.EYE, Column.SWATCH):
         return TITLES[column][1]
-    told = [
-        f"{live.name}, object {facts.label}, {live.words}",
+    lines = [
+        f"{live.name}, object {facts.label}, {live.state_words}",
         f"{_amount(facts.volume)} cm³, {_text(facts, live, Column.SIZE)} mm",
         f"density {_text(facts, live, Column.DENSITY)}",
     ]
     if not np.isnan(facts.confidence):
-        told.append(f"{percent(facts.confidence)} sure that this is one whole object")
-    if live.good:
-        told.append("marked good: an example to train the confidence on")
-    return "\n".join(told)
+        lines.append(f"{percent(facts.confidence)} sure that this is one whole object")
+    if live.is_example:
+        lines.append("an example to train the confidence on")
+    return "\n".join(lines)
 
 
 def _natural(name: str) -> str:
-    """Make names sort as people count: object 2 before object 10."""
+    """Return a key by which object 2 sorts before object 10."""
     return re.sub(r"\d+", lambda digits: digits.group().zfill(12), name.casefold())
 
 
@@ -359,7 +379,7 @@ def _alignment(column: Column) -> Any:
     return side | Qt.AlignmentFlag.AlignVCenter
 
 
-def _facts_of(session: Any) -> list[_Facts]:
+def _facts_of(session: Session) -> list[_Facts]:
     objects, boxes = session.objects, session.boxes
     edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
     by_id = dict(zip((int(i) for i in boxes.ids), edges, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from qtpy.QtCore import (
     QEvent,
@@ -26,11 +26,19 @@ from qtpy.QtWidgets import (
     QWidget,
 )
 
+from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.object_model import ID, SORT, STATE, Column, Index, ObjectModel
 
-Draw = Callable[[QPainter, QRectF, Any, Any], None]
+if TYPE_CHECKING:
+    from qtpy.QtCore import QAbstractItemModel, QModelIndex, QObject
+    from qtpy.QtGui import QKeyEvent, QResizeEvent
+    from qtpy.QtWidgets import QStyleOptionViewItem
+
+Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
 
 ROW = 24
+"""Height of a row, pixels: an eye and a swatch with room around them."""
+
 WIDTHS = {
     Column.EYE: 22,
     Column.SWATCH: 18,
@@ -49,20 +57,22 @@ WIDEST = {
     Column.DENSITY: "1234",
     Column.CONFIDENCE: "99 %",
 }
-"""What a column must have room for in any font, with `PADDING` around it."""
+"""Texts that a column must have room for in any font, with `PADDING` around them."""
 
 PADDING = 15
+"""Pixels: Qt's own margins of a cell and those of the style sheet."""
+
 WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
-"""Columns shown where the table is wide enough, the most wanted first; tooltips tell all."""
+"""Columns shown where the table is wide enough, the most wanted first; tooltips have them all."""
 
 
 class ObjectFilter(QSortFilterProxyModel):
     """Sort by any column; keep rows by a text in the name or by state."""
 
-    def __init__(self, parent: Any = None) -> None:
+    def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._text = ""
-        self._states: frozenset[str] | None = None
+        self._states: frozenset[ObjectState] | None = None
         self.setSortRole(SORT)
         self.setDynamicSortFilter(True)
 
@@ -71,12 +81,13 @@ class ObjectFilter(QSortFilterProxyModel):
         self._text = text.strip().casefold()
         self._renew()
 
-    def keep_states(self, states: frozenset[str] | None) -> None:
+    def keep_states(self, states: frozenset[ObjectState] | None) -> None:
         """Keep the objects in these states, or in any for None."""
         self._states = states
         self._renew()
 
     def _renew(self) -> None:
+        # Qt 6.9 deprecates invalidateFilter; before it there is nothing else.
         if hasattr(self, "beginFilterChange"):
             self.beginFilterChange()
             self.endFilterChange()
@@ -89,7 +100,7 @@ class ObjectFilter(QSortFilterProxyModel):
         return bool(keys[left.row()] < keys[right.row()])
 
     def filterAcceptsRow(self, row: int, parent: Index) -> bool:
-        """Tell whether a row stays."""
+        """Return whether a row is listed."""
         model = self.sourceModel()
         index = model.index(row, Column.NAME, parent)
         if self._states is not None and model.data(index, STATE) not in self._states:
@@ -99,7 +110,7 @@ class ObjectFilter(QSortFilterProxyModel):
 
 
 class ClickDelegate(QStyledItemDelegate):
-    """A cell that is a picture and acts on one click, without changing the selection.
+    """A drawn cell that acts on one click, without changing the selection.
 
     Parameters
     ----------
@@ -114,8 +125,14 @@ class ClickDelegate(QStyledItemDelegate):
         super().__init__(parent)
         self._draw = draw
 
-    def editorEvent(self, event: Any, model: Any, option: Any, index: Any) -> bool:
-        """Tell of a click, and keep the selection out of it."""
+    def editorEvent(
+        self,
+        event: QEvent,
+        model: QAbstractItemModel,
+        option: QStyleOptionViewItem,
+        index: QModelIndex,
+    ) -> bool:
+        """Emit a click, and keep the mouse from the selection."""
         if (
             event.type() == QEvent.Type.MouseButtonRelease
             and event.button() == Qt.MouseButton.LeftButton
@@ -127,8 +144,8 @@ class ClickDelegate(QStyledItemDelegate):
             QEvent.Type.MouseButtonDblClick,
         )
 
-    def paint(self, painter: QPainter, option: Any, index: Any) -> None:
-        """Draw the picture, on the selection's colour where the row is selected."""
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
+        """Draw the cell, on the selection's colour where the row is selected."""
         if option.state & QStyle.StateFlag.State_Selected:
             painter.fillRect(option.rect, option.palette.highlight())
         painter.save()
@@ -136,17 +153,19 @@ class ClickDelegate(QStyledItemDelegate):
         self._draw(painter, QRectF(option.rect), index, option)
         painter.restore()
 
-    def sizeHint(self, option: Any, index: Any) -> QSize:
-        """Take a square."""
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex) -> QSize:
+        """Return a square."""
         return QSize(ROW, ROW)
 
 
-def draw_swatch(painter: QPainter, cell: QRectF, index: Any, _option: Any) -> None:
-    """Draw the hue of an object: full when it is in the bag, a ring when it is out or hidden."""
+def draw_swatch(
+    painter: QPainter, cell: QRectF, index: QModelIndex, _option: QStyleOptionViewItem
+) -> None:
+    """Draw the hue of an object, for `ClickDelegate`: full in the bag, else a ring."""
     color = index.data(Qt.ItemDataRole.DecorationRole)
     square = QRectF(0, 0, 12, 12)
     square.moveCenter(cell.center())
-    if index.data(STATE) == "PACKED":
+    if index.data(STATE) is ObjectState.PACKED:
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(color)
     else:
@@ -156,9 +175,11 @@ def draw_swatch(painter: QPainter, cell: QRectF, index: Any, _option: Any) -> No
     painter.drawRoundedRect(square, 3, 3)
 
 
-def draw_eye(painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
-    """Draw an open eye for a shown object, a faint closed one for a hidden object."""
-    hidden = index.data(STATE) == "HIDDEN"
+def draw_eye(
+    painter: QPainter, cell: QRectF, index: QModelIndex, option: QStyleOptionViewItem
+) -> None:
+    """Draw an eye for `ClickDelegate`: open, or faint and closed where the object is hidden."""
+    hidden = index.data(STATE) is ObjectState.HIDDEN
     color = QColor(option.palette.text().color())
     color.setAlphaF(0.35 if hidden else 0.85)
     middle = cell.center()
@@ -174,10 +195,14 @@ def draw_eye(painter: QPainter, cell: QRectF, index: Any, option: Any) -> None:
 
 
 class ObjectTable(QTableView):
-    """The view. Emits what the user asks for; the section acts.
+    """The table, which emits what the user does and changes nothing itself.
 
     Signals: `eye_clicked`, `swatch_clicked` (object ID), `ids_selected` (frozenset of IDs, by
     the user only).
+
+    Parameters
+    ----------
+    model : ObjectModel
     """
 
     eye_clicked = Signal(int)
@@ -191,7 +216,7 @@ class ObjectTable(QTableView):
         self.rows.setSourceModel(model)
         self.setModel(self.rows)
         model.modelReset.connect(self._fit_columns)
-        self._quiet = False
+        self._silent = False
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
         self._delegates = ClickDelegate(draw_eye, self), ClickDelegate(draw_swatch, self)
@@ -199,14 +224,14 @@ class ObjectTable(QTableView):
         self._delegates[1].clicked.connect(self.swatch_clicked)
         self.setItemDelegateForColumn(Column.EYE, self._delegates[0])
         self.setItemDelegateForColumn(Column.SWATCH, self._delegates[1])
-        self._settle_looks()
+        self._set_looks()
         rows = self.rows
         for moved in (rows.layoutChanged, rows.rowsInserted, rows.rowsRemoved, rows.modelReset):
             moved.connect(self._forget_selected)
         self.selectionModel().selectionChanged.connect(self._forget_selected)
-        self.selectionModel().selectionChanged.connect(self._tell_selection)
+        self.selectionModel().selectionChanged.connect(self._emit_selection)
 
-    def _settle_looks(self) -> None:
+    def _set_looks(self) -> None:
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         self.setEditTriggers(
@@ -215,7 +240,7 @@ class ObjectTable(QTableView):
         )
         self.setShowGrid(False)
         self.setWordWrap(False)
-        # What tells objects apart is at the end of their names: a number, a mark.
+        # The ends of names tell objects apart: a number, a mark.
         self.setTextElideMode(Qt.TextElideMode.ElideMiddle)
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.verticalHeader().hide()
@@ -231,7 +256,7 @@ class ObjectTable(QTableView):
         self.sortByColumn(Column.NAME, Qt.SortOrder.AscendingOrder)
         self.setMinimumHeight(ROW * 6)
 
-    def resizeEvent(self, event: Any) -> None:
+    def resizeEvent(self, event: QResizeEvent) -> None:
         """Show as many columns as there is room for, so that nothing is cut off."""
         super().resizeEvent(event)
         self._fit_columns()
@@ -259,11 +284,11 @@ class ObjectTable(QTableView):
             self._selected = [int(index.data(ID)) for index in indices]
         return list(self._selected)
 
-    def _forget_selected(self, *_: Any) -> None:
+    def _forget_selected(self, *_: object) -> None:
         self._selected = None
 
     def show_selection(self, ids: frozenset[int]) -> None:
-        """Select these objects' rows, and scroll to the first, without telling anybody."""
+        """Select these objects' rows and scroll to the first; emits nothing."""
         if ids == frozenset(self.selected_ids()):
             return
         known = [row for row in map(self.objects.row_of, ids) if row is not None]
@@ -277,21 +302,21 @@ class ObjectTable(QTableView):
             QItemSelectionModel.SelectionFlag.ClearAndSelect
             | QItemSelectionModel.SelectionFlag.Rows
         )
-        self._quiet = True
+        self._silent = True
         self.selectionModel().select(picked, flags)
-        self._quiet = False
+        self._silent = False
         if rows:
             self.scrollTo(self.rows.index(rows[0], Column.NAME))
 
-    def _tell_selection(self, *_: Any) -> None:
-        if not self._quiet:
+    def _emit_selection(self, *_: object) -> None:
+        if not self._silent:
             self.ids_selected.emit(frozenset(self.selected_ids()))
 
     def keyboardSearch(self, text: str) -> None:
-        """Leave letters alone: N, B, I, H and C are commands of the viewer."""
+        """Ignore letters: N, B, I, H and C are commands of the viewer."""
 
-    def keyPressEvent(self, event: Any) -> None:
-        """Hand letters and Ctrl+Z on to the viewer; arrows and the like stay the table's."""
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Pass letters and Ctrl+Z on to the viewer; arrows and the like stay the table's."""
         if event.text().strip() and self.state() != QAbstractItemView.State.EditingState:
             event.ignore()
             return

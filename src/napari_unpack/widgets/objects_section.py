@@ -1,65 +1,74 @@
-"""Step 4: the table of objects, wired to the session both ways."""
+"""Step 4: the table of objects, connected to the session both ways."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
 
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.confidence_box import ConfidenceBox
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Section, button, label, row
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
 
-_SHOWN: dict[str, frozenset[str] | None] = {
+if TYPE_CHECKING:
+    from qtpy.QtCore import QPoint
+
+    MenuEntry = tuple[str, Callable[[], object], bool]
+
+FILTERS: dict[str, frozenset[ObjectState] | None] = {
     "All": None,
-    "In the bag": frozenset({"PACKED"}),
-    "Taken out": frozenset({"UNPACKED", "FLYING_OUT", "FLYING_BACK", "INSPECTED"}),
-    "Hidden": frozenset({"HIDDEN"}),
+    "In the bag": frozenset({ObjectState.PACKED}),
+    "Taken out": frozenset(ObjectState) - {ObjectState.PACKED, ObjectState.HIDDEN},
+    "Hidden": frozenset({ObjectState.HIDDEN}),
 }
 
-
-_INSIDE = {"PACKED", "HIDDEN"}
+REPAIRABLE = frozenset({ObjectState.PACKED, ObjectState.HIDDEN})
+"""A repair would change the sprite of an unpacked object under the user's hand."""
 
 
 class ObjectsSection(Section):
-    """Find, select, hide, isolate and name objects.
+    """Find, select, hide, isolate, name and repair objects.
 
     Parameters
     ----------
     workspace : Workspace
-    ways : RevealPlanner
-        Knows how buried objects are freed.
+    commands : Commands
+    planner : RevealPlanner
+        Finds what blocks an object.
     """
 
-    def __init__(self, workspace: Workspace, ways: RevealPlanner) -> None:
+    def __init__(self, workspace: Workspace, commands: Commands, planner: RevealPlanner) -> None:
         super().__init__("4", "Objects")
-        self._workspace, self._ways = workspace, ways
-        self.model = ObjectModel(self)
+        self._workspace, self._commands, self._planner = workspace, commands, planner
+        self.model = ObjectModel(commands.rename, self)
         self.table = ObjectTable(self.model)
         self.search = QLineEdit()
         self.search.setPlaceholderText("Search names")
         self.search.setClearButtonEnabled(True)
         self.search.setToolTip("List only the objects whose name contains this, or with this ID.")
         self.filter = QComboBox()
-        self.filter.addItems(list(_SHOWN))
-        self.filter.setToolTip("List only the objects that are here.")
-        self.isolate = button("Isolate", "Show the selected objects alone.")
-        self.hide_chosen = button("Hide", "Hide the selected objects from the picture (H).")
+        self.filter.addItems(list(FILTERS))
+        self.filter.setToolTip("List all objects, or only those in the bag, outside or hidden.")
+        self.isolate = button("Isolate", "Hide all objects but the selected ones.")
+        self.hide_chosen = button("Hide", "Hide the selected objects in the 3D view (H).")
         self.show_all = button("Show all", "Show every hidden object again.")
 
         self.repair = RepairTools(workspace, self)
         self.split = button(
-            "Split", "Split an object: click two points of it, in the picture or in a 2D slice."
+            "Split", "Split an object: click two points of it, in the 3D view or in a 2D slice."
         )
         self.split.setCheckable(True)
         self.merge = button("Merge", "Make one object of the selected ones (Ctrl-click rows).")
         self.delete = button(
-            "Delete", "Take the selected objects out of the labels. Ctrl+Z undoes."
+            "Delete", "Remove the selected objects from the labels (Ctrl+Z undoes)."
         )
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
@@ -69,30 +78,35 @@ class ObjectsSection(Section):
         self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
         self.contents.addLayout(row(self.split, self.merge, self.delete))
         self.contents.addWidget(self.next_click)
-        self.confidence = ConfidenceBox(workspace, self._chosen, self._reload)
+        self.confidence = ConfidenceBox(workspace, commands, self.table.selected_ids, self._reload)
         self.contents.addWidget(self.confidence)
+        self._connect()
+        self._reload()
 
+    def _connect(self) -> None:
+        commands, chosen = self._commands, self.table.selected_ids
         self.search.textChanged.connect(self.table.rows.keep_text)
         self.filter.currentTextChanged.connect(
-            lambda text: self.table.rows.keep_states(_SHOWN[text])
+            lambda text: self.table.rows.keep_states(FILTERS[text])
         )
-        self.isolate.clicked.connect(lambda: self._workspace.isolate(self._chosen()))
-        self.hide_chosen.clicked.connect(lambda: self._workspace.hide(self._chosen()))
-        self.show_all.clicked.connect(self._show_all)
+        self.isolate.clicked.connect(lambda: commands.isolate(chosen()))
+        self.hide_chosen.clicked.connect(lambda: commands.hide(chosen()))
+        self.show_all.clicked.connect(commands.show_all)
         self.split.clicked.connect(lambda: self.repair.split_by_clicks())
-        self.merge.clicked.connect(lambda: self.repair.merge(self._chosen()))
-        self.delete.clicked.connect(lambda: self.repair.delete(self._chosen()))
-        self.repair.splitting.connect(self._say_next_click)
+        self.merge.clicked.connect(lambda: self.repair.merge(chosen()))
+        self.delete.clicked.connect(lambda: self.repair.delete(chosen()))
+        self.repair.splitting.connect(self._show_next_click)
         self.repair.busy.connect(lambda _: self._enable())
-        self.table.eye_clicked.connect(self._toggle_eye)
-        self.table.swatch_clicked.connect(self._toggle_alone)
-        self.table.ids_selected.connect(self._workspace.select)
+        self.table.eye_clicked.connect(self._toggle_shown)
+        self.table.swatch_clicked.connect(self._toggle_isolated)
+        self.table.ids_selected.connect(commands.select)
         self.table.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         self.table.customContextMenuRequested.connect(self._open_menu)
-        ways.found.connect(lambda one: self.model.refresh(first=(one and one.first) or ()))
-        workspace.staged.connect(self._reload)
-        workspace.changed.connect(self._refresh)
-        self._reload()
+        self._planner.found.connect(
+            lambda plan: self.model.refresh(first=() if plan is None else plan.first)
+        )
+        self._workspace.switched.connect(self._reload)
+        self._workspace.changed.connect(self._refresh)
 
     def _reload(self) -> None:
         session = self._workspace.session
@@ -103,124 +117,113 @@ class ObjectsSection(Section):
         self._count()
         self._enable()
 
-    def _refresh(self, news: frozenset[str]) -> None:
-        if "labels" in news:
-            self.model.load(self._workspace.session)
-            self.table.show_selection(frozenset(self._workspace.session.selected))
+    def _refresh(self, change: Change) -> None:
+        session = self._workspace.session
+        if session is None:
+            return
+        if Change.LABELS in change:
+            self.model.load(session)
             self._count()
-        elif news & {"states", "hues", "queue"}:
+        elif change & (Change.STATES | Change.HUES | Change.QUEUE):
             self.model.refresh()
             self._count()
-        if "selected" in news:
-            self.table.show_selection(frozenset(self._workspace.session.selected))
+        if change & (Change.SELECTED | Change.LABELS):
+            self.table.show_selection(frozenset(session.selected))
         self._enable()
 
-    def mark_free(self, ids: frozenset[int]) -> None:
+    def mark_unpackable(self, ids: frozenset[int]) -> None:
         """Mark the objects that nothing blocks now."""
-        self.model.refresh(free=ids)
+        self.model.refresh(unpackable=ids)
 
     def _count(self) -> None:
         session = self._workspace.session
         if session is None:
             self.set_status("")
             return
-        hidden = len(self._in("HIDDEN"))
+        hidden = len(objects_in(session, ObjectState.HIDDEN))
         self.set_status(f"{len(session.states)}" + (f", {hidden} hidden" if hidden else ""))
 
     def _enable(self) -> None:
-        some = self._workspace.session is not None and bool(self._chosen())
-        self.isolate.setEnabled(some)
-        self.hide_chosen.setEnabled(some)
-        idle = self._workspace.session is not None and not self.repair.running
+        session, chosen = self._workspace.session, self.table.selected_ids()
+        is_open = session is not None
+        idle = is_open and not self.repair.running
+        self.isolate.setEnabled(is_open and bool(chosen))
+        self.hide_chosen.setEnabled(is_open and bool(chosen))
         self.split.setEnabled(idle)
-        self.merge.setEnabled(idle and len(self._chosen()) > 1)
-        self.delete.setEnabled(idle and some)
-        self.show_all.setEnabled(bool(self._in("HIDDEN")))
+        self.merge.setEnabled(idle and len(chosen) > 1)
+        self.delete.setEnabled(idle and bool(chosen))
+        self.show_all.setEnabled(bool(objects_in(session, ObjectState.HIDDEN)))
         self.confidence.refresh()
 
-    def _say_next_click(self, words: str) -> None:
-        self.split.setChecked(bool(words))
-        self.next_click.setText(words)
-        self.next_click.setVisible(bool(words))
+    def _show_next_click(self, sentence: str) -> None:
+        self.split.setChecked(bool(sentence))
+        self.next_click.setText(sentence)
+        self.next_click.setVisible(bool(sentence))
 
-    def _in(self, *states: str) -> list[int]:
+    def _toggle_shown(self, object_id: int) -> None:
+        hidden = object_id in objects_in(self._workspace.session, ObjectState.HIDDEN)
+        (self._commands.show if hidden else self._commands.hide)([object_id])
+
+    def _toggle_isolated(self, object_id: int) -> None:
         session = self._workspace.session
-        if session is None:
-            return []
-        return [i for i, state in session.states.items() if state.name in states]
-
-    def _chosen(self) -> list[int]:
-        return self.table.selected_ids()
-
-    def _show_all(self) -> None:
-        self._workspace.show(self._in("HIDDEN"))
-
-    def _toggle_eye(self, object_id: int) -> None:
-        hidden = object_id in self._in("HIDDEN")
-        (self._workspace.show if hidden else self._workspace.hide)([object_id])
-
-    def _toggle_alone(self, object_id: int) -> None:
-        alone = self._in("PACKED") == [object_id] and bool(self._in("HIDDEN"))
-        if alone:
-            self._show_all()
+        alone = objects_in(session, ObjectState.PACKED) == [object_id]
+        if alone and objects_in(session, ObjectState.HIDDEN):
+            self._commands.show_all()
         else:
-            self._workspace.isolate([object_id])
+            self._commands.isolate([object_id])
 
-    def _open_menu(self, position: Any) -> None:
+    def _open_menu(self, position: QPoint) -> None:
         menu = self.menu()
         if menu is not None:
             menu.popup(self.table.viewport().mapToGlobal(position))
 
     def menu(self) -> QMenu | None:
         """Make the context menu of the selected rows; None where none is selected."""
-        ids = self._chosen()
-        if not ids:
+        ids, session = self.table.selected_ids(), self._workspace.session
+        if not ids or session is None:
             return None
-        workspace, ways = self._workspace, self._ways
-        states = {workspace.session.states[i].name for i in ids}
+        commands, repair, planner = self._commands, self.repair, self._planner
+        states, chosen, one = {session.states[i] for i in ids}, set(ids), len(ids) == 1
+        packed, hidden = ObjectState.PACKED in states, ObjectState.HIDDEN in states
+        repairable = states <= REPAIRABLE
+        locked, examples = session.locked_hues, session.examples
+        blocks: list[list[MenuEntry]] = [
+            [
+                ("Unpack", lambda: commands.unpack(ids), packed),
+                ("Reveal…", lambda: planner.reveal(ids[0]), one and packed),
+                ("Restore", lambda: commands.restore(ids), ObjectState.UNPACKED in states),
+                ("Inspect", lambda: commands.inspect(ids[0]), one and not hidden),
+            ],
+            [
+                ("Merge", lambda: repair.merge(ids), not one and repairable),
+                ("Delete", lambda: repair.delete(ids), repairable),
+            ],
+            [
+                ("Isolate", lambda: commands.isolate(ids), True),
+                ("Hide", lambda: commands.hide(ids), states != {ObjectState.HIDDEN}),
+                ("Show", lambda: commands.show(ids), hidden),
+                ("Show all", commands.show_all, bool(objects_in(session, ObjectState.HIDDEN))),
+            ],
+            [
+                ("Keep colour", lambda: commands.lock_hues(ids), not chosen <= locked),
+                (
+                    "Let colour change",
+                    lambda: commands.lock_hues(ids, False),
+                    bool(chosen & locked),
+                ),
+            ],
+            [
+                ("Mark as example", lambda: commands.mark_examples(ids), not chosen <= examples),
+                ("Unmark", lambda: commands.mark_examples(ids, False), bool(chosen & examples)),
+            ],
+        ]
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        entries = (
-            ("Unpack", lambda: workspace.unpack(ids), "PACKED" in states),
-            ("Reveal…", lambda: ways.reveal(ids[0]), len(ids) == 1 and "PACKED" in states),
-            ("Restore", lambda: workspace.restore(ids), "UNPACKED" in states),
-            (
-                "Inspect",
-                lambda: workspace.inspect(ids[0]),
-                len(ids) == 1 and "HIDDEN" not in states,
-            ),
-            (None, None, False),
-            ("Merge", lambda: self.repair.merge(ids), len(ids) > 1 and states <= _INSIDE),
-            ("Delete", lambda: self.repair.delete(ids), states <= _INSIDE),
-            (None, None, False),
-            ("Isolate", lambda: workspace.isolate(ids), True),
-            ("Hide", lambda: workspace.hide(ids), states != {"HIDDEN"}),
-            ("Show", lambda: workspace.show(ids), "HIDDEN" in states),
-            ("Show all", self._show_all, bool(self._in("HIDDEN"))),
-            (None, None, False),
-            ("Keep colour", lambda: workspace.keep_hues(ids), not set(ids) <= workspace.kept_hues),
-            (
-                "Let colour change",
-                lambda: workspace.keep_hues(ids, False),
-                bool(set(ids) & workspace.kept_hues),
-            ),
-            (None, None, False),
-            (
-                "Mark good",
-                lambda: workspace.mark_examples(ids),
-                not set(ids) <= workspace.session.examples,
-            ),
-            (
-                "Unmark",
-                lambda: workspace.mark_examples(ids, False),
-                bool(set(ids) & workspace.session.examples),
-            ),
-        )
-        for text, act, enabled in entries:
-            if text is None:
+        for block in blocks:
+            if not menu.isEmpty():
                 menu.addSeparator()
-                continue
-            action = menu.addAction(text)
-            action.setEnabled(enabled)
-            action.triggered.connect(act)
+            for text, act, enabled in block:
+                action = menu.addAction(text)
+                action.setEnabled(enabled)
+                action.triggered.connect(act)
         return menu

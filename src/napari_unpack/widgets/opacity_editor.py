@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +11,25 @@ from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QBrush, QColor, QLinearGradient, QPainter, QPen, QPolygonF
 from qtpy.QtWidgets import QWidget
 
+if TYPE_CHECKING:
+    from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
+
 Point = tuple[float, float]
-_MARGIN = 8.0
-_GRAB = 9.0
-_GAP = 1e-3
-_BINS = 128
-_SAMPLES = 1 << 20
+
+MARGIN = 8.0
+"""Pixels around the curve, so that points at its ends can be grabbed whole."""
+
+GRAB_PIXELS = 9.0
+"""How near to a point a press grabs it: twice its radius, for hands that are not steady."""
+
+SMALLEST_GAP = 1e-3
+"""Between neighbouring points, as a share of the densities shown: curves must ascend."""
+
+BINS = 128
+"""Of the histogram: about one for two pixels of the editor."""
+
+SAMPLES = 1 << 20
+"""Voxels counted at most: a million show the shape, and take milliseconds."""
 
 
 def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.float64]:
@@ -36,8 +50,8 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
         Heights in [0, 1].
     """
     values = np.asarray(volume).reshape(-1)
-    values = values[:: max(1, values.size // _SAMPLES)]
-    edges = domain[0] + (domain[1] - domain[0]) * np.linspace(0.0, 1.0, _BINS + 1) ** 2
+    values = values[:: max(1, values.size // SAMPLES)]
+    edges = domain[0] + (domain[1] - domain[0]) * np.linspace(0.0, 1.0, BINS + 1) ** 2
     counts, _ = np.histogram(values[np.isfinite(values)], bins=edges)
     heights = np.log1p(counts.astype(np.float64))
     return heights / max(float(heights.max()), 1e-9)
@@ -61,7 +75,7 @@ class OpacityEditor(QWidget):
         super().__init__(parent)
         self._points: list[Point] = [(0.0, 0.0), (1.0, 1.0)]
         self._domain = (0.0, 1.0)
-        self._heights: NDArray[np.float64] = np.zeros(_BINS)
+        self._heights: NDArray[np.float64] = np.zeros(BINS)
         self._chosen = -1
         self._dragged: float | None = None
         self._widening = False
@@ -76,7 +90,7 @@ class OpacityEditor(QWidget):
         )
 
     def sizeHint(self) -> QSize:
-        """Return the size it likes."""
+        """Return the size that fits the panel."""
         return QSize(240, 110)
 
     @property
@@ -84,12 +98,12 @@ class OpacityEditor(QWidget):
         """The curve, (density, opacity) by ascending density."""
         return list(self._points)
 
-    def show_curve(self, points: Any, domain: tuple[float, float]) -> None:
-        """Show a curve.
+    def show_curve(self, points: Iterable[Point], domain: tuple[float, float]) -> None:
+        """Show a curve, unless one is being dragged.
 
         Parameters
         ----------
-        points : sequence of (float, float)
+        points : iterable of (float, float)
             Density and opacity in [0, 1], ascending.
         domain : (float, float)
             Lowest and highest density shown.
@@ -97,14 +111,15 @@ class OpacityEditor(QWidget):
         if self._dragged is not None:
             return
         shown = [(float(d), float(a)) for d, a in points]
-        # A curve from elsewhere has no chosen point; one that is edited here comes back, late.
-        if self._beside_chosen(shown) != self._beside_chosen(self._points):
+        # The session sends an edited curve back late, and the chosen point must stay chosen; in a
+        # curve from elsewhere none is.
+        if self._without_chosen(shown) != self._without_chosen(self._points):
             self._chosen = -1
         self._points = shown
         self._domain = (float(domain[0]), max(float(domain[1]), float(domain[0]) + 1e-9))
         self.update()
 
-    def _beside_chosen(self, points: list[Point]) -> list[Point]:
+    def _without_chosen(self, points: list[Point]) -> list[Point]:
         return [point for k, point in enumerate(points) if k != self._chosen]
 
     def show_histogram(self, heights: NDArray[np.float64]) -> None:
@@ -118,40 +133,40 @@ class OpacityEditor(QWidget):
         self.update()
 
     def _area(self) -> QRectF:
-        return QRectF(self.rect()).adjusted(_MARGIN, _MARGIN, -_MARGIN, -_MARGIN)
+        return QRectF(self.rect()).adjusted(MARGIN, MARGIN, -MARGIN, -MARGIN)
 
     def position(self, point: Point) -> QPointF:
         """Return where a point of the curve is drawn, in pixels."""
         area, (low, high) = self._area(), self._domain
-        part = max(point[0] - low, 0.0) / (high - low)
-        x = area.left() + np.sqrt(part) * area.width()
+        share = max(point[0] - low, 0.0) / (high - low)
+        x = area.left() + np.sqrt(share) * area.width()
         return QPointF(x, area.bottom() - np.cbrt(point[1]) * area.height())
 
     def _point_at(self, position: QPointF) -> Point:
         area, (low, high) = self._area(), self._domain
-        part = (position.x() - area.left()) / max(area.width(), 1.0)
+        share = (position.x() - area.left()) / max(area.width(), 1.0)
         height = (area.bottom() - position.y()) / max(area.height(), 1.0)
-        return low + max(part, 0.0) ** 2 * (high - low), float(np.clip(height, 0.0, 1.0)) ** 3
+        return low + max(share, 0.0) ** 2 * (high - low), float(np.clip(height, 0.0, 1.0)) ** 3
 
     def _nearest(self, position: QPointF) -> int:
         spots = [self.position(p) for p in self._points]
-        far = [np.hypot(s.x() - position.x(), s.y() - position.y()) for s in spots]
-        best = int(np.argmin(far))
-        return best if far[best] <= _GRAB else -1
+        distances = [np.hypot(s.x() - position.x(), s.y() - position.y()) for s in spots]
+        nearest = int(np.argmin(distances))
+        return nearest if distances[nearest] <= GRAB_PIXELS else -1
 
     def _move(self, index: int, point: Point) -> None:
         low, high = self._domain
-        gap = _GAP * (high - low)
+        gap = SMALLEST_GAP * (high - low)
         below = self._points[index - 1][0] + gap if index > 0 else low
         last = index + 1 == len(self._points)
         above = max(high, self._points[-1][0]) if last else self._points[index + 1][0] - gap
         density = max(min(point[0], above), below)
         self._points[index] = (density, min(max(point[1], 0.0), 1.0))
-        self._tell()
+        self._emit()
 
     def _shift(self, by: float) -> None:
         self._points = [(density + by, opacity) for density, opacity in self._points]
-        self._tell()
+        self._emit()
 
     def _widen(self, by: float) -> None:
         """Widen the window: the whole curve is stretched about the middle of where it rises."""
@@ -160,20 +175,20 @@ class OpacityEditor(QWidget):
         middle, width = (shows[0] + shows[-1]) / 2, high - low
         stretch = max(1.0 + 2.0 * by / width, 0.05)
         self._points = [(middle + stretch * (d - middle), opacity) for d, opacity in self._points]
-        self._tell()
+        self._emit()
 
     def _remove(self, index: int) -> None:
         if index >= 0 and len(self._points) > 2:
             del self._points[index]
             self._chosen = -1
-            self._tell()
+            self._emit()
 
-    def _tell(self) -> None:
+    def _emit(self) -> None:
         self.update()
         self.edited.emit(self.points)
 
-    def mousePressEvent(self, event: Any) -> None:
-        """Choose a point, or take hold of the whole curve."""
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Choose a point, or begin to drag the whole curve."""
         self._chosen = self._nearest(event.position())
         if event.button() == Qt.MouseButton.RightButton:
             self._remove(self._chosen)
@@ -182,7 +197,7 @@ class OpacityEditor(QWidget):
             self._widening = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
         self.update()
 
-    def mouseMoveEvent(self, event: Any) -> None:
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag the chosen point, or the whole curve."""
         if self._dragged is None:
             return
@@ -193,11 +208,11 @@ class OpacityEditor(QWidget):
             (self._widen if self._widening else self._shift)(point[0] - self._dragged)
             self._dragged = point[0]
 
-    def mouseReleaseEvent(self, event: Any) -> None:
-        """Let go."""
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """End the drag."""
         self._dragged = None
 
-    def mouseDoubleClickEvent(self, event: Any) -> None:
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a point."""
         if self._nearest(event.position()) >= 0:
             return
@@ -207,9 +222,9 @@ class OpacityEditor(QWidget):
             return
         self._points.insert(index, point)
         self._chosen = index
-        self._tell()
+        self._emit()
 
-    def keyPressEvent(self, event: Any) -> None:
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move or remove the chosen point."""
         steps = {
             Qt.Key.Key_Left: (-1.0, 0.0),
@@ -226,7 +241,7 @@ class OpacityEditor(QWidget):
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: Any) -> None:
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the histogram, the curve and its points."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -239,7 +254,7 @@ class OpacityEditor(QWidget):
         self._paint_histogram(painter, ink)
         painter.setClipRect(self.rect())
         self._paint_curve(painter)
-        self._paint_words(painter, ink)
+        self._paint_label(painter, ink)
         painter.end()
 
     def _paint_histogram(self, painter: QPainter, ink: QColor) -> None:
@@ -258,7 +273,7 @@ class OpacityEditor(QWidget):
         painter.drawPolygon(QPolygonF([*outline, area.bottomRight()]))
 
     @property
-    def words(self) -> str:
+    def label_text(self) -> str:
         """The chosen point's density and opacity, empty where none is chosen."""
         if self._chosen < 0:
             return ""
@@ -266,19 +281,19 @@ class OpacityEditor(QWidget):
         shown = f"{density:.0f}" if abs(density) >= 10 else f"{density:.2g}"
         return f"density {shown}, opacity {opacity:.2g}"
 
-    def _paint_words(self, painter: QPainter, ink: QColor) -> None:
-        """Write the chosen point's density and opacity, on a plate over curve and histogram."""
-        if not self.words:
+    def _paint_label(self, painter: QPainter, ink: QColor) -> None:
+        """Write the chosen point's density and opacity, over the curve."""
+        if not self.label_text:
             return
         where = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop
         plate = QColor(self.palette().window().color())
         plate.setAlphaF(0.8)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(plate)
-        bounds = painter.boundingRect(self._area(), where, self.words)
+        bounds = painter.boundingRect(self._area(), where, self.label_text)
         painter.drawRoundedRect(bounds.adjusted(-4, -1, 4, 1), 3, 3)
         painter.setPen(ink)
-        painter.drawText(self._area(), where, self.words)
+        painter.drawText(self._area(), where, self.label_text)
 
     def _paint_curve(self, painter: QPainter) -> None:
         area, accent = self._area(), QColor(self._accent)

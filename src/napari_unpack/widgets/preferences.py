@@ -1,22 +1,29 @@
-"""The plugin's page in napari's preferences, as plain values."""
+"""The plugin's page in napari's preferences, as plain values.
+
+Keys and values of the page are stored on the user's disk, so they keep the words they had at
+first, also where the panel says it otherwise today.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+TAKE_LEAST_OCCLUDED = "Take the least blocked"
+"""As stored under `when_nobody_is_free`."""
 
 BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
 
 
 @dataclass(frozen=True)
 class Preferences:
-    """What the user prefers; the defaults are those of the manifest.
+    """The user's preferences; the defaults are those of the manifest.
 
     Parameters
     ----------
     seconds : float
         Duration of one flight.
-    take_least_blocked : bool
-        What to do when nothing is free.
+    take_least_occluded : bool
+        Unpack the least occluded object where none is unpackable.
     backend : str
         "auto", "gl" or "cpu".
     recolor_at_rest : bool
@@ -24,7 +31,7 @@ class Preferences:
     """
 
     seconds: float = 1.2
-    take_least_blocked: bool = True
+    take_least_occluded: bool = True
     backend: str = "auto"
     recolor_at_rest: bool = True
 
@@ -45,7 +52,7 @@ def preferences() -> Preferences:
         return Preferences()
     return Preferences(
         seconds=float(stored.unpacking.seconds),
-        take_least_blocked=stored.unpacking.when_nobody_is_free == "Take the least blocked",
+        take_least_occluded=stored.unpacking.when_nobody_is_free == TAKE_LEAST_OCCLUDED,
         backend=BACKENDS.get(stored.drawing.backend, "auto"),
         recolor_at_rest=bool(stored.drawing.recolor_at_rest),
     )

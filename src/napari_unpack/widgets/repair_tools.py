@@ -1,24 +1,32 @@
-"""Repairs as the panel asks for them: worked out on a worker thread, one at a time."""
+"""Repairs of the labels, worked out in a worker one at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import QObject, Signal
 
-from napari_unpack.session.label_edits import LabelEditor
-from napari_unpack.tasks import Task, TaskResult
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.job import Job
 from napari_unpack.widgets.workspace import Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+    from napari_unpack.session.label_edits import LabelEditor, Repair
+    from napari_unpack.viewer.label_sync import LabelSync
+    from napari_unpack.viewer.split_tool import SplitTool, Voxel
+
+
+SLOT = "repair"
 
 
 class RepairTools(QObject):
-    """Split, merge, delete, and what a brush paints on the user's labels.
+    """Split, merge, delete, and take over what a brush paints on the user's labels.
 
-    Signals: `splitting` (a sentence on what to click next, empty when over); `busy` (bool) while
-    a repair is being worked out.
+    Signals: `splitting` (a sentence on what to click next, empty when over); `busy` (bool).
 
     Parameters
     ----------
@@ -32,37 +40,38 @@ class RepairTools(QObject):
     def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._workspace = workspace
-        self._job = Job(self)
-        self._job.ended.connect(self._take)
-        self._session: Any = None
-        self._clicks: Any = None
-        self._painted: Any = None
-        workspace.staged.connect(self._follow)
+        self._split_tool: SplitTool | None = None
+        self._label_sync: LabelSync | None = None
+        workspace.switched.connect(self._follow)
 
     @property
     def running(self) -> bool:
         """Whether a repair is being worked out, or a brush stroke waits to be."""
-        return self._job.running or (self._painted is not None and self._painted.waiting)
+        return self._workspace.scheduler.has(SLOT) or (
+            self._label_sync is not None and self._label_sync.waiting
+        )
 
     @property
     def awaits_clicks(self) -> bool:
-        """Whether clicks on an object are waited for."""
-        return self._clicks is not None
+        """Whether the next clicks say where to split an object."""
+        return self._split_tool is not None
 
     def split_by_clicks(self) -> None:
-        """Wait for two clicks on one object; asked again, stop waiting."""
+        """Wait for two clicks on one object; a second call stops waiting."""
         from napari_unpack.viewer.split_tool import SplitTool
 
-        if self._clicks is not None or self._workspace.controller is None:
+        if self._split_tool is not None or self._workspace.controller is None:
             self.cancel()
             return
-        self._clicks = SplitTool(self._workspace.controller, self.splitting.emit, self._clicked)
+        self._split_tool = SplitTool(
+            self._workspace.controller, self.splitting.emit, self._split_between
+        )
 
     def cancel(self) -> None:
-        """Wait for no click any more."""
-        if self._clicks is not None:
-            self._clicks.close()
-            self._clicks = None
+        """Wait for clicks no longer."""
+        if self._split_tool is not None:
+            self._split_tool.close()
+            self._split_tool = None
             self.splitting.emit("")
 
     def merge(self, ids: list[int]) -> None:
@@ -73,7 +82,7 @@ class RepairTools(QObject):
         """Make background of objects."""
         self._put(lambda editor: editor.delete_task(ids))
 
-    def _clicked(self, object_id: int, a: Any, b: Any) -> None:
+    def _split_between(self, object_id: int, a: Voxel, b: Voxel) -> None:
         self.cancel()
         self._put(lambda editor: editor.split_task(object_id, a, b))
 
@@ -81,42 +90,45 @@ class RepairTools(QObject):
         session = self._workspace.session
         if session is None:
             return
-        if self._job.running:
+        if self._workspace.scheduler.has(SLOT):
             notifications.inform("The last repair is still being worked out: wait a moment.")
             return
-        with notifications.spoken():
+        with notifications.errors_shown():
             self._start(session, task_of(session.label_editor))
 
     def _ask(self, task: Task[Any]) -> bool:
-        if self._job.running or self._workspace.session is None:
+        if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
         self._start(self._workspace.session, task)
         return True
 
-    def _start(self, session: Any, task: Task[Any]) -> None:
-        self._session = session
+    def _start(self, session: Session, task: Task[Any]) -> None:
+        take = partial(self._take, session)
+        self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
         self.busy.emit(True)
-        self._job.start(task.run)
 
-    def _take(self, outcome: TaskResult[Any]) -> None:
-        session, self._session = self._session, None
+    def _take(self, session: Session, edit: Repair | None) -> None:
         self.busy.emit(False)
-        if session is None or session is not self._workspace.session:
+        # A repair of a session that is no longer shown would come as a surprise.
+        if edit is None or session is not self._workspace.session:
             return
-        with notifications.spoken():
-            edit = outcome.get()
-            if edit is not None and not session.label_editor.apply(edit):
-                notifications.warn("The labels have changed meanwhile: repair once more.")
+        with notifications.errors_shown():
+            if not session.label_editor.apply(edit):
+                notifications.warn("The labels changed meanwhile: repair once more.")
+
+    def _fail(self, error: Exception) -> None:
+        self.busy.emit(False)
+        notifications.show_error(error)
 
     def _follow(self) -> None:
         from napari_unpack.viewer.label_sync import LabelSync
 
         self.cancel()
-        if self._painted is not None:
-            self._painted.close()
-            self._painted = None
+        if self._label_sync is not None:
+            self._label_sync.close()
+            self._label_sync = None
         controller = self._workspace.controller
         if controller is not None:
-            self._painted = LabelSync(
+            self._label_sync = LabelSync(
                 controller.session, controller.sources, self._ask, notifications.warn
             )

@@ -1,35 +1,43 @@
-"""What must leave for a buried object: a sentence and two buttons.
-
-Other ways out: the best of 26 directions, and what frees a buried object, in a worker.
-"""
+"""What blocks a buried object, and the direction in which most objects are unpackable."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed
-from napari_unpack.tasks import Task, TaskResult
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.directions import words_of
-from napari_unpack.widgets.job import Job
-from napari_unpack.widgets.notifications import spoken
+from napari_unpack.widgets.notifications import errors_shown, inform, show_error
 from napari_unpack.widgets.section import button, column, label, row
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+    from napari_unpack.unpacking.direction_survey import RevealPlan
+
+
+SLOT = "reveal planner"
+"""One task runs and one waits: two at once would share the processors, and both come later."""
 
 
 class RevealPlanner(QObject):
-    """Asks the session's longer questions when somebody wants to know.
+    """Works out in a worker what takes the session longer than a moment.
 
     Signals: `best` carries a `BestDirection`, or None while it is unknown or there is none;
-    `found` a `RevealPlan`, or None when none is shown any more; `busy` tells whether rays are
-    being cast.
+    `found` a `RevealPlan`, or None when none is shown any more; `busy` (bool).
 
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
     parent : QObject, optional
     """
 
@@ -37,29 +45,23 @@ class RevealPlanner(QObject):
     found = Signal(object)
     busy = Signal(bool)
 
-    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
+    def __init__(
+        self, workspace: Workspace, commands: Commands, parent: QObject | None = None
+    ) -> None:
         super().__init__(parent)
-        self._workspace = workspace
-        self._job = Job(self)
-        self._asked: tuple[Any, Task[Any], int] | None = None
-        self._next: tuple[str, int] | None = None
-        self._found: Any = None
-        self._job.ended.connect(self._take)
-        workspace.staged.connect(self._clear)
-        workspace.changed.connect(self._hear)
+        self._workspace, self._commands = workspace, commands
+        self.plan: RevealPlan | None = None
+        """What is shown."""
+        workspace.switched.connect(self._clear)
+        workspace.changed.connect(self._follow)
 
     @property
     def running(self) -> bool:
-        """Whether rays are being cast."""
-        return self._job.running
+        """Whether something is being worked out."""
+        return self._workspace.scheduler.has(SLOT)
 
-    @property
-    def shown(self) -> bool:
-        """Whether it is shown what frees a buried object."""
-        return self._found is not None
-
-    def look(self) -> None:
-        """Find the best direction; `best` tells."""
+    def find_best_direction(self) -> None:
+        """Find the direction of 26 in which most objects are unpackable, for `best`."""
         session = self._workspace.session
         if session is None:
             return
@@ -67,131 +69,153 @@ class RevealPlanner(QObject):
         if task is None:
             self.best.emit(session.best_direction())
         else:
-            self._start("survey", task, 0)
+            self._start(session, task, 0)
 
     def reveal(self, object_id: int) -> None:
-        """Find what frees a buried object; `found` tells."""
+        """Find what blocks a buried object, for `found`."""
         session = self._workspace.session
         if session is None:
             return
-        with spoken():
+        with errors_shown():
             task = session.queries.reveal_plan_task(object_id)
             if task is None:
-                self._settle(session.reveal_plan(object_id))
+                self._show(session.reveal_plan(object_id))
             else:
-                self._start("reveal", task, object_id)
+                self._start(session, task, object_id)
 
-    def unpack_found(self) -> None:
-        """Unpack those who free the buried object, and it as well."""
-        if self._found is not None:
-            one = self._found
+    def reveal_selected(self) -> None:
+        """Find what blocks the selected object, or say that one must be selected."""
+        session = self._workspace.session
+        if session is None:
+            return
+        chosen = sorted(session.selected)
+        if len(chosen) == 1:
+            self.reveal(chosen[0])
+        else:
+            inform("Select one object in the bag to reveal: click it in the table.")
+
+    def unpack_plan(self) -> None:
+        """Unpack the objects that block the buried one, and it as well."""
+        plan = self.plan
+        if plan is not None:
             self.forget()
-            self._workspace.reveal(one.target, tuple(float(v) for v in one.direction))
+            z, y, x = (float(v) for v in plan.direction)
+            self._commands.reveal(plan.target, (z, y, x))
 
     def forget(self) -> None:
-        """Show no buried object any more."""
-        if self._found is not None:
-            self._found = None
-            self._show(0, frozenset())
+        """Show no plan any more."""
+        if self.plan is not None:
+            self.plan = None
+            self._outline(0, frozenset())
             self.found.emit(None)
 
-    def end(self) -> None:
-        """Ask nothing more."""
-        self._job.cancel()
-        self._asked = self._next = None
-
-    def _start(self, kind: str, task: Task[Any], object_id: int) -> None:
-        if self._job.running:
-            # The one that runs is finished or cancelled first.
-            self._next = (kind, object_id)
-            return
-        self._asked = self._workspace.session, task, object_id
+    def _start(self, session: Session, task: Task[Any], object_id: int) -> None:
+        """Run a task for a buried object, or with 0 for the best direction."""
+        take = partial(self._take, session, task, object_id)
+        self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
         self.busy.emit(True)
-        self._job.start(task.run)
 
-    def _take(self, outcome: TaskResult[Any]) -> None:
-        asked, self._asked = self._asked, None
-        waiting, self._next = self._next, None
-        self.busy.emit(False)
-        session = self._workspace.session
-        if asked is None or session is None or session is not asked[0]:
+    def _take(self, session: Session, task: Task[Any], object_id: int, result: Any) -> None:
+        self.busy.emit(self.running)
+        if session is not self._workspace.session:
             return
-        with spoken():
-            _, task, object_id = asked
-            if session.queries.store(task, outcome.get()):
+        with errors_shown():
+            if session.queries.store(task, result):
                 if object_id:
-                    self._settle(session.reveal_plan(object_id))
+                    self._show(session.reveal_plan(object_id))
                 else:
                     self.best.emit(session.best_direction())
-        if waiting is not None:
-            kind, object_id = waiting
-            self.look() if kind == "survey" else self.reveal(object_id)
 
-    def _settle(self, one: Any) -> None:
-        self._found = one
-        self._show(one.target, one.first)
-        self.found.emit(one)
+    def _fail(self, error: Exception) -> None:
+        self.busy.emit(self.running)
+        show_error(error)
 
-    def _show(self, target: int, leaving: frozenset[int]) -> None:
-        overlays = getattr(self._workspace.controller, "overlays", None)
-        if overlays is not None:
-            overlays.unearth(target, leaving)
+    def _show(self, plan: RevealPlan) -> None:
+        self.plan = plan
+        self._outline(plan.target, plan.first)
+        self.found.emit(plan)
 
-    def _hear(self, news: frozenset[str]) -> None:
-        if "labels" in news:
+    def _outline(self, target: int, first: frozenset[int]) -> None:
+        if self._workspace.controller is not None:
+            self._workspace.controller.overlays.unearth(target, first)
+
+    def _follow(self, change: Change) -> None:
+        session = self._workspace.session
+        if session is None or self.plan is None:
+            return
+        if Change.LABELS in change:
             self.forget()
-        elif "states" in news and self._found is not None:
-            states = self._workspace.session.states
-            if any(states[i].name != "PACKED" for i in self._found.ids):
+        elif Change.STATES in change:
+            states = session.states
+            if any(states[i] is not ObjectState.PACKED for i in self.plan.ids):
                 self.forget()
 
     def _clear(self) -> None:
-        self._job.cancel()
-        self._found = self._next = None
+        self._workspace.scheduler.cancel(SLOT)
+        self.plan = None
         self.best.emit(None)
         self.found.emit(None)
 
 
 class RevealBox(QWidget):
-    """Shown while it is known what frees a buried object.
+    """A sentence on what blocks a buried object, and two buttons; shown while that is known.
 
     Parameters
     ----------
-    ways : RevealPlanner
+    planner : RevealPlanner
     """
 
-    def __init__(self, ways: RevealPlanner) -> None:
+    def __init__(self, planner: RevealPlanner) -> None:
         super().__init__()
-        self._ways = ways
-        self._found: Any = None
-        self.news = label("", "hint", wrap=True)
-        self.take = button("Unpack just those", "Fly them out, the buried one last.", True)
-        self.cancel = button("Not now", "Show this no more (Escape).")
+        self._plan: RevealPlan | None = None
+        self.sentence = label("", "hint", wrap=True)
+        self.take = button(
+            "Unpack just those", "Unpack the blocking objects, and the buried one last.", True
+        )
+        self.cancel = button("Not now", "Hide this plan (Escape).")
         contents = column(self)
-        contents.addWidget(self.news)
+        contents.addWidget(self.sentence)
         contents.addLayout(row(self.take, self.cancel))
-        self.take.clicked.connect(ways.unpack_found)
-        self.cancel.clicked.connect(ways.forget)
+        self.take.clicked.connect(planner.unpack_plan)
+        self.cancel.clicked.connect(planner.forget)
         self.hide()
 
-    def show_found(self, one: Any, session: Any) -> None:
-        """Say what must leave; None hides the box."""
-        self._found = one
-        self.setVisible(one is not None)
-        self.look(session)
+    def show_plan(self, plan: RevealPlan | None, session: Session | None) -> None:
+        """Say what must leave.
 
-    def look(self, session: Any) -> None:
-        """Say which way it is in the picture of now."""
-        one = self._found
-        if one is not None and session is not None:
+        Parameters
+        ----------
+        plan : RevealPlan, optional
+            None hides the box.
+        session : Session, optional
+            It names the objects and knows the view.
+        """
+        self._plan = plan
+        self.setVisible(plan is not None)
+        self.refresh(session)
+
+    def refresh(self, session: Session | None) -> None:
+        """Word the direction as the bag is seen now."""
+        plan = self._plan
+        if plan is not None and session is not None:
             names = session.objects["name"]
-            first = [str(names[i]) for i in sorted(one.first)]
-            words = words_of(one.direction, session.camera)
-            self.news.setText(sentence(str(names[one.target]), first, words))
+            first = [str(names[i]) for i in sorted(plan.first)]
+            way = words_of(plan.direction, session.camera)
+            self.sentence.setText(sentence(str(names[plan.target]), first, way))
 
 
 def sentence(name: str, first: Sequence[str], way: str) -> str:
-    """Return what must happen before an object is free, naming who must leave if they are few."""
+    """Say what must happen before an object is unpackable.
+
+    Parameters
+    ----------
+    name : str
+        Of the object.
+    first : sequence of str
+        Names of the objects that must leave first or with it.
+    way : str
+        The direction in words.
+    """
     if not first:
         return f"{name} can leave now, {way}."
     return f"{name}: {listed(first)} must leave first or with it, {way}."

@@ -1,8 +1,8 @@
-"""A numbered step of the panel: title, status, contents, and why it cannot be used yet."""
+"""A numbered step of the panel, settings that fold away, and the small parts both are made of."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import (
@@ -18,6 +18,9 @@ from qtpy.QtWidgets import (
 
 from napari_unpack.widgets.theme import GAP, LABELS
 
+if TYPE_CHECKING:
+    from qtpy.QtGui import QMouseEvent
+
 
 class Section(QWidget):
     """One step. Fill `contents`; lock it with a reason until it can work.
@@ -27,7 +30,7 @@ class Section(QWidget):
     Parameters
     ----------
     number : str
-        What stands in the badge.
+        Shown in the badge.
     title : str
         The step's name.
     parent : QWidget, optional
@@ -82,6 +85,7 @@ class Section(QWidget):
         self.body.setVisible(reason is None and not self.fold.isChecked())
         self.fold.setVisible(reason is None)
         self._badge.setProperty("ready", "true" if reason is None else "false")
+        # Qt reads a property used by a style sheet again only when told to.
         self._badge.style().unpolish(self._badge)
         self._badge.style().polish(self._badge)
 
@@ -108,19 +112,19 @@ class _Head(QWidget):
         self._fold = fold
         self.setCursor(Qt.CursorShape.PointingHandCursor)
 
-    def mousePressEvent(self, event: Any) -> None:
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         self._fold.toggle()
 
 
 class Collapsible(QWidget):
-    """Settings that most people never need, behind one small line of text.
+    """Settings that few people need, behind one small line of text.
 
     Parameters
     ----------
     title : str
         The line of text.
     tooltip : str
-        What is behind it.
+        Of that line.
     """
 
     def __init__(self, title: str, tooltip: str) -> None:
@@ -141,9 +145,9 @@ class Collapsible(QWidget):
         layout.addWidget(self._box)
         self.toggle.toggled.connect(self._show)
 
-    def _show(self, open_: bool) -> None:
-        self.toggle.setArrowType(Qt.ArrowType.DownArrow if open_ else Qt.ArrowType.RightArrow)
-        self._box.setVisible(open_)
+    def _show(self, shown: bool) -> None:
+        self.toggle.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._box.setVisible(shown)
 
 
 def column(owner: QWidget) -> QVBoxLayout:

@@ -1,4 +1,4 @@
-"""What a person may tell the segmentation; most never need to."""
+"""Settings of the segmentation; the defaults serve most scans."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 from napari_unpack.widgets.section import Collapsible, form
 
 FIXED = "Fixed density"
-WAYS = {
+FOREGROUND_METHODS = {
     "Two levels, connected": (
         "hysteresis",
-        "Light things count where they are connected to denser ones; suits most scans.",
+        "Light matter counts where it is connected to denser matter; suits most scans.",
     ),
     "Smooth regions": (
         "mumford-shah",
-        "Follows air and matter that grow lighter across the scan, as no level can; slower.",
+        "For scans in which air or matter grow lighter from one side to the other; slower.",
     ),
     "One level": ("otsu", "Everything above the level between air and matter."),
     FIXED: (None, "Everything above the density given below."),
 }
-"""Ways to tell matter from air: name in `napari_unpack.segment`, and what they are good for."""
+"""How matter is told from air: `foreground` of `napari_unpack.segment`, and when to choose it."""
 
 NOISE = {
-    "Look and decide": (None, "Taken away where the volume is mostly noise, as most CT is not."),
-    "Take away": (
+    "Automatic": (None, "Noise is removed where the volume is mostly noise, as most CT is not."),
+    "Remove": (
         True,
-        "For nuclei and cells under a microscope: noise and haze are taken away before objects "
-        "are looked for, and there is no table and no bag.",
+        "For nuclei and cells under a microscope: noise and haze are removed before the "
+        "segmentation, and there is no table and no bag.",
     ),
-    "Leave": (False, "For scans: objects are looked for in the volume as it is."),
+    "Keep": (False, "For CT scans: the volume is segmented as it is."),
 }
-"""What is done about noise: `grainy` of `napari_unpack.segment`, and what it is good for."""
+"""What is done about noise: `grainy` of `napari_unpack.segment`, and when to choose it."""
 
 
 class SegmentOptions(Collapsible):
-    """How matter is found, what is done about noise, the smallest object, what is left out."""
+    """Foreground, noise, the smallest object, and what is left out."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -45,16 +45,16 @@ class SegmentOptions(Collapsible):
             "How objects are found; the defaults suit CT of bags, and nuclei under a microscope.",
         )
         self.supports = QCheckBox("Leave out the scanner's table")
-        self.supports.setToolTip("Flat matter that lies under everything else is no object.")
+        self.supports.setToolTip("The flat support under everything else is no object.")
         self.shell = QCheckBox("Leave out the bag itself")
         self.shell.setToolTip("The thin wall around everything else is no object.")
         for box in (self.supports, self.shell):
             box.setChecked(True)
-        self.way = QComboBox()
-        for place, (text, (_, help_text)) in enumerate(WAYS.items()):
-            self.way.addItem(text)
-            self.way.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
-        self.way.currentTextChanged.connect(self._explain)
+        self.foreground = QComboBox()
+        for place, (text, (_, help_text)) in enumerate(FOREGROUND_METHODS.items()):
+            self.foreground.addItem(text)
+            self.foreground.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
+        self.foreground.currentTextChanged.connect(self._explain)
         self.threshold = QLineEdit()
         self.threshold.setPlaceholderText("automatic")
         self.threshold.setToolTip(
@@ -75,12 +75,12 @@ class SegmentOptions(Collapsible):
         self.smallest.setSuffix(" mm³")
         self.smallest.setSpecialValueText("automatic")
         self.smallest.setToolTip(
-            "Smaller things are joined to a neighbour, or left out if they have none. "
+            "Smaller objects are joined to a neighbour, or left out if they have none. "
             "Automatic: 500 mm³, or 500 voxels in a small volume; 0 brings it back."
         )
         self.contents.addLayout(
             form(
-                Matter=self.way,
+                Matter=self.foreground,
                 Density=self.threshold,
                 Noise=self.noise,
                 Smallest=self.smallest,
@@ -90,9 +90,9 @@ class SegmentOptions(Collapsible):
         self.contents.addWidget(self.shell)
 
     def _explain(self, _text: str = "") -> None:
-        way, help_text = WAYS[self.way.currentText()]
-        self.way.setToolTip(f"How matter is told from air. {help_text}")
-        if way is not None:
+        method, help_text = FOREGROUND_METHODS[self.foreground.currentText()]
+        self.foreground.setToolTip(f"How matter is told from air. {help_text}")
+        if method is not None:
             self.threshold.clear()
         grainy, help_text = NOISE[self.noise.currentText()]
         self.noise.setToolTip(f"What is done about noise and haze. {help_text}")
@@ -101,7 +101,7 @@ class SegmentOptions(Collapsible):
 
     def _fix(self, text: str) -> None:
         if text.strip():
-            self.way.setCurrentText(FIXED)
+            self.foreground.setCurrentText(FIXED)
 
     def settings(self) -> dict[str, Any]:
         """Return keyword arguments of `napari_unpack.segment`.
@@ -111,9 +111,9 @@ class SegmentOptions(Collapsible):
         ValueError
             If the fixed density is no number.
         """
-        way, _ = WAYS[self.way.currentText()]
+        method, _ = FOREGROUND_METHODS[self.foreground.currentText()]
         return {
-            "foreground": self._density() if way is None else way,
+            "foreground": self._density() if method is None else method,
             "grainy": NOISE[self.noise.currentText()][0],
             "smallest": self.smallest.value() or None,
             "supports": self.supports.isChecked(),
@@ -126,6 +126,6 @@ class SegmentOptions(Collapsible):
             return float(text)
         except ValueError as error:
             raise ValueError(
-                f"the density from which there is matter must be a number, got {text!r}; "
-                "choose another way than a fixed density to have it found"
+                f"the density above which there is matter must be a number, got {text!r}; "
+                "or let it be found: choose another method than the fixed density"
             ) from error

@@ -1,14 +1,15 @@
-"""Step 1: from a volume, or a volume and its labels, to a session on the stage."""
+"""Step 1: from a volume, or a volume and its labels, to a session in the 3D view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
-from napari.layers import Image, Labels
+from napari.layers import Image, Labels, Layer
 
+from napari_unpack.layers.compat import unwrap
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
@@ -19,24 +20,28 @@ from napari_unpack.widgets.layer_inputs import (
     is_users,
     labels_of,
     names_of,
-    plain,
     same_shape,
     volume_of,
 )
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Section, button, form
 from napari_unpack.widgets.segment_options import SegmentOptions
-from napari_unpack.widgets.session_builder import Prepared, prepare
+from napari_unpack.widgets.session_builder import BuiltSession, build
 from napari_unpack.widgets.task_progress import TaskProgress
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari.utils.events import Event
 
 FIND = "Find the objects"
 
 
 @dataclass(frozen=True, eq=False)
 class _Order:
-    image: Any
-    labels: Any
+    """The layers of a segmentation under way."""
+
+    image: Layer
+    labels: Labels | None
     volume: Volume
 
 
@@ -55,55 +60,47 @@ class SegmentSection(Section):
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
         viewer = workspace.viewer
-        self.volume_box = LayerInput(viewer, self._is_source, prefers=_is_volume)
-        self.volume_box.setToolTip(
-            "The volume to unpack: any 3D Image layer, or Labels that have none."
+        self.volume_input = LayerInput(viewer, self._is_source, prefers=_is_volume)
+        self.volume_input.setToolTip(
+            "The volume to unpack: any 3D Image layer, or Labels without one."
         )
-        self.labels_box = LayerInput(viewer, self._fits, none=FIND)
-        self.labels_box.setToolTip(
-            "Labels you already have, of the same shape; otherwise the objects are found."
+        self.labels_input = LayerInput(viewer, self._fits, none=FIND)
+        self.labels_input.setToolTip(
+            "Labels that you have already, of the same shape; without them the volume is segmented."
         )
         self.start = button("Segment", "", primary=True)
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
-        self.waiting = TaskProgress(
+        self.progress = TaskProgress(
             workspace.scheduler, "Stop the work; nothing that is open changes."
         )
         self.options = SegmentOptions()
-        self._arrange()
+        self.contents.addLayout(form(Volume=self.volume_input, Objects=self.labels_input))
+        for widget in (self.start, self.sample, self.options, self.progress):
+            self.contents.addWidget(widget)
 
         self.start.clicked.connect(lambda: self.run())
         self.sample.clicked.connect(self._add_sample)
-        self.waiting.ended.connect(self._finish)
-        self.volume_box.chosen.connect(self._choose_volume)
-        self.labels_box.chosen.connect(self._refresh)
-        workspace.staged.connect(self._refresh)
-        workspace.staged.connect(lambda: self.fold.setChecked(workspace.controller is not None))
-        workspace.changed.connect(lambda news: self._refresh() if "labels" in news else None)
+        self.progress.ended.connect(self._finish)
+        self.volume_input.chosen.connect(self._choose_volume)
+        self.labels_input.chosen.connect(self._refresh)
+        workspace.switched.connect(self._refresh)
+        workspace.switched.connect(lambda: self.fold.setChecked(workspace.session is not None))
+        workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         self._refresh()
 
-    def _arrange(self) -> None:
-        self.contents.addLayout(form(Volume=self.volume_box, Objects=self.labels_box))
-        self.contents.addWidget(self.start)
-        self.contents.addWidget(self.sample)
-        self.contents.addWidget(self.options)
-        self.contents.addWidget(self.waiting)
-
-    def _fits(self, layer: Any) -> bool:
-        image = self.volume_box.layer
+    def _fits(self, layer: Layer) -> bool:
+        image = self.volume_input.layer
         return (
-            isinstance(layer, Labels)
-            and is_users(layer)
-            and image is not None
-            and same_shape(image, layer)
+            _is_labels(layer) and is_users(layer) and image is not None and same_shape(image, layer)
         )
 
-    def _is_source(self, layer: Any) -> bool:
-        if not isinstance(layer, Labels):
+    def _is_source(self, layer: Layer) -> bool:
+        if not _is_labels(layer):
             return _is_image(layer)
-        images = (plain(each) for each in self._workspace.viewer.layers)
+        images = (unwrap(each) for each in self._workspace.viewer.layers)
         return (
             is_users(layer)
             and layer.ndim == 3
@@ -111,37 +108,38 @@ class SegmentSection(Section):
         )
 
     def _choose_volume(self) -> None:
-        self.labels_box.refresh()
-        was_alone, self._labels_alone = self._labels_alone, _is_labels(self.volume_box.layer)
+        self.labels_input.refresh()
+        layer = self.volume_input.layer
+        was_alone, self._labels_alone = self._labels_alone, _is_labels(layer)
         if was_alone or self._labels_alone:
-            self.labels_box.choose(self.volume_box.layer if self._labels_alone else None)
+            self.labels_input.choose(layer if self._labels_alone else None)
         self._refresh()
 
-    def _follow_selection(self, _event: Any = None) -> None:
-        """Take up the layer the user selects in the list, if it is one of ours to choose from."""
-        layer = plain(self._workspace.viewer.layers.selection.active)
+    def _follow_selection(self, _event: Event | None = None) -> None:
+        """Choose the layer that the user selects in the layer list, if it can be chosen here."""
+        layer = unwrap(self._workspace.viewer.layers.selection.active)
         if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
         if self._fits(layer):
-            self.labels_box.choose(layer)
+            self.labels_input.choose(layer)
         elif self._is_source(layer) and _is_volume(layer):
-            self.volume_box.choose(layer)
+            self.volume_input.choose(layer)
 
     def _refresh(self) -> None:
-        chosen = self.labels_box.layer
-        self.start.setText("Segment" if chosen is None else "Unpack these labels")
+        image, labels = self.volume_input.layer, self.labels_input.layer
+        idle = not self.progress.running
+        self.start.setText("Segment" if labels is None else "Unpack these labels")
         self.start.setToolTip(
-            "Find the objects in the volume and put them on the stage."
-            if chosen is None
-            else "Put the volume on the stage with the labels chosen above."
+            "Find the objects in the volume and show them in the 3D view."
+            if labels is None
+            else "Show the volume in the 3D view with the labels chosen above."
         )
-        image = self.volume_box.layer
-        self.start.setEnabled(image is not None and not self.waiting.running)
+        self.start.setEnabled(image is not None and idle)
         self.sample.setVisible(image is None or not _is_volume(image))
-        self.sample.setEnabled(not self.waiting.running)
-        self.options.setVisible(image is not None and chosen is None and not self.waiting.running)
-        for field in (self.volume_box, self.labels_box):
-            field.setEnabled(image is not None and not self.waiting.running)
+        self.sample.setEnabled(idle)
+        self.options.setVisible(image is not None and labels is None and idle)
+        for layer_input in (self.volume_input, self.labels_input):
+            layer_input.setEnabled(image is not None and idle)
         session = self._workspace.session
         count = 0 if session is None else len(session.boxes.ids)
         objects = "1 object" if count == 1 else f"{count} objects"
@@ -149,32 +147,33 @@ class SegmentSection(Section):
         self.lock(None)
 
     def run(self, then: Callable[[], None] | None = None) -> None:
-        """Do what the button says, with the layers chosen.
+        """Segment the chosen volume, or take the chosen labels.
 
         Parameters
         ----------
         then : callable, optional
-            Called with nothing once the stage is open.
+            Called with nothing once the session is shown.
         """
-        if self.waiting.running:
+        if self.progress.running:
             return
-        image = self.volume_box.layer
+        image, labels = self.volume_input.layer, self.labels_input.layer
         if image is None:
             notifications.inform("Open a 3D volume first, or press Try a simulated bag.")
             return
-        with notifications.spoken():
+        with notifications.errors_shown():
             volume = volume_of(image)
-            layer = self.labels_box.layer
-            labels = None if layer is None else labels_of(layer, volume)
-            self._order = _Order(image, layer, volume)
-            self._then = then
-            self._say_alone(image)
-            names = {} if layer is None else names_of(layer)
-            self._begin(partial(prepare, volume, labels, names, self.options.settings()))
+            ids = names = None
+            if _is_labels(labels):
+                ids, names = labels_of(labels, volume), names_of(labels)
+            order = _Order(image, labels if _is_labels(labels) else None, volume)
+            settings = self.options.settings()
+            self._order, self._then = order, then
+            self._explain_missing_volume(image)
+            self._begin(partial(build, volume, ids, names or {}, settings))
 
-    def _say_alone(self, layer: Any) -> None:
-        """Say why no volume is shown where one is there, but of another shape than the labels."""
-        others = [plain(each) for each in self._workspace.viewer.layers]
+    def _explain_missing_volume(self, layer: Layer) -> None:
+        """Say why labels are shown without a volume although the viewer has one."""
+        others = [unwrap(each) for each in self._workspace.viewer.layers]
         volumes = [each.name for each in others if _is_image(each) and _is_volume(each)]
         if _is_labels(layer) and volumes:
             notifications.inform(
@@ -183,35 +182,34 @@ class SegmentSection(Section):
             )
 
     def _begin(self, work: Callable[[Progress], Any]) -> None:
-        self.waiting.begin(work)
+        self.progress.begin(work)
         self._refresh()
 
-    def _finish(self, outcome: TaskResult[Any]) -> None:
+    def _finish(self, outcome: TaskResult[BuiltSession | list[LayerData]]) -> None:
         try:
             if not outcome.cancelled:
-                with notifications.spoken():
-                    self._conclude(outcome.get())
+                with notifications.errors_shown():
+                    self._take(outcome.get())
         finally:
+            # Only now: until then layers that are added must not change the choice.
             self._order = None
             self._refresh()
 
-    def _conclude(self, result: Any) -> None:
-        if self._order is None:
-            self._show_layers(result)
-            return
-        self._put_on_controller(self._order, result)
-        if self._then is not None:
-            self._then()
+    def _take(self, result: BuiltSession | list[LayerData]) -> None:
+        if not isinstance(result, BuiltSession):
+            for layer in result:
+                self._workspace.viewer.add_layer(Layer.create(*layer))
+        elif self._order is not None:
+            self._show(self._order, result)
 
-    def _put_on_controller(self, order: _Order, prepared: Prepared) -> None:
-        # A stage that is on hides the image: what it found before comes and goes with it.
+    def _show(self, order: _Order, built: BuiltSession) -> None:
+        # An open session hides the image: the new labels must take over its real visibility.
         self._workspace.close()
-        labels = order.labels
-        if prepared.found is not None:
-            image = order.image
-            labels = plain(
+        image, labels = order.image, order.labels
+        if built.found is not None:
+            labels = unwrap(
                 self._workspace.viewer.add_labels(
-                    prepared.found,
+                    built.found,
                     name=f"{image.name} objects",
                     scale=image.scale,
                     translate=image.translate,
@@ -222,40 +220,39 @@ class SegmentSection(Section):
                     visible=image.visible,
                 )
             )
-        liked = preferences()
-        prepared.session.backend = liked.backend
-        prepared.session.take_least_occluded = liked.take_least_blocked
+        preferred = preferences()
+        built.session.backend = preferred.backend
+        built.session.take_least_occluded = preferred.take_least_occluded
+        sources = [image] if labels is None or labels is image else [image, labels]
         self._workspace.open(
-            prepared.session,
-            sources=tuple(dict.fromkeys((order.image, labels))),
-            seconds=liked.seconds,
-            backend=liked.backend,
-            recolor_at_rest=liked.recolor_at_rest,
+            built.session,
+            sources,
+            seconds=preferred.seconds,
+            backend=preferred.backend,
+            recolor_at_rest=preferred.recolor_at_rest,
         )
+        if self._then is not None:
+            self._then()
 
     def _add_sample(self) -> None:
-        if not self.waiting.running:
+        if not self.progress.running:
             self._begin(lambda progress: packed_bag(progress=progress))
 
-    def _show_layers(self, layers: list[LayerData]) -> None:
-        for data, settings, kind in layers:
-            getattr(self._workspace.viewer, f"add_{kind}")(data, **settings)
-
     def end(self) -> None:
-        """Stop all work and all listening, for good."""
-        self.waiting.stop()
+        """Stop all work and listen to the viewer no longer."""
+        self.progress.stop()
         self._workspace.viewer.layers.selection.events.active.disconnect(self._follow_selection)
-        self.volume_box.close_links()
-        self.labels_box.close_links()
+        self.volume_input.close_links()
+        self.labels_input.close_links()
 
 
-def _is_image(layer: Any) -> bool:
+def _is_image(layer: Layer) -> TypeGuard[Image]:
     return isinstance(layer, Image) and is_users(layer)
 
 
-def _is_labels(layer: Any) -> bool:
+def _is_labels(layer: Layer | None) -> TypeGuard[Labels]:
     return isinstance(layer, Labels)
 
 
-def _is_volume(layer: Any) -> bool:
+def _is_volume(layer: Layer) -> bool:
     return _is_labels(layer) or (_is_image(layer) and layer.ndim == 3 and not layer.rgb)

@@ -6,24 +6,30 @@ import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.tasks import Progress
 from napari_unpack.widgets.layer_inputs import Volume, in_memory
+from napari_unpack.widgets.session_settings import GENTLE_FOV
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 TOLERANCE = 0.003
-"""Share of an object that may be blocked and it still counts as free: labels of real scans are
-ragged by a voxel here and there (0.3 % at most in the bags of the paper's figure 7)."""
+"""Share of an object that may be blocked and it still counts as unpackable. Labels of real scans
+are ragged by a voxel here and there; in the paper's figure 7 up to 0.3 % of an object that leaves
+are still occluded."""
 
-GENTLE = 20.0
-"""Field of view in degrees at first: enough that what flies towards the viewer is seen to."""
+SEGMENTING_SHARE = 0.9
+"""Of the progress bar: finding objects takes that much of the time in bags of any size."""
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """A session, and the labels if they were found rather than given.
+class BuiltSession:
+    """A session, and its labels where they were found rather than given.
 
     Parameters
     ----------
@@ -32,26 +38,26 @@ class Prepared:
         New labels to show as a layer; None when the user's own were used.
     """
 
-    session: Any
-    found: Any
+    session: Session
+    found: NDArray[np.int32] | None
 
 
-def prepare(
+def build(
     volume: Volume,
-    labels: Any,
+    labels: ArrayLike | None,
     names: Mapping[int, str],
     settings: dict[str, Any],
     progress: Progress,
-) -> Prepared:
+) -> BuiltSession:
     """Segment a volume unless labels are given, and make its session.
 
     Parameters
     ----------
     volume : Volume
     labels : (Z, Y, X) array of int or None
-        Object IDs to use; None segments.
+        Object IDs; None segments the volume.
     names : mapping of int to str
-        What objects of these labels are called, by ID; may be empty.
+        Of objects of these labels, by ID; may be empty.
     settings : dict
         Keyword arguments of `napari_unpack.segment`.
     progress : callable
@@ -59,7 +65,7 @@ def prepare(
 
     Returns
     -------
-    Prepared
+    BuiltSession
 
     Raises
     ------
@@ -69,24 +75,24 @@ def prepare(
     from napari_unpack.io.headless import named_objects
 
     progress(0.0, "Reading the volume")
-    # Loaded here, the modules of the stage do not hold up the window later.
+    # The import takes seconds: here, in the worker, it does not freeze the window later.
     importlib.import_module("napari_unpack.viewer.controller")
     density = in_memory(volume)
     objects = named_objects(names)
-    found = None
+    found: NDArray[np.int32] | None = None
     if labels is None:
         from napari_unpack.segmentation import segment
 
-        with _in_words_of_the_panel():
+        with _advice_about_the_panel():
             segmentation = segment(
                 density,
                 spacing=volume.spacing,
-                progress=lambda fraction, text: progress(0.9 * fraction, text),
+                progress=lambda fraction, text: progress(SEGMENTING_SHARE * fraction, text),
                 **settings,
             )
         labels = found = segmentation.labels
         objects = segmentation.objects
-    progress(0.9, "Measuring the objects")
+    progress(SEGMENTING_SHARE, "Measuring the objects")
     ids = np.asarray(labels)
     if not ids.any():
         raise ValueError(
@@ -97,14 +103,14 @@ def prepare(
     from napari_unpack.session import Session
 
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
-    session.view = View(direction=FROM_ABOVE, fov=GENTLE)
+    session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
-    progress(1.0, "Opening the stage")
-    return Prepared(session, found)
+    progress(1.0, "Opening the 3D view")
+    return BuiltSession(session, found)
 
 
 @contextmanager
-def _in_words_of_the_panel() -> Iterator[None]:
+def _advice_about_the_panel() -> Iterator[None]:
     """Replace advice about keyword arguments by advice about the panel."""
     try:
         yield

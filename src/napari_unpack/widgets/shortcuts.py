@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
+from napari_unpack.layers.compat import unwrap
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.workspace import Workspace
 
+if TYPE_CHECKING:
+    import napari
+    from napari.layers import Layer
+
+    KeyAction = Callable[[object], None]
+
 KEYS = (
-    ("N", "next"),
-    ("B", "back"),
+    ("N", "unpack next"),
+    ("B", "restore last"),
     ("I", "inspect"),
     ("R", "reveal"),
     ("H", "hide"),
     ("C", "recolour"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
-    ("Esc", "leave, call off"),
+    ("Esc", "leave or cancel"),
 )
 MOUSE = (
-    ("Drag", "turns the bag; on a sprite, that object"),
-    ("Shift+drag", "on a sprite moves it"),
-    ("Double click", "on a sprite studies it alone"),
-    ("Click", "selects; with Alt, what is behind"),
-    ("Wheel", "zooms everything"),
+    ("Drag", "turns the bag, or the sprite under the mouse"),
+    ("Shift+drag", "moves a sprite"),
+    ("Double click", "on a sprite inspects it"),
+    ("Click", "selects; with Alt, the object behind"),
+    ("Wheel", "zooms"),
 )
 
 
@@ -37,51 +46,49 @@ def help_text() -> str:
 
 
 class Shortcuts:
-    """Bind the panel's keys; `close` gives every key back to whoever had it.
+    """Bind the panel's keys; `close` gives every key back to its earlier action.
 
     Parameters
     ----------
     workspace : Workspace
-    reveal : callable
-        Asks what frees the selected object.
-    ways : RevealPlanner
-        Whose answer Escape puts away.
+    commands : Commands
+    planner : RevealPlanner
+        Its plan is dismissed by Escape.
     repair : RepairTools
-        Whose waiting for clicks Escape ends.
+        Its waiting for clicks is ended by Escape.
     """
 
     def __init__(
         self,
         workspace: Workspace,
-        reveal: Callable[[], None],
-        ways: RevealPlanner,
+        commands: Commands,
+        planner: RevealPlanner,
         repair: RepairTools,
     ) -> None:
-        self._workspace, self._ways, self._repair = workspace, ways, repair
-        self._bound: list[tuple[Any, str, Any]] = []
-        self._on_controller: list[tuple[Any, str, Any]] = []
+        self._workspace, self._commands = workspace, commands
+        self._planner, self._repair = planner, repair
+        self._bound: list[tuple[napari.Viewer | Layer, str, KeyAction | None]] = []
         self._actions: dict[str, Callable[[], None]] = {
-            "N": workspace.unpack,
-            "B": workspace.restore,
-            "I": self._inspect,
-            "H": self._hide,
-            "R": reveal,
-            "C": workspace.recolor,
-            "Control-Z": workspace.undo,
-            "Control-Shift-Z": workspace.redo,
+            "N": commands.unpack,
+            "B": commands.restore,
+            "I": commands.toggle_inspection,
+            "H": commands.hide_selected,
+            "R": planner.reveal_selected,
+            "C": commands.recolor,
+            "Control-Z": commands.undo,
+            "Control-Shift-Z": commands.redo,
             "Escape": self._escape,
         }
-        workspace.staged.connect(self._follow_controller)
-        self._follow_controller()
+        workspace.switched.connect(self._bind)
+        self._bind()
 
-    def _follow_controller(self) -> None:
-        """Hold the keys only while there is a stage to command."""
+    def _bind(self) -> None:
+        """Bind the keys, but only while a session is shown that they could act on."""
         self._release()
         controller = self._workspace.controller
         if controller is None:
             return
-        viewer = getattr(self._workspace.viewer, "__wrapped__", self._workspace.viewer)
-        for owner in (viewer, *controller.layers):
+        for owner in (unwrap(self._workspace.viewer), *controller.layers):
             for key, act in self._actions.items():
                 earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
                 self._bound.append((owner, key, earlier))
@@ -93,49 +100,30 @@ class Shortcuts:
 
     def close(self) -> None:
         """Give all keys back."""
-        self._workspace.staged.disconnect(self._follow_controller)
+        self._workspace.switched.disconnect(self._bind)
         self._release()
 
-    def _selected(self) -> list[int]:
-        session = self._workspace.session
-        return [] if session is None else sorted(session.selected)
-
-    def _inspect(self) -> None:
-        session = self._workspace.session
-        if session is None:
-            return
-        if any(state.name == "INSPECTED" for state in session.states.values()):
-            self._workspace.leave()
-            return
-        chosen = self._selected() or [
-            i for i, state in session.states.items() if state.name == "UNPACKED"
-        ]
-        if chosen:
-            self._workspace.inspect(chosen[-1])
-
-    def _hide(self) -> None:
-        chosen = self._selected()
-        if chosen:
-            self._workspace.hide(chosen)
-
     def _escape(self) -> None:
-        session = self._workspace.session
+        """End what was begun last."""
         controller = self._workspace.controller
-        if getattr(controller, "drawing", False):
+        if controller is None:
+            return
+        if controller.drawing:
             controller.drawing = False
             controller.events.drawn.emit()
         elif self._repair.awaits_clicks:
             self._repair.cancel()
-        elif any(state.name == "INSPECTED" for state in session.states.values()):
-            self._workspace.leave()
-        elif self._ways.shown:
-            self._ways.forget()
+        elif objects_in(controller.session, ObjectState.INSPECTED):
+            self._commands.leave()
+        elif self._planner.plan is not None:
+            self._planner.forget()
         else:
-            self._workspace.leave_object()
+            self._commands.leave_container()
 
 
-def _ignoring_its_owner(act: Callable[[], None]) -> Callable[[Any], None]:
-    def pressed(_owner: Any) -> None:
+def _ignoring_its_owner(act: Callable[[], None]) -> KeyAction:
+    # napari calls a key's action with the viewer or layer that it is bound to.
+    def pressed(_owner: object) -> None:
         act()
 
     return pressed

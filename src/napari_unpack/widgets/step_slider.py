@@ -1,18 +1,28 @@
-"""The unpacking as a bar: drag it to any step, or let it play."""
+"""A slider over the steps of the unpacking, and a button that plays them."""
 
 from __future__ import annotations
 
-from qtpy.QtCore import QPointF, QRectF, QSignalBlocker, Qt, QTimer
+from typing import TYPE_CHECKING
+
+from qtpy.QtCore import QPointF, QRectF, QSignalBlocker, Qt
 from qtpy.QtGui import QColor, QIcon, QPainter, QPixmap, QPolygonF
 from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
 from napari_unpack.session.errors import listed
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.section import column, label
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 PLAY_MS = 60
-"""Between looks whether the last object has landed, so that the next may fly."""
+"""How often playing checks whether the last object has landed, so that the next may fly."""
+
+DEFAULT_INK = "#8a93a0"
+"""Grey that shows on light and dark, until the panel sets the theme's."""
 
 
 class StepSlider(QWidget):
@@ -21,138 +31,140 @@ class StepSlider(QWidget):
     Parameters
     ----------
     workspace : Workspace
+    commands : Commands
 
     Notes
     -----
-    The bar reaches as far as there are objects in the bag. Dragging applies steps at once,
-    without flights; playing lets one object fly after another and ends at the empty bag.
+    The slider has a step for every object in the bag. Dragging applies steps at once, without
+    flights; playing lets one object fly after another and ends at the empty bag.
     """
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__()
-        self._workspace = workspace
+        self._workspace, self._commands = workspace, commands
         self.play = QToolButton()
         self.play.setProperty("role", "play")
         self.play.setCheckable(True)
         self.play.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        self.bar = QSlider(Qt.Orientation.Horizontal)
-        self.bar.setToolTip("Drag to run the unpacking forwards or backwards to any step.")
-        self.bar.setPageStep(1)
-        self.bar.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        self.words = label("", "hint", wrap=True)
-        self._timer = QTimer(self)
-        self._timer.setInterval(PLAY_MS)
-        self._timer.timeout.connect(self._play_on)
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setToolTip("Drag to run the unpacking forwards or backwards to any step.")
+        self.slider.setPageStep(1)
+        self.slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        self.sentence = label("", "hint", wrap=True)
         line = QHBoxLayout()
         line.setSpacing(GAP)
         line.addWidget(self.play)
-        line.addWidget(self.bar, stretch=1)
+        line.addWidget(self.slider, stretch=1)
         layout = column(self)
         layout.addLayout(line)
-        layout.addWidget(self.words)
-        self.bar.valueChanged.connect(self._drag)
+        layout.addWidget(self.sentence)
+        self.slider.valueChanged.connect(self._drag)
         self.play.toggled.connect(self._toggle)
-        workspace.staged.connect(self._reload)
-        workspace.changed.connect(self._hear)
-        self._ink = "#8a93a0"
-        self._show_icon()
+        workspace.switched.connect(self._reload)
+        workspace.changed.connect(self._follow)
+        self._ink = DEFAULT_INK
+        self._draw_icon()
         self._reload()
 
     def set_ink(self, color: str) -> None:
-        """Draw the button's sign in a colour."""
+        """Draw the button's icon in a colour."""
         self._ink = color
-        self._show_icon()
+        self._draw_icon()
 
     @property
     def playing(self) -> bool:
-        """Whether it plays by itself."""
-        return bool(self._timer.isActive())
+        """Whether it is playing."""
+        return self._workspace.scheduler.pending(self._play_on)
 
     def end(self) -> None:
         """Stop playing, for good."""
-        self._timer.stop()
+        self._workspace.scheduler.forget(self._play_on)
 
     def _reload(self) -> None:
         self.play.setChecked(False)
         self._refresh()
 
-    def _hear(self, news: frozenset[str]) -> None:
-        if news & {"states", "queue"}:
+    def _follow(self, change: Change) -> None:
+        if change & (Change.STATES | Change.QUEUE):
             self._refresh()
 
     def _refresh(self) -> None:
         session = self._workspace.session
         steps, step = ((), 0) if session is None else (session.steps, session.step)
-        with QSignalBlocker(self.bar):
-            self.bar.setRange(0, len(steps) + self._unknown())
-            self.bar.setValue(step)
-        self.setEnabled(self.bar.maximum() > 0)
-        self.words.setText(self._sentence(steps, step))
-        self.words.setVisible(bool(self.words.text()))
+        with QSignalBlocker(self.slider):
+            self.slider.setRange(0, len(steps) + self._unplanned())
+            self.slider.setValue(step)
+        self.setEnabled(self.slider.maximum() > 0)
+        self.sentence.setText("" if session is None else self._text(session))
+        self.sentence.setVisible(bool(self.sentence.text()))
 
-    def _unknown(self) -> int:
+    def _unplanned(self) -> int:
         """Return how many packed objects are in no known step yet."""
         session = self._workspace.session
         if session is None:
             return 0
-        known = {i for group in session.steps for i in group}
-        return sum(
-            state.name in ("PACKED", "FLYING_BACK") and i not in known
-            for i, state in session.states.items()
-        )
+        planned = {i for group in session.steps for i in group}
+        in_bag = objects_in(session, ObjectState.PACKED, ObjectState.FLYING_BACK)
+        return sum(i not in planned for i in in_bag)
 
-    def _sentence(self, steps: tuple[tuple[int, ...], ...], step: int) -> str:
+    def _text(self, session: Session) -> str:
+        steps, step = session.steps, session.step
         if not steps:
             return ""
-        session = self._workspace.session
         if step == 0:
             return f"Everything packed, {len(steps)} steps known"
         names = session.objects["name"]
-        who = listed(str(names[i]) for i in steps[step - 1])
-        return f"Step {step} of {self.bar.maximum()}: {who}"
+        leaving = listed(str(names[i]) for i in steps[step - 1])
+        return f"Step {step} of {self.slider.maximum()}: {leaving}"
 
     def _drag(self, step: int) -> None:
         self.play.setChecked(False)
-        self._workspace.go_to(step)
-        # What was not reached, or reached in fewer steps, the bar shows as it is.
+        self._commands.go_to(step)
+        # A step may not be reached, or several objects leave in one: show what came of it.
         self._refresh()
 
     def _toggle(self, on: bool) -> None:
-        self._show_icon()
+        self._draw_icon()
         if not on:
-            self._timer.stop()
+            self._workspace.scheduler.forget(self._play_on)
             return
         session = self._workspace.session
         if session is None:
             self.play.setChecked(False)
             return
-        if session.step == self.bar.maximum():
-            self._workspace.go_to(0)
-        self._timer.start()
+        if session.step == self.slider.maximum():
+            self._commands.go_to(0)
         self._play_on()
 
     def _play_on(self) -> None:
-        controller = self._workspace.controller
-        if controller is None or controller.inspected:
-            self.play.setChecked(False)
-            return
-        if controller.flying:
-            return
-        before = controller.session.step
-        if before < self.bar.maximum():
-            self._workspace.go_to(before + 1, flying=True)
-        if self._workspace.controller is not controller or controller.session.step == before:
+        """Let the next object fly once the last has landed, and come back soon."""
+        # Waiting for the next object handles events, in which playing may end.
+        if self._fly_next() and self.play.isChecked():
+            self._workspace.scheduler.debounce(self._play_on, PLAY_MS, self._play_on)
+        else:
             self.play.setChecked(False)
 
-    def _show_icon(self) -> None:
+    def _fly_next(self) -> bool:
+        """Return whether to play on."""
+        controller = self._workspace.controller
+        if controller is None or controller.inspected:
+            return False
+        if controller.flying:
+            return True
+        before = controller.session.step
+        if before < self.slider.maximum():
+            self._commands.go_to(before + 1, flying=True)
+        return self._workspace.controller is controller and controller.session.step != before
+
+    def _draw_icon(self) -> None:
         playing = self.play.isChecked()
-        self.play.setIcon(_sign(playing, self._ink))
+        self.play.setIcon(_icon(playing, self._ink))
         self.play.setToolTip(
             "Stop playing." if playing else "Play the unpacking from here, one object at a time."
         )
 
 
-def _sign(pause: bool, color: str) -> QIcon:
+def _icon(pause: bool, color: str) -> QIcon:
     """Draw a triangle, or two bars."""
     picture = QPixmap(32, 32)
     picture.fill(Qt.GlobalColor.transparent)

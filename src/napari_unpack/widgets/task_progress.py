@@ -1,4 +1,4 @@
-"""What a section shows while it works: a bar that moves smoothly, what is being done, Cancel."""
+"""A progress bar, what is being done, and Cancel, shown while a task runs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.section import button, column, label
 
 STEPS = 1000
+"""More than the bar has pixels, so that it moves without steps."""
+
 GLIDE_MS = 400
+"""About the time between two reports of a segmentation, so that the bar hardly ever stands."""
 
 
-class GlidingBar(QProgressBar):
-    """Glides to where the work is; never back, never ahead of it."""
+class SmoothBar(QProgressBar):
+    """Moves smoothly to the share done; never back, never ahead of it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,16 +31,13 @@ class GlidingBar(QProgressBar):
         self._glide.setEasingCurve(QEasingCurve.Type.OutCubic)
 
     def start(self) -> None:
-        """Begin again at nothing."""
+        """Begin again at 0."""
         self._glide.stop()
         self._glide.setEndValue(0)
         self.setValue(0)
 
-    def glide(self, fraction: float) -> None:
-        """Move towards a part of the whole, in [0, 1].
-
-        What is below the part told last is ignored.
-        """
+    def move_to(self, fraction: float) -> None:
+        """Move towards the share done, in [0, 1]; a smaller one than before is ignored."""
         target = round(STEPS * fraction)
         if target <= int(self._glide.endValue() or 0):
             return
@@ -48,17 +48,19 @@ class GlidingBar(QProgressBar):
 
 
 class TaskProgress(QWidget):
-    """Run one piece of work at a time, seen only while it runs.
+    """Runs one task at a time, and is shown only while it runs.
 
-    `ended` carries the `TaskResult`, on the main thread, when this is hidden again.
+    Signals, on the main thread: `progressed` (fraction in [0, 1], text); `ended` (`TaskResult`)
+    when this is hidden again.
 
     Parameters
     ----------
     scheduler : Scheduler
     promise : str
-        What Cancel leaves as it was, for its tooltip.
+        Tooltip of Cancel: what stays as it was.
     """
 
+    progressed = Signal(float, str)
     ended = Signal(object)
 
     def __init__(self, scheduler: Scheduler, promise: str) -> None:
@@ -66,13 +68,13 @@ class TaskProgress(QWidget):
         self._scheduler = scheduler
         # Its own slot: sections work at the same time.
         self._slot = object()
-        self.bar = GlidingBar()
-        self.told = label("", "hint", wrap=True)
+        self.bar = SmoothBar()
+        self.text = label("", "hint", wrap=True)
         self.cancel = button("Cancel", promise)
         layout = column(self)
         layout.addWidget(self.bar)
         line = QHBoxLayout()
-        line.addWidget(self.told, stretch=1)
+        line.addWidget(self.text, stretch=1)
         line.addWidget(self.cancel)
         layout.addLayout(line)
         self.cancel.clicked.connect(self.stop)
@@ -80,11 +82,11 @@ class TaskProgress(QWidget):
 
     @property
     def running(self) -> bool:
-        """Whether work is under way."""
+        """Whether a task runs."""
         return self._scheduler.has(self._slot)
 
     def begin(self, work: Callable[[Progress], Any]) -> None:
-        """Begin work, and show how far it is.
+        """Run a task and show its progress.
 
         Parameters
         ----------
@@ -94,7 +96,7 @@ class TaskProgress(QWidget):
         Raises
         ------
         RuntimeError
-            If earlier work is still under way.
+            If another task still runs.
         """
         if self.running:
             raise RuntimeError("earlier work is still under way; cancel it first")
@@ -107,19 +109,20 @@ class TaskProgress(QWidget):
         )
         self.cancel.setEnabled(True)
         self.bar.start()
-        self.told.setText("Starting")
+        self.text.setText("Starting")
         self.show()
 
     def stop(self) -> None:
-        """Ask the work to stop; harmless when nothing runs."""
+        """Ask the task to stop; does nothing when none runs."""
         self.cancel.setEnabled(False)
-        self.told.setText("Stopping")
+        self.text.setText("Stopping")
         self._scheduler.cancel(self._slot)
 
     def _show(self, fraction: float, text: str) -> None:
-        self.bar.glide(fraction)
+        self.progressed.emit(fraction, text)
+        self.bar.move_to(fraction)
         if self.cancel.isEnabled():
-            self.told.setText(text)
+            self.text.setText(text)
 
     def _end(self, outcome: TaskResult[Any]) -> None:
         self.hide()

@@ -1,15 +1,18 @@
 """The panel's look: one style sheet, made from the colours of napari's theme.
 
-Widgets say what they are with a `role` property (primary, badge, title, hint, warning, link)
-and get their look from here, so that light and dark follow napari.
+A widget names its `role` in a property (primary, badge, title, hint, warning, link), and the
+style sheet says how that looks in a light or dark theme.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from qtpy.QtGui import QColor
+
+if TYPE_CHECKING:
+    from pydantic_extra_types.color import Color
 
 GAP = 6
 """Pixels between neighbouring controls; sections are two of them apart."""
@@ -27,13 +30,13 @@ class Palette:
     background, raised, line : str
         The panel, controls upon it, and thin rules.
     text, faint : str
-        Writing, and writing that may be overlooked.
+        Text, and text of less weight.
     accent, accent_hover, on_accent : str
-        The primary button, under the mouse, and writing on it.
+        The primary button, the same under the mouse, and text on it.
     chosen : str
         Behind selected rows.
     warning : str
-        Reasons and warnings.
+        Text of warnings.
     """
 
     background: str
@@ -62,10 +65,11 @@ def palette_of(theme: str) -> Palette:
     """
     from napari.utils.theme import get_theme
 
-    colors: Any = get_theme(theme)
+    colors = get_theme(theme)
     background, text = _color(colors.background), _color(colors.text)
     accent = _color(colors.current)
     dark = background.lightness() < 128
+    # On the accent stands white text, which needs a contrast of about 4.5 in either theme.
     accent = accent.lighter(125) if dark else accent.darker(170)
     return Palette(
         background=background.name(),
@@ -81,7 +85,7 @@ def palette_of(theme: str) -> Palette:
     )
 
 
-def _color(color: Any) -> QColor:
+def _color(color: Color) -> QColor:
     return QColor(*color.as_rgb_tuple()[:3])
 
 

@@ -1,18 +1,17 @@
-"""The dock widget Virtual Unpacking: five steps, top to bottom.
-
-Keep the bag and what lies beside it in the window while the window changes its size.
-"""
+"""The dock widget Virtual Unpacking: five steps, top to bottom."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import napari
 import numpy as np
-from qtpy.QtCore import QEvent, QObject, QSize, Qt, QTimer
+from numpy.typing import NDArray
+from qtpy.QtCore import QEvent, QObject, QSize, Qt
 from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.widgets.color_section import ColorSection
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.free_watch import FreeWatch
 from napari_unpack.widgets.objects_section import ObjectsSection
@@ -22,13 +21,18 @@ from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import Shortcuts, help_text
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari.utils.events import Event
+    from qtpy.QtGui import QCloseEvent, QShowEvent
 
 
 class KeepFramed(QObject):
-    """Frame the bag anew after a resize, unless the user has zoomed or panned since.
+    """Frame the bag anew when the window changes its size.
 
-    Turning the bag does not count: frames hold it at every turn.
+    After a zoom or a pan by the user the camera is the user's, and is left alone. Turning does
+    not count: the frame holds the bag at every turn.
 
     Parameters
     ----------
@@ -41,30 +45,30 @@ class KeepFramed(QObject):
         self._workspace = workspace
         self._size: tuple[int, int] | None = None
         self._framed = np.zeros(0)
-        workspace.staged.connect(self._begin)
-        workspace.changed.connect(self._hear)
+        workspace.switched.connect(self._begin)
+        workspace.changed.connect(self._follow)
 
     def _begin(self) -> None:
         session = self._workspace.session
         if session is not None:
-            self._size, self._framed = session.canvas_size, self._camera()
+            self._size, self._framed = session.canvas_size, self._zoom_and_center()
 
-    def _hear(self, news: frozenset[str]) -> None:
+    def _follow(self, change: Change) -> None:
         session = self._workspace.session
-        if "view" not in news or session.canvas_size == self._size:
+        if session is None or Change.VIEW not in change or session.canvas_size == self._size:
             return
         self._size = session.canvas_size
-        if np.allclose(self._camera(), self._framed, rtol=1e-3):
+        if np.allclose(self._zoom_and_center(), self._framed, rtol=1e-3):
             self._workspace.frame()
-            self._framed = self._camera()
+            self._framed = self._zoom_and_center()
 
-    def _camera(self) -> Any:
-        """Return zoom and centre."""
+    def _zoom_and_center(self) -> NDArray[np.float64]:
         camera = self._workspace.viewer.scene.camera
         return np.array([camera.zoom, *camera.center], dtype=np.float64)
 
 
 WIDTH = 328
+"""Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room."""
 
 
 class UnpackingWidget(QWidget):
@@ -82,24 +86,20 @@ class UnpackingWidget(QWidget):
         self.setWindowTitle("Virtual Unpacking")
         self._viewer = napari_viewer
         self.workspace = Workspace(napari_viewer, self)
+        self.commands = Commands(self.workspace)
+        self.planner = RevealPlanner(self.workspace, self.commands, self)
         self.segment = SegmentSection(self.workspace)
-        self.ways = RevealPlanner(self.workspace, self)
-        self.color = ColorSection(self.workspace)
-        self.unpack = UnpackSection(self.workspace, self.ways)
-        self.objects = ObjectsSection(self.workspace, self.ways)
+        self.color = ColorSection(self.workspace, self.commands)
+        self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
+        self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace)
-        self.keys = Shortcuts(
-            self.workspace, self.unpack.reveal_selected, self.ways, self.objects.repair
-        )
+        self.shortcuts = Shortcuts(self.workspace, self.commands, self.planner, self.objects.repair)
         self._framing = KeepFramed(self.workspace, self)
         self._watch = FreeWatch(self.workspace, self)
-        self._watch.known.connect(self.unpack.tell_free)
-        self._watch.known.connect(lambda ids: self.objects.mark_free(ids or frozenset()))
+        self._watch.known.connect(self.unpack.show_unpackable)
+        self._watch.known.connect(lambda ids: self.objects.mark_unpackable(ids or frozenset()))
         self._ended = False
         self._was_docked = False
-        self._after_close = QTimer(self)
-        self._after_close.setSingleShot(True)
-        self._after_close.timeout.connect(self._end_with_window)
         self._arrange()
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
@@ -115,7 +115,7 @@ class UnpackingWidget(QWidget):
                 column.addWidget(rule())
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
-        keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the picture.")
+        keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)
         scroll = QScrollArea()
@@ -127,52 +127,52 @@ class UnpackingWidget(QWidget):
         outer.addWidget(scroll)
         self.setMinimumWidth(WIDTH - 36)
 
-    def _dress(self, _event: Any = None) -> None:
+    def _dress(self, _event: Event | None = None) -> None:
         palette = palette_of(self._viewer.theme)
         self.setStyleSheet(style_sheet(palette))
         self.color.editor.set_accent(palette.accent)
-        self.unpack.scrub.set_ink(palette.text)
+        self.unpack.step_slider.set_ink(palette.text)
 
     def sizeHint(self) -> QSize:
-        """Return the size it likes: narrow, and as tall as the window gives."""
+        """Return a narrow size, which the window makes as tall as it is."""
         return QSize(WIDTH, 720)
 
     def end(self) -> None:
-        """Take the stage down, give the keys back and stop listening; safe to call twice."""
+        """Close the session, unbind the keys and stop listening; a second call does nothing."""
         if self._ended:
             return
         self._ended = True
         self.segment.end()
         self.files.end()
-        self.unpack.scrub.end()
-        self.color.picture.end()
+        self.unpack.step_slider.end()
+        self.color.background.end()
         self._watch.end()
-        self.ways.end()
         self.workspace.end()
-        self.keys.close()
+        self.shortcuts.close()
         self._viewer.events.theme.disconnect(self._dress)
 
-    def closeEvent(self, event: Any) -> None:
+    def closeEvent(self, event: QCloseEvent) -> None:
         """End when the panel is closed."""
         self.end()
         super().closeEvent(event)
 
-    def showEvent(self, event: Any) -> None:
-        """Learn which window the panel stands in, to end when that closes."""
+    def showEvent(self, event: QShowEvent) -> None:
+        """Watch the window that the panel stands in, to end when that closes."""
         super().showEvent(event)
         self.window().installEventFilter(self)
 
-    def eventFilter(self, watched: Any, event: Any) -> bool:
-        """End after the window closed; a close that the user calls off changes nothing."""
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """End after the window closed."""
         if event.type() == QEvent.Type.Close and watched is self.window():
-            self._after_close.start(0)
+            # Only after: the user may still call a close off, and then nothing may have ended.
+            self.workspace.scheduler.soon(self._end_with_window)
         return False
 
     def _end_with_window(self) -> None:
         if not self.window().isVisible():
             self.end()
 
-    def event(self, event: Any) -> bool:
+    def event(self, event: QEvent) -> bool:
         """End when napari takes the panel out of its dock: it is neither hidden nor closed then."""
         if event.type() == QEvent.Type.ParentAboutToChange:
             self._was_docked = self.parent() is not None

@@ -1,14 +1,11 @@
-"""What the panel's sections share: one viewer, at most one stage, and every verb a button has.
-
-Verbs never raise for bad input: the reason becomes a notification and everything stays as it
-was. Changes of the session, from whatever thread, arrive here, are gathered for a moment and
-handed to the sections as one `changed` on the main thread.
-"""
+"""The viewer of the panel, the bags open in it one within another, and what changes in them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Flag, auto
+from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import QObject, Signal
 
@@ -16,16 +13,48 @@ from napari_unpack.session.containers import OpenedBefore
 from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.widgets import notifications
 
-_GATHER_MS = 30
-WATCHED = ("labels", "states", "hues", "transfer_function", "queue", "view", "selected")
-"""Signals of the session that the sections hear of, by name."""
+if TYPE_CHECKING:
+    import napari
+    from napari.layers import Layer
+    from psygnal import SignalInstance
+
+    from napari_unpack.geometry.view import Camera
+    from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
+
+GATHER_MS = 30
+"""Changes of one command come in bursts of up to a dozen; the panel is redrawn once for all."""
+
+VIEW_FIELDS = ("center", "zoom", "angles", "perspective")
+"""What of napari's camera is kept while an object is open, and set again after."""
+
+
+class Change(Flag):
+    """What of a session has changed; several at once after a burst of changes."""
+
+    LABELS = auto()
+    STATES = auto()
+    HUES = auto()
+    TRANSFER_FUNCTION = auto()
+    QUEUE = auto()
+    VIEW = auto()
+    SELECTED = auto()
+
+
+@dataclass(frozen=True)
+class _OuterBag:
+    """A bag one of whose objects is open: all that it takes to go back to it."""
+
+    session: Session
+    sources: Sequence[Layer]
+    view: dict[str, Any]
 
 
 class Workspace(QObject):
-    """The viewer, its stage, and the verbs.
+    """A viewer and the session it shows.
 
-    Signals: `staged` when a stage opened or closed; `changed` (frozenset of names from
-    `WATCHED`) after a burst of changes; `busy` (bool) when an object starts or ends flying.
+    Signals: `switched` when another session or none is shown; `changed` (`Change`) after a burst
+    of changes of the session shown. Both arrive on the main thread.
 
     Parameters
     ----------
@@ -36,273 +65,202 @@ class Workspace(QObject):
     Attributes
     ----------
     scheduler : Scheduler
-        Runs everything of the panel and its stage.
+        Runs the tasks and timers of the panel.
     """
 
-    staged = Signal()
+    switched = Signal()
     changed = Signal(object)
-    _heard = Signal(str)
-    _told = Signal(str)
+    _heard = Signal(object)
+    _message = Signal(str)
 
-    def __init__(self, viewer: Any, parent: QObject | None = None) -> None:
+    def __init__(self, viewer: napari.Viewer, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.viewer = viewer
-        self.controller: Any = None
-        self._camera: Any = None
-        self._news: set[str] = set()
+        self.controller: SessionController | None = None
+        self._camera: Camera | None = None
+        self._changes = Change(0)
         self.scheduler = Scheduler(notifications.inform)
+        # Workers change sessions too. Through a Qt signal their changes reach the main thread.
         self._heard.connect(self._gather)
-        self._told.connect(notifications.inform)
-        self._links: list[tuple[Any, Any]] = []
-        self._outer: list[tuple[Any, Sequence[Any], dict[str, Any]]] = []
-        self._opened = OpenedBefore()
+        self._message.connect(notifications.inform)
+        self._connections: list[tuple[SignalInstance, Callable[..., None]]] = []
+        self._outer: list[_OuterBag] = []
+        self._containers = OpenedBefore()
 
     @property
-    def session(self) -> Any:
-        """The session on the stage, or None."""
+    def session(self) -> Session | None:
+        """The session shown, or None."""
         return None if self.controller is None else self.controller.session
 
-    @property
-    def settled(self) -> bool:
-        """Whether every change has been handed to the sections."""
-        return not self.scheduler.pending(self._publish)
-
     def open(
-        self, session: Any, sources: Sequence[Any] = (), camera: Any = None, **settings: Any
+        self,
+        session: Session,
+        sources: Sequence[Layer] = (),
+        camera: Camera | None = None,
+        *,
+        seconds: float | None = None,
+        backend: str | None = None,
+        recolor_at_rest: bool = True,
+        around: Session | None = None,
     ) -> None:
-        """Put a session on the stage, in place of what was there.
+        """Show a session in the 3D view, in place of the one shown before.
 
         Parameters
         ----------
         session : napari_unpack.Session
         sources : sequence of napari layers
-            The user's own layers, hidden while the stage is on.
+            The user's own layers, hidden in 3D meanwhile.
         camera : Camera, optional
-            How to look at it first; by default the whole bag is framed.
-        **settings
-            Attributes of the stage to set before it opens.
+            The first view; by default the whole bag is framed.
+        seconds : float, optional
+            Duration of a flight, s; by default the session's own.
+        backend : {"auto", "gl", "cpu"}, optional
+            What draws; by default what the session says.
+        recolor_at_rest : bool
+            Recolour whenever the camera comes to rest.
+        around : Session, optional
+            For an opened object: the session of the whole bag, which slices go on showing.
+
+        Raises
+        ------
+        RuntimeError
+            If this napari cannot show the plugin's layers.
         """
-        from napari_unpack.viewer.plain_stage import controller_class
+        from napari_unpack.viewer.controller import SessionController
 
         self.close()
-        controller = controller_class()(self.viewer, session, sources=tuple(sources))
-        for name, value in settings.items():
-            setattr(controller, name, value)
+        controller = SessionController(self.viewer, session, sources=tuple(sources))
+        if seconds is not None:
+            controller.seconds = seconds
+        if backend is not None:
+            controller.backend = backend
+        controller.recolor_at_rest = recolor_at_rest
+        controller.around = around
         self.controller = controller
-        for name in WATCHED:
-            self._link(getattr(session.events, name), lambda *_, name=name: self._heard.emit(name))
-        self._link(session.events.message, self._told.emit)
-        self._link(controller.events.message, self._told.emit)
-        self._link(controller.events.closed, lambda *_: self._forget())
+        self._listen(controller)
         controller.open()
         self._camera = camera
         self.frame()
-        self.staged.emit()
+        self.switched.emit()
 
     def frame(self) -> None:
-        """Look at the bag as it was first looked at."""
+        """Set the camera to the first view of the bag."""
+        if self.controller is None:
+            return
         if self._camera is None:
             self.controller.frame_bag()
         else:
             self.controller.look_from(self._camera)
 
     @property
+    def settled(self) -> bool:
+        """Whether every change has been published."""
+        return not self.scheduler.pending(self._publish)
+
+    @property
     def is_inside(self) -> bool:
-        """Whether the contents of an opened object are on the stage."""
+        """Whether the session shown is of the contents of an object."""
         return bool(self._outer)
 
-    def open_object(self, object_id: int) -> None:
-        """Put what is inside an object on the stage, as a bag of its own."""
-        if self.controller is None:
-            self._ask_for_a_session()
-            return
-        with notifications.spoken():
-            rotation = self.controller.rotation_of(object_id)
-            inner = self._opened.open(self.session, object_id, rotation)
-            self.controller.put_back()
-            camera = self.viewer.scene.camera
-            view = {name: getattr(camera, name) for name in _VIEW}
-            outer = self.session, self.controller.sources, view
-            settings = {"seconds": self.controller.seconds, "backend": self.controller.backend}
-            inner.tint_mode = self.session.tint_mode
-            around = [*self._outer, outer]
-            self.open(inner, outer[1], around=around[0][0], **settings)
-            self._outer = around
-            self.staged.emit()
+    def open_container(self, object_id: int) -> None:
+        """Show what is inside an object as a bag of its own.
 
-    def leave_object(self) -> None:
+        Parameters
+        ----------
+        object_id : int
+            Of the session shown.
+
+        Raises
+        ------
+        ValueError
+            If the object cannot be opened.
+        """
+        controller = self.controller
+        if controller is None:
+            return
+        session = controller.session
+        inner = self._containers.open(session, object_id, controller.rotation_of(object_id))
+        controller.put_back()
+        camera = self.viewer.scene.camera
+        view = {name: getattr(camera, name) for name in VIEW_FIELDS}
+        inner.tint_mode = session.tint_mode
+        self._switch_to(inner, [*self._outer, _OuterBag(session, controller.sources, view)])
+
+    def leave_container(self) -> None:
         """Go back to the bag that the opened object is from."""
         if self._outer:
-            *around, (session, sources, view) = self._outer
-            settings = {"seconds": self.controller.seconds, "backend": self.controller.backend}
-            self.open(session, sources, around=around[0][0] if around else None, **settings)
-            self.viewer.scene.camera.update(view)
-            self._outer = around
-            self.staged.emit()
+            *others, outer = self._outer
+            self._switch_to(outer.session, others, outer.sources)
+            self.viewer.scene.camera.update(outer.view)
+
+    def _switch_to(
+        self, session: Session, outer: list[_OuterBag], sources: Sequence[Layer] | None = None
+    ) -> None:
+        """Show another bag of the stack, drawn as the one shown now."""
+        before = self.controller
+        if before is None:
+            return
+        self.open(
+            session,
+            before.sources if sources is None else sources,
+            seconds=before.seconds,
+            backend=before.backend,
+            around=outer[0].session if outer else None,
+        )
+        # Closing the bag before has emptied the stack.
+        self._outer = outer
+        self.switched.emit()
 
     def close(self) -> None:
-        """Take the stage down; the user's layers come back as they were."""
+        """Show no session; the user's layers become as they were."""
         if self.controller is not None:
             controller = self.controller
             self._forget()
             controller.close()
 
     def end(self) -> None:
-        """Take the stage down for good; nothing runs or is delivered after."""
+        """Close the session for good; nothing runs or is delivered after."""
         self.close()
         self.scheduler.close()
 
     def _forget(self) -> None:
         if self.controller is None:
             return
-        for signal, slot in self._links:
+        for signal, slot in self._connections:
             signal.disconnect(slot, missing_ok=True)
-        self._links.clear()
+        self._connections.clear()
         self.scheduler.forget(self._publish)
-        self._news.clear()
+        self._changes = Change(0)
         self.controller = None
         self._outer = []
-        self.staged.emit()
+        self.switched.emit()
 
-    def _link(self, signal: Any, slot: Any) -> None:
+    def _listen(self, controller: SessionController) -> None:
+        events = controller.session.events
+        watched = {
+            Change.LABELS: events.labels,
+            Change.STATES: events.states,
+            Change.HUES: events.hues,
+            Change.TRANSFER_FUNCTION: events.transfer_function,
+            Change.QUEUE: events.queue,
+            Change.VIEW: events.view,
+            Change.SELECTED: events.selected,
+        }
+        for change, signal in watched.items():
+            self._connect(signal, lambda *_, change=change: self._heard.emit(change))
+        self._connect(events.message, self._message.emit)
+        self._connect(controller.events.message, self._message.emit)
+        self._connect(controller.events.closed, lambda *_: self._forget())
+
+    def _connect(self, signal: SignalInstance, slot: Callable[..., None]) -> None:
         signal.connect(slot)
-        self._links.append((signal, slot))
+        self._connections.append((signal, slot))
 
-    def _gather(self, name: str) -> None:
-        self._news.add(name)
-        self.scheduler.throttle(self._publish, _GATHER_MS, self._publish)
+    def _gather(self, change: Change) -> None:
+        self._changes |= change
+        self.scheduler.throttle(self._publish, GATHER_MS, self._publish)
 
     def _publish(self) -> None:
-        news, self._news = frozenset(self._news), set()
-        if news and self.controller is not None:
-            self.changed.emit(news)
-
-    def unpack(self, what: int | Iterable[int] = 1) -> None:
-        """Fly the next free objects out, or these."""
-        self._perform("unpack", what, on="stage")
-
-    def unpack_least(self) -> None:
-        """Fly the next object out, the least blocked where none is free."""
-        session = self.session
-        if session is None:
-            self._ask_for_a_session()
-            return
-        policy = session.take_least_occluded
-        session.take_least_occluded = True
-        try:
-            self.unpack(1)
-        finally:
-            session.take_least_occluded = policy
-
-    def unpack_selected(self) -> None:
-        """Fly the selected objects out."""
-        session = self.session
-        if session is None:
-            self._ask_for_a_session()
-            return
-        chosen = [i for i in sorted(session.selected) if session.states[i].name == "PACKED"]
-        if chosen:
-            self.unpack(chosen)
-        else:
-            notifications.inform(
-                "Select objects in the bag first: click them in the picture or table."
-            )
-
-    def unpack_free(self) -> None:
-        """Fly everything out that is free now."""
-        session = self.session
-        if session is None:
-            self._ask_for_a_session()
-            return
-        with notifications.spoken():
-            ids = session.unpackable()
-            if ids:
-                self.unpack(ids)
-
-    def reveal(self, object_id: int, direction: Any = None) -> None:
-        """Fly out what frees a buried object, and it as well."""
-        self._perform("reveal", object_id, direction, on="stage")
-
-    def restore(self, what: int | Iterable[int] = 1) -> None:
-        """Fly the last unpacked objects back, or these."""
-        self._perform("restore", what, on="stage")
-
-    def restore_all(self) -> None:
-        """Fly everything back."""
-        if self.session is not None:
-            out = [i for i, state in self.session.states.items() if state.name in _OUTSIDE]
-            self._perform("restore", max(len(out), 1), on="stage")
-        else:
-            self._ask_for_a_session()
-
-    def inspect(self, object_id: int) -> None:
-        """Study one object alone."""
-        self._perform("inspect", object_id, on="stage")
-
-    def leave(self) -> None:
-        """Come back from studying an object."""
-        self._perform("leave", on="stage")
-
-    def recolor(self) -> None:
-        """Choose hues anew for this view."""
-        self._perform("recolor")
-
-    def hide(self, ids: Iterable[int]) -> None:
-        """Hide objects from the picture; nothing is edited."""
-        self._perform("hide", list(ids))
-
-    def show(self, ids: Iterable[int]) -> None:
-        """Show hidden objects again."""
-        self._perform("show", list(ids))
-
-    def isolate(self, ids: Iterable[int]) -> None:
-        """Show these objects alone."""
-        self._perform("isolate", list(ids))
-
-    @property
-    def kept_hues(self) -> frozenset[int]:
-        """Objects whose colour stays whatever the view."""
-        session = self.session
-        return frozenset() if session is None else frozenset(session.locked_hues)
-
-    def keep_hues(self, ids: Iterable[int], kept: bool = True) -> None:
-        """Have the colours of objects stay in every view, or let them change again."""
-        if self.session is not None:
-            before = self.kept_hues
-            self.session.locked_hues = before | set(ids) if kept else before - set(ids)
-
-    def mark_examples(self, ids: Iterable[int], good: bool = True) -> None:
-        """Mark objects as examples of whole ones, or take the mark away."""
-        self._perform("mark_examples", list(ids), good)
-
-    def select(self, ids: Iterable[int]) -> None:
-        """Select these objects everywhere."""
-        self._perform("select", list(ids))
-
-    def undo(self) -> None:
-        """Take the last command back."""
-        self._perform("undo", on="stage")
-
-    def redo(self) -> None:
-        """Do the command taken back once more."""
-        self._perform("redo", on="stage")
-
-    def go_to(self, step: int, flying: bool = False) -> None:
-        """Run the unpacking to a step."""
-        self._perform("go_to", step, flying, on="stage")
-
-    def _perform(self, verb: str, *arguments: Any, on: str = "session") -> None:
-        if self.controller is None:
-            self._ask_for_a_session()
-            return
-        with notifications.spoken():
-            getattr(self.controller if on == "stage" else self.session, verb)(*arguments)
-
-    def _ask_for_a_session(self) -> None:
-        notifications.inform(
-            "Segment a volume first, or choose its labels: step 1 of Virtual Unpacking."
-        )
-
-
-_VIEW = ("center", "zoom", "angles", "perspective")
-_OUTSIDE = frozenset({"UNPACKED", "FLYING_OUT", "INSPECTED"})
+        changes, self._changes = self._changes, Change(0)
+        if changes and self.controller is not None:
+            self.changed.emit(changes)
