@@ -76,7 +76,7 @@ def test_a_context_that_is_replaced_shows_the_bag_sprites_and_other_layers_again
     qtbot.waitUntil(lambda: canvas(viewer).shape == before.shape, timeout=20000)
     assert controller.settle(60)
     assert elsewhere.lost == 2
-    assert "drawn anew" in heard[0]
+    assert "drawn again" in heard[0]
     after = canvas(viewer)
     assert np.quantile(np.abs(after - before).max(axis=2), 0.999) <= 3.0
     assert complaints(viewer) == []

@@ -117,7 +117,7 @@ def test_where_nobody_is_free_the_setting_decides(
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)
-    assert "Nothing is free" in notification_manager.records[before].message
+    assert "No object is unpackable" in notification_manager.records[before].message
     assert set(states(session).values()) == {"PACKED"}
 
     assert not panel.unpack.force.isHidden()

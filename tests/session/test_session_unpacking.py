@@ -130,11 +130,12 @@ def test_a_knot_that_is_too_large_counts_as_nobody_free():
     # By first hit 1 has 8 rays in front and 8 behind 2, 2 has 8 of 16 behind 1: 0.5 each.
     assert session.unpack() == (1,)
     assert told == [
-        "Nothing is free along this direction; Object 1 is blocked least (50 % of it): it leaves."
+        "No object is unpackable in this direction; "
+        "Object 1 is the least occluded (50 % hidden): it leaves."
     ]
     session.undo()
     session.take_least_occluded = False
-    with pytest.raises(NobodyFreeError, match=r"Object 1 is blocked least \(50 % of it\)"):
+    with pytest.raises(NobodyFreeError, match=r"Object 1 is the least occluded \(50 % hidden\)"):
         session.unpack()
     assert session.unpackable() == ()
     assert states(session, 1, 2, 3) == ["PACKED"] * 3
@@ -366,7 +367,7 @@ def test_without_a_table_of_blockers_free_objects_leave_and_others_are_refused()
         session.unpack([3])
     assert session.unpack(2) == (1, 2)
     assert session.unpack([3]) == (3,)
-    with pytest.raises(ValueError, match="table of blockers"):
+    with pytest.raises(ValueError, match="which objects block which"):
         session.reveal(5)
 
 

@@ -93,10 +93,10 @@ class ContextWatch:
 def drawn_anew(viewer: Any, ours: Sequence[Any]) -> str:
     """Have all layers but ours made anew, after a context was replaced; return what to say."""
     others = [layer for layer in viewer.layers if layer not in ours]
-    lost = "The window lost what it had on the graphics card; "
+    lost = "The graphics card lost the contents of the window; "
     if compat.build_anew(viewer, others):
-        return lost + "everything is drawn anew."
-    return lost + "add your own layers anew to see them again."
+        return lost + "everything is drawn again."
+    return lost + "add your own layers once more to see them."
 
 
 GUARDED = "finishes_in_own_context"

@@ -199,6 +199,6 @@ def _nothing() -> None:
 register(
     PackedLayer,
     QuadsAdapter,
-    "The objects that are still packed. The picture is cast again only when the view, a colour or "
-    "the opacity of densities changes. Use the Virtual Unpacking panel to change those.",
+    "The objects that are still packed. Their colours and opacity are set in the Virtual Unpacking "
+    "panel.",
 )

@@ -117,6 +117,6 @@ class SpriteLayer(PictureLayer):
 register(
     SpriteLayer,
     QuadsAdapter,
-    "The unpacked objects, one small picture each. Double click one to inspect it, drag it to "
+    "The unpacked objects, one small picture each. Double-click one to inspect it; drag it to "
     "turn it.",
 )

@@ -49,6 +49,5 @@ class TransitionLayer(PictureLayer):
 register(
     TransitionLayer,
     QuadsAdapter,
-    "Objects on their way out of the bag or back, and the one being inspected. Empty while "
-    "nothing moves.",
+    "Objects that fly out of the bag or back, and the inspected one. Empty while nothing moves.",
 )

@@ -1,4 +1,4 @@
-"""What a session refuses, as sentences for people, and how numbers are put in words."""
+"""Errors of a session, as sentences for people, and how numbers are put in words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 class NobodyFreeError(ValueError):
-    """Nothing in the bag can leave along the direction, and the session may not force it."""
+    """No object is unpackable along the direction, and the session may not force one."""
 
 
 class BlockedError(ValueError):
@@ -14,14 +14,14 @@ class BlockedError(ValueError):
 
 
 class NoTableError(ValueError):
-    """It is not known who blocks whom."""
+    """It is not known which objects block which."""
 
     @classmethod
     def of(cls, packed: int) -> NoTableError:
-        """Say so of a bag with so many objects in it."""
+        """Make the error for a bag with so many packed objects."""
         return cls(
-            "reveal needs the table of blockers, which only the rule 'exact' has, and only up to "
-            f"4,096 objects; {packed} are packed: choose that rule, or hide or unpack some first"
+            "reveal needs to know which objects block which, and only the rule 'exact' finds that, "
+            f"up to 4,096 objects; {packed} are packed: choose that rule, or hide or unpack some first"
         )
 
 
@@ -34,10 +34,10 @@ def listed(names: Iterable[str]) -> str:
 
 
 def share_of(ratio: float) -> str:
-    """Say a share for a sentence, never as the nothing that a small one rounds to."""
+    """Write a share for a sentence; a small one never as 0 %."""
     return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
 
 
 def percent(confidence: float) -> str:
-    """Write a confidence; nobody is sure to 100 %."""
+    """Write a confidence; never as 100 %, since no oracle is that sure."""
     return f"{min(100 * confidence, 99):.0f} %"

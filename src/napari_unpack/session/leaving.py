@@ -112,8 +112,8 @@ class SessionLeaving(SessionGlimpses):
                 if left:
                     break
                 raise NobodyFreeError(
-                    f"Nothing is free along this direction; {self._stuck(answer, packed)}. Choose "
-                    "another direction, or let the least blocked leave."
+                    f"No object is unpackable in this direction; {self._stuck(answer, packed)}. "
+                    "Choose another direction, or unpack the least occluded object."
                 )
             if queue.least_occluded:
                 self._tell_stuck(answer, packed, situation)
@@ -157,13 +157,15 @@ class SessionLeaving(SessionGlimpses):
     def _tell_stuck(
         self, answer: OcclusionAnswer | None, packed: frozenset[int], situation: SessionState
     ) -> None:
-        """Say that the least blocked leaves; once, while one such after another does."""
+        """Say that the least occluded object leaves; once, while one such after another does."""
         told = self._told_stuck
         if told is None or told[0] is not situation.out or told[1] != situation.direction:
             stuck = self._stuck(answer, packed)
-            self.events.message.emit(f"Nothing is free along this direction; {stuck}: it leaves.")
+            self.events.message.emit(
+                f"No object is unpackable in this direction; {stuck}: it leaves."
+            )
 
     def _stuck(self, answer: OcclusionAnswer | None, packed: frozenset[int]) -> str:
         least = answer.least_occluded(packed) if answer else min(packed)
         ratio = answer.first_hit.get(least, 0.0) if answer else 0.0
-        return f"{self._names([least])} is blocked least ({share_of(ratio)} of it)"
+        return f"{self._names([least])} is the least occluded ({share_of(ratio)} hidden)"

@@ -280,7 +280,7 @@ class Session(SessionSteps):
                 answer = self._known_answer(packed, afresh=True)
             blocked = wanted - answer.free
             if blocked:
-                raise BlockedError(f"{self._names(blocked)} cannot leave: others are in front.")
+                raise BlockedError(f"{self._names(blocked)} cannot leave: other objects block it.")
             groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = answer.blocking.among(packed)

@@ -96,7 +96,7 @@ class LabelSync:
         if layer in self._lazy:
             self._leave_lazy([layer])
             self._told(
-                f"What is painted on {layer.name} is not taken over: its labels are read piece by "
+                f"Painting on {layer.name} changes no object, because its labels are read piece by "
                 "piece. To repair objects with the brush, open the labels as an array in memory "
                 "and choose them in step 1; Split, Merge and Delete work as they are."
             )

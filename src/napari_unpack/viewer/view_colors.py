@@ -127,7 +127,7 @@ def question(viewer: Any, layer: Any) -> SolidView | FlatView:
     missing = viewer.dims.ndim - layer.ndim
     shown = [axis - missing for axis in viewer.dims.displayed if axis >= missing]
     if len(shown) < 2:
-        raise ValueError(f"{layer.name} is not seen as a picture in this view")
+        raise ValueError(f"{layer.name} is not shown in this view")
     point = np.asarray(viewer.dims.point)[missing:]
     at = np.clip(np.rint(layer.world_to_data(point)), 0, np.array(data.shape) - 1).astype(int)
     cut = tuple(slice(None) if axis in shown else int(at[axis]) for axis in range(layer.ndim))
