@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import warnings
 
@@ -41,9 +40,9 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
         (True, True, "napari_unpack.rendering.cpu"),
         (True, False, "napari_unpack.rendering.gl.backend"),
     ]:
-        monkeypatch.setattr(backends, "_offscreen", lambda a=available, s=software: Driver(a, s))
+        monkeypatch.setattr(backends, "gl_driver", lambda a=available, s=software: Driver(a, s))
         assert chosen("auto").__name__ == name
-    monkeypatch.setattr(backends, "_offscreen", lambda: Driver(False, False))
+    monkeypatch.setattr(backends, "gl_driver", lambda: Driver(False, False))
     assert chosen("cpu").__name__ == "napari_unpack.rendering.cpu"
     with pytest.raises(ValueError, match="GL context"):
         chosen("gl")
@@ -65,13 +64,8 @@ def test_where_a_driver_refuses_auto_takes_the_cpu_and_says_why_once(monkeypatch
         def tinted(*_: object, **__: object) -> None:
             raise RuntimeError(problem)
 
-    imported = importlib.import_module
-    monkeypatch.setattr(backends, "_offscreen", lambda: Driver)
-    monkeypatch.setattr(
-        backends.importlib,
-        "import_module",
-        lambda name, *of: Shaders if name.endswith("gl.backend") else imported(name, *of),
-    )
+    monkeypatch.setattr(backends, "gl_driver", lambda: Driver)
+    monkeypatch.setattr(backends, "gl_backend", lambda: Shaders)
     labels = np.zeros((8, 8, 8), np.uint16)
     labels[2:6, 2:6, 2:6] = 1
     camera = View().camera(labels.shape, (1, 1, 1))

@@ -1,8 +1,7 @@
-"""Pictures for everyone: ID layers, tinted pictures, and what is under a pixel.
+"""The public functions of rendering: images, object-ID layers, interference and occlusion.
 
-Who interferes in a view, on whichever backend suits.
-
-Occlusion for everyone: who hides whom along a direction, and the ratios made of it.
+Each checks its arguments, renumbers labels above the kernels' range, and computes on the backend
+asked for.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Surroundings
 from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
-from napari_unpack.appearance.interference_graph import checked_layers, half_widths, interference
+from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
@@ -68,18 +67,7 @@ def interference_in(
         As there; or if the backend is unknown, or "gl" where no GL context can be had.
     """
     stack = checked_layers(ids, distance, layers)
-    module = chosen(backend)
-    if not hasattr(module, "interfering_pairs") or stack.size == 0:
-        return interference(stack, distance)
-    found = module.interfering_pairs(stack, half_widths(distance))
-    if found is None:
-        return interference(stack, distance)
-    present, pairs, lengths = (array.tolist() for array in found)
-    graph = nx.Graph()
-    graph.add_nodes_from(present)
-    for (a, b), length in zip(pairs, lengths, strict=True):
-        graph.add_edge(a, b, weight=length)
-    return graph
+    return chosen(backend).interference(stack, distance)
 
 
 PEELINGS = ("pixel", "object")

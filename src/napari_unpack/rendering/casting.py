@@ -1,21 +1,25 @@
-"""The lower doors: cameras, affines, whole tables by ID, windows; for sessions and layers.
+"""Drawing and counting on whole tables by ID, for sessions and layers.
 
-They take arrays as the kernels do and check next to nothing, so that a picture a frame costs
-only the picture. The doors of `pictures` and `counting` stand on them.
+Arguments are what the kernels take and are not checked, so that a frame costs no more than its
+rays. The public functions of `api` check theirs and stand on these.
 """
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry import rays as geometry_rays
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera
-from napari_unpack.rendering.backends import ask
+from napari_unpack.rendering.backends import with_backend
+
+if TYPE_CHECKING:
+    from napari_unpack.rendering.cpu import Bricks, Runs
 
 TABLE_ENTRIES = 1024
 """Rows of the transfer function's table."""
@@ -94,7 +98,7 @@ def cast_tinted(
     window: Window | None = None,
     step_scale: float = 1.0,
     shading: Shading | None = None,
-    bricks: Any = None,
+    bricks: Bricks | None = None,
     jitter: bool = False,
     clipping: ArrayLike | None = None,
     backend: str = "auto",
@@ -137,12 +141,13 @@ def cast_tinted(
         t in mm from the camera's pivot plane where alpha reaches 0.5, +inf where it does not.
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
-    image, depth = ask(
-        backend, "tinted", volume, labels, rays, spacing, transfer_function.table(TABLE_ENTRIES),
-        transfer_function.domain, tints, shading,
-        bricks=bricks, jitter=jitter, clipping=clipping,
-    )  # fmt: skip
-    return image, depth
+    table, domain = transfer_function.table(TABLE_ENTRIES), transfer_function.domain
+    return with_backend(
+        backend,
+        lambda on: on.tinted(
+            volume, labels, rays, spacing, table, domain, tints, shading, bricks, jitter, clipping
+        ),
+    )
 
 
 def cast_ids(
@@ -156,7 +161,7 @@ def cast_ids(
     voxel_from_world: ArrayLike | None = None,
     window: Window | None = None,
     step_scale: float = 1.0,
-    bricks: Any = None,
+    bricks: Bricks | None = None,
     clipping: ArrayLike | None = None,
     backend: str = "auto",
 ) -> NDArray[np.int32]:
@@ -177,17 +182,10 @@ def cast_ids(
         The k-th distinct visible object on each ray, 0 where there is none.
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
-    ids: NDArray[np.int32] = ask(
-        backend,
-        "id_layers",
-        labels,
-        off_faces(rays),
-        visible,
-        layers,
-        bricks=bricks,
-        clipping=clipping,
+    clear = off_faces(rays)
+    return with_backend(
+        backend, lambda on: on.id_layers(labels, clear, visible, layers, bricks, clipping)
     )
-    return ids
 
 
 def cast_occlusion(
@@ -198,9 +196,9 @@ def cast_occlusion(
     size: tuple[int, int],
     *,
     step_scale: float = 1.0,
-    bricks: Any = None,
+    bricks: Bricks | None = None,
     backend: str = "auto",
-) -> Any:
+) -> OcclusionCounts:
     """Count who hides whom; the camera is made orthographic.
 
     Parameters
@@ -212,8 +210,8 @@ def cast_occlusion(
     -------
     OcclusionCounts
     """
-    rays = rays_for(camera.orthographic(), size, spacing, step_scale=step_scale)
-    return ask(backend, "occlusion_counts", labels, off_faces(rays), visible, bricks=bricks)
+    rays = off_faces(rays_for(camera.orthographic(), size, spacing, step_scale=step_scale))
+    return with_backend(backend, lambda on: on.occlusion_counts(labels, rays, visible, bricks))
 
 
 def cast_runs(
@@ -223,9 +221,9 @@ def cast_runs(
     visible: NDArray[np.bool_],
     size: tuple[int, int],
     *,
-    bricks: Any = None,
-    known: Any = None,
-) -> Any:
+    bricks: Bricks | None = None,
+    known: Runs | None = None,
+) -> Runs:
     """List what the rays of `cast_occlusion` meet, on the CPU, or take what is known of them.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from napari_unpack.rendering.cpu.compressed_labels import eight_bits, ones_of
+from napari_unpack.rendering.cpu.simd import eight_bits, ones_of
 
 
 @njit

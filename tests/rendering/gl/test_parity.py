@@ -167,7 +167,7 @@ def test_more_layers_than_the_shader_holds_are_refused(gl):
 
 def test_a_volume_is_uploaded_once_for_many_pictures(gl):
     case = Case(11)
-    workspace = gl_backend.Bench()
+    workspace = gl_backend.Workspace()
     first = workspace.textures(case.labels, case.volume)
     assert workspace.textures(case.labels, case.volume) is first
     assert workspace.textures(case.labels, None) is first

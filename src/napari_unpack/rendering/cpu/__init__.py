@@ -1,5 +1,6 @@
-"""The ray caster for the CPU: numba kernels over bands of rows, on as many threads as cores."""
+"""The backend on the CPU: numba kernels over bands of rows, on as many threads as cores."""
 
+from napari_unpack.appearance import interference
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.rendering.cpu.bricks import Bricks, relabelled
 from napari_unpack.rendering.cpu.label_runs import Runs
@@ -17,6 +18,7 @@ __all__ = [
     "by_contribution",
     "contributions",
     "id_layers",
+    "interference",
     "occlusion_counts",
     "occlusion_runs",
     "relabelled",

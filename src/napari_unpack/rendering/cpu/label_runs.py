@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.bricks import Bricks
-from napari_unpack.rendering.cpu.compressed_labels import eight_bits, ones_of
 from napari_unpack.rendering.cpu.object_ids import AHEAD, ground, read_labels, read_packed
 from napari_unpack.rendering.cpu.ray_packets import (
     AX,
@@ -62,6 +61,7 @@ from napari_unpack.rendering.cpu.ray_sampling import (
     ray_numbers,
     ray_of,
 )
+from napari_unpack.rendering.cpu.simd import eight_bits, ones_of
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 MOST_IN_TABLE = 4096

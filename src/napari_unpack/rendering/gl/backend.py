@@ -11,9 +11,12 @@ import weakref
 from functools import cache
 from typing import Any, Literal, Protocol
 
+import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.appearance import interference as interference_on_cpu
+from napari_unpack.appearance.interference_graph import half_widths
 from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
@@ -129,29 +132,52 @@ def occlusion_counts(
     return counts_of_runs(ids, samples, visible)
 
 
-def interfering_pairs(
-    stack: NDArray[np.integer], half_widths: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
-    """Find who interferes in object-ID layers; see `InterferencePass.pairs`.
+def interference(ids: NDArray[np.integer], distance: float = 5) -> nx.Graph:
+    """Join the objects that come near one another; see `appearance.interference`.
+
+    Parameters
+    ----------
+    ids : (layers, H, W) ndarray of int
+        Object-ID layers.
+    distance : float
+        DT of Li et al. 2012, eq. 1, pixels.
 
     Returns
     -------
-    (ids, pairs, lengths) or None
-        None where the driver is older than OpenGL 4.3, there are more than 4096 objects, or a
-        pixel comes near more than 64: the CPU's `appearance.interference` has no such limits.
+    networkx.Graph
 
     Raises
     ------
     RuntimeError
         If there is no offscreen GL, with the reason.
+
+    Notes
+    -----
+    The CPU computes it where the driver is older than OpenGL 4.3, there are more than 4096
+    objects, or a pixel comes near more than 64.
     """
+    found = None if ids.size == 0 else _interfering_pairs(ids, half_widths(distance))
+    if found is None:
+        return interference_on_cpu(ids, distance)
+    present, pairs, lengths = (array.tolist() for array in found)
+    graph = nx.Graph()
+    graph.add_nodes_from(present)
+    for (a, b), length in zip(pairs, lengths, strict=True):
+        graph.add_edge(a, b, weight=length)
+    return graph
+
+
+def _interfering_pairs(
+    ids: NDArray[np.integer], widths: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
+    """Return `InterferencePass.pairs`, None beyond the limits of the shader."""
     with offscreen.context().use():
         if not occlusion_atomics.supported(blocks=4):
             return None
         workspace = _workspace()
-        target = workspace.counting_targets.get((int(stack.shape[1]), int(stack.shape[2])))
+        target = workspace.counting_targets.get((int(ids.shape[1]), int(ids.shape[2])))
         try:
-            return workspace.interference.pairs(target, stack, half_widths)
+            return workspace.interference.pairs(target, ids, widths)
         except (RayTooCrowdedError, ShaderError, ValueError):
             return None
 
@@ -250,7 +276,7 @@ def forget(array: NDArray[Any] | None = None) -> None:
         _workspace().forget(array)
 
 
-class Bench:
+class Workspace:
     """Passes, targets and textures of the offscreen context."""
 
     keep = 2
@@ -299,5 +325,5 @@ class Bench:
 
 
 @cache
-def _workspace() -> Bench:
-    return Bench()
+def _workspace() -> Workspace:
+    return Workspace()

@@ -21,7 +21,7 @@ MOST_OBJECTS = 4096
 
 
 class InterferencePass:
-    """Equation 1 of one GL context; see `gl_backend.interfering_pairs`."""
+    """Equation 1 of one GL context; see `gl.backend.interference`."""
 
     def __init__(self) -> None:
         self.passes = 0

@@ -1,7 +1,6 @@
-"""Arithmetic on numbers that stand side by side, in LLVM's own vector instructions.
+"""Vectors of voxels, colours and rows, in LLVM's own instructions; see README.md.
 
-numba reads arrays element by element, and LLVM does not put together again what belongs to one
-voxel, one colour or one row. Arrays are flat, indices uint64 and not checked.
+Arrays are flat, indices are uint64 and not checked.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ LANES = 32
 """Rays side by side, and samples of a chunk; at most 64."""
 
 EDGE = BRICK + 2
-"""Voxels along the edge of a block (blocks.py)."""
+"""Voxels along the edge of a cached brick: a voxel of its neighbours on either side."""
 
 _FLOAT = ir.FloatType()
 _MAY = ("contract", "reassoc", "nsz", "nnan")
@@ -251,17 +250,3 @@ forward: Any = intrinsic(_forward)
 negative go on by a sample, 1 in row `k` of `rays`.
 
 Returns two masks, a bit a lane: those lanes, and those that have come to their end."""
-
-
-def _lowest(typingctx: Any, bits: Any) -> Any:
-    del typingctx
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        del context, signature
-        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.uint64(bits), generate
-
-
-lowest_of: Any = intrinsic(_lowest)
-"""lowest_of(bits): which is the lowest bit set, of a mask that is not 0."""
