@@ -6,7 +6,7 @@
 //      p              voxels, x y z, full resolution
 // out: the texture's own unit; lib/transfer_function.glsl knows the scale
 // cpu twin: rendering/cpu/ray_sampling.py (density_at)
-// test:     tests/rendering/gl/test_probes.py
+// test:     tests/rendering/gl/test_glsl_functions.py
 
 #include "lib/label_lookup.glsl"
 

@@ -9,7 +9,7 @@
 //      voxel          nearest voxel, x y z, full resolution
 //      id tables      256 wide, row id / 256
 // cpu twin: rendering/cpu/object_ids.py
-// test:     tests/rendering/gl/test_probes.py
+// test:     tests/rendering/gl/test_glsl_functions.py
 
 uniform sampler3D u_labels;
 uniform float u_label_scale;

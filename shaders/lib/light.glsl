@@ -9,7 +9,7 @@
 //      u_steepness    1 / floor
 // out: (light, highlight)
 // cpu twin: geometry/shading.py, rendering/cpu/compositing.py (_light, shade)
-// test:     tests/rendering/gl/test_probes.py
+// test:     tests/rendering/gl/test_glsl_functions.py
 
 uniform vec4 u_light;
 uniform float u_steepness;

@@ -7,7 +7,7 @@
 //      u_direction*   voxels per mm of t;  u_step mm;  u_near mm, no sample at t <= near
 //      frame buffer row 0 is picture row 0: textures hold pictures top row first
 // cpu twin: geometry/rays.py (Rays), rendering/cpu/ray_sampling.py (ray_of), rendering/cpu/compositing.py (phase_of)
-// test:     tests/rendering/gl/test_probes.py
+// test:     tests/rendering/gl/test_glsl_functions.py
 
 uniform vec3 u_origin;
 uniform vec3 u_origin_row;

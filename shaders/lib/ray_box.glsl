@@ -7,7 +7,7 @@
 //      origin, direction of the ray (lib/ray.glsl); planes (lib/clip_planes.glsl)
 // out: (first, end): half-open range of k
 // cpu twin: rendering/cpu/ray_sampling.py (sample_range)
-// test:     tests/rendering/gl/test_probes.py
+// test:     tests/rendering/gl/test_glsl_functions.py
 
 #include "lib/ray.glsl"
 #include "lib/clip_planes.glsl"

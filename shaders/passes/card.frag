@@ -14,7 +14,7 @@
 //      u_opacity      of the card as a whole
 // out: premultiplied RGBA, window depth
 // cpu twin: rendering/gl/depth_quads.py (depth_row)
-// test:     tests/rendering/gl/test_cards.py
+// test:     tests/rendering/gl/test_depth_quads.py
 
 #include "lib/no_depth.glsl"
 

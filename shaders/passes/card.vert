@@ -6,7 +6,7 @@
 //      u_clip_*       the picture's top left corner and its two edges, clip space
 // out: v_uv           texture coordinates, (0, 0) the picture's top left corner
 // cpu twin: rendering/gl/depth_quads.py (Place.frame)
-// test:     tests/rendering/gl/test_cards.py
+// test:     tests/rendering/gl/test_depth_quads.py
 
 attribute vec2 a_corner;
 

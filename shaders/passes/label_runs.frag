@@ -11,7 +11,7 @@
 // out: [0] [1] [2] two runs each (ID, samples, ID, samples), zeros where there is none
 //      [3] k to resume from, NO_MORE once the ray is done
 // cpu twin: rendering/cpu/occlusion.py
-// test:     tests/rendering/gl/test_occlusion_pass.py
+// test:     tests/rendering/gl/test_occlusion_runs.py
 
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"
