@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from napari_unpack.appearance import PRESETS, Surroundings, TransferFunction, tints_of
+from napari_unpack.appearance import PRESETS, Decorations, TransferFunction, tints_of
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.image_patch import compose
-from napari_unpack.rendering.object_casting import Appearance, cast_crop
+from napari_unpack.rendering.object_casting import Appearance, cast_subvolume
 from napari_unpack.rendering.scene import LIGHT
 from napari_unpack.session import Session
 
@@ -24,7 +24,7 @@ ImageTexture = NDArray[np.float32]
 SIDE = 392
 FINE = 0.5
 CAPTION = 34
-GROUND = Surroundings.of("dusk")
+GROUND = Decorations.of("dusk")
 CAPTIONS = (0.86, 0.88, 0.92)
 
 
@@ -115,7 +115,9 @@ def _look(session: Any, tints: Any, function: Any = None) -> Appearance:
 
 def _tinted(session: Any, tints: Any, ground: Any = GROUND, function: Any = None) -> ImageTexture:
     whole = session.scene().subvolumes.whole()
-    patch = cast_crop(whole, None, session.camera, (SIDE, SIDE), _look(session, tints, function))
+    patch = cast_subvolume(
+        whole, None, session.camera, (SIDE, SIDE), _look(session, tints, function)
+    )
     return compose((SIDE, SIDE), [patch], ground.background)
 
 
@@ -161,7 +163,7 @@ def _isolated(session: Any, count: int) -> ImageTexture:
 
 
 def _before(session: Any, words: str) -> ImageTexture:
-    around = Surroundings.of(words, ["box", "scale"])
+    around = Decorations.of(words, ["box", "scale"])
     camera = replace(session.camera, height=1.22 * session.camera.height)
     return scene_image(session.scene(), camera, (SIDE, SIDE), backend="cpu", decorations=around)
 

@@ -20,7 +20,7 @@ from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids, cast_occlusion, cast_runs
 from napari_unpack.rendering.casting import off_faces, rays_for
 from napari_unpack.rendering.cpu import Bricks
-from napari_unpack.unpacking import free_ids, ratios
+from napari_unpack.unpacking import ratios, unpackable_ids
 
 NOT_MEASURED = "not measured"
 PAPER_OCCLUSION_MS, PAPER_INTERFERENCE_MS = 50.0, 110.0
@@ -139,7 +139,7 @@ def _round(scenes: Scenes) -> list[Step]:
         share = ratios(counted[0])
         if asked:
             packed = {int(i) for i in np.flatnonzero(visible)}
-            free = free_ids(counted[0], "exact", 0.0)
+            free = unpackable_ids(counted[0], "exact", 0.0)
             queue = sorted(free) or sorted(packed, key=lambda i: share.get(i, 0.0))[:1]
         leaving = queue.pop(0)
         mean = float(np.mean(list(share.values()))) if share else 0.0

@@ -3,7 +3,7 @@
 //   g_i = (d(p + e_i) - d(p - e_i)) / 2     per voxel, in the density texture's unit
 //
 // in:  p              voxels, x y z
-// cpu twin: rendering/cpu/brick_cache.py (fill), rendering/cpu/simd/vectors.py (blend_cell)
+// cpu twin: rendering/cpu/brick_cache.py (fill), rendering/cpu/simd/arithmetic.py (blend_cell)
 // test:     tests/rendering/gl/test_glsl_functions.py
 
 #include "lib/density.glsl"

@@ -5,7 +5,7 @@
 //
 // in:  u_origin*      voxels, x y z order (flipped from Rays.table)
 //      u_direction*   voxels per mm of t;  u_step mm;  u_near mm, no sample at t <= near
-//      frame buffer row 0 is picture row 0: textures hold pictures top row first
+//      frame buffer row 0 is image row 0: textures hold images top row first
 // cpu twin: geometry/rays.py (Rays), rendering/cpu/ray_sampling.py (ray_of), rendering/cpu/compositing.py (phase_of)
 // test:     tests/rendering/gl/test_glsl_functions.py
 

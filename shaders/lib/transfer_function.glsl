@@ -5,7 +5,7 @@
 // in:  u_table        K x 1 texels of straight RGB and opacity per voxel, nearest
 //      u_table_size   K
 //      u_entry        (scale, offset) from the density texture's unit to u
-// cpu twin: rendering/cpu/compositing.py (_light), rendering/cpu/simd/vectors.py (look_up)
+// cpu twin: rendering/cpu/compositing.py (_light), rendering/cpu/simd/arithmetic.py (look_up)
 // test:     tests/rendering/gl/test_glsl_functions.py
 
 uniform sampler2D u_table;

@@ -11,7 +11,7 @@
 //      last, stride   of the volume: its last voxel, and how far apart neighbours lie; handed in,
 //                     for no driver takes them out of a loop
 // out: gradient per voxel, density
-// cpu twin: rendering/cpu/simd/vectors.py (blend_cell)
+// cpu twin: rendering/cpu/simd/arithmetic.py (blend_cell)
 // test:     tests/rendering/gl/test_glsl_functions.py
 
 #include "lib/ray_box.glsl"

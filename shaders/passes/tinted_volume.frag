@@ -1,4 +1,4 @@
-// The tinted picture in one pass: density interpolated, label nearest, tint multiplied on.
+// The tinted image in one pass: density interpolated, label nearest, tint multiplied on.
 //
 //   a = 1 - (1 - opacity(density) tint.a)^(length / min(spacing))        opacity correction
 //   C += (1 - A) a min(color(density) tint.rgb light + highlight, 1),  A += (1 - A) a

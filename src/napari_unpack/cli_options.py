@@ -10,7 +10,7 @@ import typer
 from napari_unpack.geometry.view import FROM_ABOVE, View
 
 if TYPE_CHECKING:
-    from napari_unpack.appearance import Surroundings
+    from napari_unpack.appearance import Decorations
     from napari_unpack.session import Session
 
 Input = Annotated[
@@ -160,7 +160,7 @@ Box = Annotated[bool, typer.Option("--box", help="Draw the box around all object
 Scale = Annotated[bool, typer.Option("--scale-bar", help="Draw a scale bar.")]
 
 
-def requested_decorations(background: str | None, box: bool, scale: bool) -> Surroundings | None:
+def requested_decorations(background: str | None, box: bool, scale: bool) -> Decorations | None:
     """Return what is drawn around the bag; None where nothing was asked for.
 
     Parameters
@@ -171,9 +171,9 @@ def requested_decorations(background: str | None, box: bool, scale: bool) -> Sur
         Whether they are drawn.
     """
     # A saved session has decorations of its own, which None leaves as they are.
-    from napari_unpack.appearance import Surroundings
+    from napari_unpack.appearance import Decorations
 
     shown = [kind for kind, wanted in (("box", box), ("scale", scale)) if wanted]
     if background is None and not shown:
         return None
-    return Surroundings.of(background or "dark", shown)
+    return Decorations.of(background or "dark", shown)

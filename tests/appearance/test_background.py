@@ -4,7 +4,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from napari_unpack.appearance import Background, Surroundings
+from napari_unpack.appearance import Background, Decorations
 
 
 def test_one_colour_fills_all():
@@ -36,9 +36,9 @@ def test_a_picture_covers_and_is_cut_at_the_edges(tmp_path):
 
 
 def test_light_and_dark_are_told_apart_for_the_ink():
-    assert Surroundings.of("light").ink[0] < 0.5
-    assert Surroundings.of("daylight").ink[0] < 0.5
-    assert Surroundings.of("dusk").ink[0] > 0.5
+    assert Decorations.of("light").ink[0] < 0.5
+    assert Decorations.of("daylight").ink[0] < 0.5
+    assert Decorations.of("dusk").ink[0] > 0.5
 
 
 @pytest.mark.parametrize(
@@ -52,4 +52,4 @@ def test_what_is_no_background_is_refused(wanted):
 
 def test_an_unknown_decoration_is_refused():
     with pytest.raises(ValueError, match="out of box, scale"):
-        Surroundings.of("dark", ["tinsel"])
+        Decorations.of("dark", ["tinsel"])

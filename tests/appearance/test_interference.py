@@ -33,7 +33,7 @@ def test_the_8_by_8_case_worked_out_by_hand():
 
 
 def test_ids_beyond_every_table_are_kept_apart_by_name():
-    # Two halves of a picture that touch along a line of three pixels on both sides.
+    # Two halves of an image that touch along a line of three pixels on both sides.
     ids = np.zeros((2, 3, 6), np.int64)
     ids[0, :, :3], ids[0, :, 3:] = 7_000_000_000, 70_000
     graph = interference(ids, 1)

@@ -1,4 +1,4 @@
-"""Rays: one lattice of samples for all, whatever part of the picture is cast."""
+"""Rays: one lattice of samples for all, whatever part of the image is cast."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def test_a_stretched_bag_is_looked_at_along_the_direction_asked_for(stretch) -> 
     # One step along the direction of looking changes the depth alone.
     there = camera.center + camera.direction
     np.testing.assert_allclose(camera.project(there, (64, 64)), [31.5, 31.5], atol=1e-9)
-    # What is up in the world is up in the picture, as far as the view lets it.
+    # What is up in the world is up in the image, as far as the view lets it.
     row, col = camera.project(camera.center + np.array([0.2, -1.0, 0.3]), (64, 64))
     assert row < 31.5
     assert col == pytest.approx(31.5)

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import napari_unpack as nu
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
@@ -359,7 +359,7 @@ def test_background_box_and_scale_come_back(tmp_path):
     session = used()
     picture = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
     for background, decorations in ((("#102030,#ffffff"), ["box"]), (picture, ["scale"])):
-        session.surroundings = Surroundings.of(background, decorations)
+        session.surroundings = Decorations.of(background, decorations)
         nu.save_session(session, tmp_path / "a.unpack")
         back = nu.open_session(tmp_path / "a.unpack").surroundings
         assert (back.box, back.scale) == (session.surroundings.box, session.surroundings.scale)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.layers import compat
-from napari_unpack.rendering.gl.memory import DENSITY, LABELS, TARGETS, ledger
+from napari_unpack.rendering.gl.memory import DENSITY, LABELS, TARGETS, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.session import Session
 from napari_unpack.viewer.controller import SessionController
@@ -60,7 +60,7 @@ def shown(make_napari_viewer_proxy, bag, qtbot):
     viewer.window.resize(500, 400)
     viewer.dims.ndisplay = 3
     gc.collect()
-    held = ledger().bytes_held()
+    held = memory_counter().bytes_held()
     before = on_the_card(viewer)
     controller = SessionController(viewer, Session(*bag, spacing=(1.5, 1.5, 1.5)))
     controller.backend, controller.recolor_at_rest = "gl", False
@@ -89,7 +89,7 @@ def test_all_three_layers_share_one_density_and_one_label_volume(shown, bag, qtb
     controller.unpack(1)
     qtbot.waitUntil(lambda: len(controller.transition.shots) == 1, timeout=60000)
     volume, labels = bag
-    ours = ledger().bytes_held() - held
+    ours = memory_counter().bytes_held() - held
     assert len(controller.sprites.sprites) == 2
     assert ours[DENSITY] == volume.nbytes
     assert ours[LABELS] == labels.size
@@ -119,7 +119,7 @@ def test_the_ledger_says_what_gl_itself_says(shown) -> None:
         moves()
         assert controller.settle(60)
         counted = sum(fresh(viewer, before).values()) - of_qt(viewer)
-        ours = sum((ledger().bytes_held() - held).values())
+        ours = sum((memory_counter().bytes_held() - held).values())
         assert ours > 700_000
         # napari's own: text of overlays, some vertices.
         assert abs(counted - ours) < SMALL
@@ -127,20 +127,20 @@ def test_the_ledger_says_what_gl_itself_says(shown) -> None:
 
 def test_a_copy_of_the_labels_is_seen_by_gl_and_by_the_ledger(shown, bag) -> None:
     viewer, _, before, _ = shown
-    calm, held = sum(fresh(viewer, before).values()), sum(ledger().bytes_held().values())
+    calm, held = sum(fresh(viewer, before).values()), sum(memory_counter().bytes_held().values())
     scene_canvas = compat.native_canvas(viewer)
     scene_canvas.set_current()
     with_copy = VolumeTextures(bag[1])
     grown = {name: size for name, size in on_the_card(viewer).items() if name not in before}
     assert sum(grown.values()) - calm == bag[1].size
-    assert sum(ledger().bytes_held().values()) - held == bag[1].size
+    assert sum(memory_counter().bytes_held().values()) - held == bag[1].size
     with_copy.delete()
-    assert sum(ledger().bytes_held().values()) == held
+    assert sum(memory_counter().bytes_held().values()) == held
 
 
 def test_closing_leaves_no_volume_and_no_frame_buffer_on_the_card(shown) -> None:
     viewer, controller, before, held = shown
     controller.close()
-    ours = ledger().bytes_held() - held
+    ours = memory_counter().bytes_held() - held
     assert (ours[DENSITY], ours[LABELS], ours[TARGETS]) == (0, 0, 0)
     assert sum(fresh(viewer, before).values()) - of_qt(viewer) < SMALL

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from conftest import canvas
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.viewer import animation, canvas_backend
 
 
@@ -108,16 +108,16 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     assert controller.settle(30)
     passes, plain = controller.packed_passes, canvas(viewer)
     bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
-    session.surroundings = Surroundings.of("#ffffff,#000000")
+    session.surroundings = Decorations.of("#ffffff,#000000")
     gradient = canvas(viewer)
     assert gradient[2, 5].min() > 240
     assert gradient[-3, 5].max() < 15
     assert np.abs(gradient - plain)[bag].mean() < 12
     picture = np.zeros((10, 20, 3), np.uint8)
     picture[...] = (10, 200, 30)
-    session.surroundings = Surroundings.of(picture)
+    session.surroundings = Decorations.of(picture)
     np.testing.assert_allclose(canvas(viewer)[3, 3], (10, 200, 30), atol=2)
-    session.surroundings = Surroundings.of("light", ["box", "scale"])
+    session.surroundings = Decorations.of("light", ["box", "scale"])
     light = canvas(viewer)
     np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
     assert controller.settle(30)
@@ -130,7 +130,7 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
     viewer.scene.camera.angles = (15, 35, 10)
     controller.settle(30)
     bare = canvas(viewer)
-    session.surroundings = Surroundings.of("dark", ["box"])
+    session.surroundings = Decorations.of("dark", ["box"])
     boxed = canvas(viewer)
     low = (session.boxes.lower.min(0) - 0.5) * session.spacing
     high = (session.boxes.upper.max(0) - 0.5) * session.spacing
@@ -160,7 +160,7 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
 def test_the_viewers_own_scale_bar_comes_and_goes_with_the_controller(staged, session) -> None:
     viewer, controller = staged
     bar = viewer.canvas.overlays.scale_bar
-    session.surroundings = Surroundings.of("light", ["scale"])
+    session.surroundings = Decorations.of("light", ["scale"])
     assert bar.visible
     controller.close()
     assert not bar.visible

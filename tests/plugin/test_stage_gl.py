@@ -223,7 +223,7 @@ def test_a_driver_that_refuses_even_to_show_pictures_is_named_once_and_raises_no
     viewer, controller = staged
     controller.close()
     whole = shader_source.read
-    bad = {"passes/card.frag": "no glsl;\n"}
+    bad = {"passes/quad.frag": "no glsl;\n"}
     monkeypatch.setattr(
         programs, "load", partial(shader_source.load, read=lambda p: bad.get(p, "") + whole(p))
     )
@@ -234,7 +234,7 @@ def test_a_driver_that_refuses_even_to_show_pictures_is_named_once_and_raises_no
     canvas(viewer)
     canvas(viewer)
     assert len(heard) == 1
-    assert "passes/card.frag:1" in heard[0]
+    assert "passes/quad.frag:1" in heard[0]
     assert canvas(viewer).std() < 5
     assert no_error(viewer)
     again.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.widgets.background_options import DARK, NAPARIS, BackgroundOptions
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.workspace import Workspace
@@ -56,7 +56,7 @@ def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypa
 def test_a_sessions_own_surroundings_are_shown(options, session) -> None:
     workspace = options._workspace
     workspace.close()
-    session.surroundings = Surroundings.of("daylight", ["box"])
+    session.surroundings = Decorations.of("daylight", ["box"])
     workspace.open(session)
     assert options.background.currentText() == "Daylight, a gradient"
     assert options.box.isChecked()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from napari_unpack.appearance import Surroundings, TransferFunction
+from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
@@ -57,7 +57,7 @@ def make_scene(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Scene:
         hues={1: 0.0, 2: 1 / 3, 3: 2 / 3},
         tint_mode="hsv",
         mean_densities=dict.fromkeys((1, 2, 3), 1000.0),
-        decorations=Surroundings.of("black"),
+        decorations=Decorations.of("black"),
     )
 
 
@@ -190,7 +190,7 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
     pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
     scene = replace(scene, packed=frozenset({2, 3}), poses={1: pose})
     casts: list[int] = []
-    real = compose.cast_crop
+    real = compose.cast_subvolume
     monkeypatch.setattr(compose, "cast_crop", lambda *a: (casts.append(1), real(*a))[1])
     first = scene_image(scene, camera, SIZE)
     assert len(casts) == 2
@@ -224,7 +224,7 @@ def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
 def test_a_scene_has_the_decorations_asked_for_sprites_before_the_box() -> None:
     scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 150.0)
-    light = scene_image(scene, camera, SIZE, decorations=Surroundings.of("white", ["box", "scale"]))
+    light = scene_image(scene, camera, SIZE, decorations=Decorations.of("white", ["box", "scale"]))
     assert light[..., 3].min() == 1.0
     np.testing.assert_allclose(light[0, 0], 1.0)
     # The front face of the box around voxels 4 to 34: its edges are dark on white.
@@ -237,7 +237,7 @@ def test_a_scene_has_the_decorations_asked_for_sprites_before_the_box() -> None:
     down, right = camera.rotation[1:] @ (np.array([3.5, 3.5, 20.0]) - camera.center)
     pose = Pose(np.array([towards, down, right]), np.eye(3))
     scene = replace(scene, packed=frozenset({1, 3}), poses={2: pose})
-    covered = scene_image(scene, camera, SIZE, decorations=Surroundings.of("black", ["box"]))
+    covered = scene_image(scene, camera, SIZE, decorations=Decorations.of("black", ["box"]))
     row, col = np.rint(camera.project([[3.5, 3.5, 20.0]], SIZE)[0]).astype(int)
     hidden = scene_image(scene, camera, SIZE)
     # The edge shines through what the object itself lets through, no more.
@@ -263,7 +263,7 @@ def test_a_session_makes_another_scene_only_after_a_change() -> None:
     session = Session(made.volume, made.label_data.labels)
     first = session.scene()
     assert session.scene() is first
-    session.look(replace(session.camera, height=99.0))
+    session.appearance(replace(session.camera, height=99.0))
     assert session.scene() is first
     session.unpack([1])
     second = session.scene()

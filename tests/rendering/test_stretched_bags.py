@@ -1,4 +1,4 @@
-"""Bags that napari mirrors, stretches or shears: the same pictures as of the bag made so."""
+"""Bags that napari mirrors, stretches or shears: the same images as of the bag made so."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_volume_numbered_from_the_other_end_looks_the_same_where_it_stands_the
         for session, camera in zip((one, other), cameras, strict=True)
     ]
     assert differing(*pictures) < 0.001
-    # Also in the air, and as sprites: nobody is turned inside out.
+    # Also in the air, and as sprites: no object is turned inside out.
     mirror = np.eye(3)
     mirror[axis, axis] = -1
     held = Camera.looking((1, 2, 3), None, (0, 0, 0), 1.0).rotation

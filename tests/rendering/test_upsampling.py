@@ -12,7 +12,7 @@ import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.compose import object_image, sprite_image
-from napari_unpack.rendering.upsampling import MOST_VOXELS, divisions, refined
+from napari_unpack.rendering.upsampling import MOST_VOXELS, divisions, upsampled
 
 TURN = rotation_about((0.0, 1.0, 0.0), 0.5) @ rotation_about((0.0, 0.0, 1.0), 0.4)
 STILL = Pose(np.zeros(3), np.eye(3), 1.0)
@@ -46,7 +46,7 @@ def ball_in_a_block(radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def alone(session: Any, smooth: bool, pose: Pose = STILL, side: float = 16.0) -> np.ndarray:
-    """Return the (N, N, 4) picture of object 1."""
+    """Return the (N, N, 4) image of object 1."""
     size = round(side * PIXELS)
     camera = Camera(np.eye(3), np.zeros(3), side)
     patch = object_image(
@@ -89,7 +89,7 @@ def test_densities_stay_at_their_places_in_the_world() -> None:
     labels = np.zeros(volume.shape, np.uint16)
     labels[6:14, 8:16, 8:18] = 1
     cache = session_of(labels, volume, tuple(spacing)).scene().subvolumes
-    fine = refined(cache.of_object(1), 1, spacing, float(volume.min()))
+    fine = upsampled(cache.of_object(1), 1, spacing, float(volume.min()))
     assert fine.finer[0] == 2 * fine.finer[1] == 2 * fine.finer[2] > 2
 
     index = np.stack(np.indices(fine.volume.shape), axis=-1).reshape(-1, 3)
@@ -139,8 +139,8 @@ def test_large_objects_are_left_and_no_crop_grows_beyond_bounds() -> None:
     labels[5:15, 5:15, 5:195] = 1
     volume = np.where(labels == 1, 1000, 0).astype(np.uint16)
     cache = session_of(labels, volume).scene().subvolumes
-    crop = cache.of_object(1)
-    assert refined(crop, 1, np.ones(3), 0.0) is crop
+    subvolume = cache.of_object(1)
+    assert upsampled(subvolume, 1, np.ones(3), 0.0) is subvolume
 
     spacing = np.array([3.0, 1.0, 1.0])
     for side in (1, 3, 10, 40, 90, 130):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.compose import packed_image, scene_image
 from napari_unpack.session import Session
@@ -24,7 +24,7 @@ def halves(image):
 
 def test_a_plane_takes_away_one_of_two_and_the_scene_is_cast_again(session):
     camera, size = session.camera, (48, 64)
-    clear = Surroundings.of((0.0, 0.0, 0.0, 0.0))
+    clear = Decorations.of((0.0, 0.0, 0.0, 0.0))
     assert min(halves(scene_image(session.scene(), camera, size, decorations=clear))) > 0.5
     session.clipping = [[[0, 0, 12], [0, 0, 2.0]]]
     left, right = sorted(halves(scene_image(session.scene(), camera, size, decorations=clear)))
@@ -67,10 +67,10 @@ def test_flying_objects_are_whole(session):
     assert packed_image(session.scene(), camera, size, backend="cpu").rgba.sum() < 0.6 * whole
     session.unpack([1])
     sprites = scene_image(
-        session.scene(), camera, (96, 128), decorations=Surroundings.of((0, 0, 0, 0))
+        session.scene(), camera, (96, 128), decorations=Decorations.of((0, 0, 0, 0))
     )
     session.clipping = None
     np.testing.assert_allclose(
-        scene_image(session.scene(), camera, (96, 128), decorations=Surroundings.of((0, 0, 0, 0))),
+        scene_image(session.scene(), camera, (96, 128), decorations=Decorations.of((0, 0, 0, 0))),
         sprites,
     )

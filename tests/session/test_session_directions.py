@@ -75,9 +75,9 @@ def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
     survey = session.survey_question().answer()
     assert casters.asked == 13
     by_way = {tuple(np.round(o.direction, 3)): o for o in survey.outlooks}
-    assert by_way[(1.0, 0.0, 0.0)].free_groups() == [(5,)]
-    assert by_way[(-1.0, 0.0, 0.0)].free_groups() == [(1,)]
-    assert len(by_way[(0.0, 1.0, 0.0)].free_groups()) == 5
+    assert by_way[(1.0, 0.0, 0.0)].unpackable_groups() == [(5,)]
+    assert by_way[(-1.0, 0.0, 0.0)].unpackable_groups() == [(1,)]
+    assert len(by_way[(0.0, 1.0, 0.0)].unpackable_groups()) == 5
     session.tolerance = 0.001
     session.survey_question().answer()
     assert casters.asked == 13 + 26

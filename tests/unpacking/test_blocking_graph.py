@@ -32,8 +32,8 @@ def test_objects_that_hold_each_other_leave_together():
     pairs = [(3, 5), (5, 3), (2, 3), (5, 7)]
     assert groups(table(*pairs), IDS) == [(2,), (3, 5), (7,), (9,)]
     graph = blocking(*pairs)
-    assert graph.free_groups() == [(2,), (9,)]
-    assert graph.among([3, 5, 7, 9]).free_groups() == [(9,), (3, 5)]
+    assert graph.unpackable_groups() == [(2,), (9,)]
+    assert graph.among([3, 5, 7, 9]).unpackable_groups() == [(9,), (3, 5)]
 
 
 def test_reveal_names_everything_that_stands_before_the_target():
@@ -60,8 +60,8 @@ def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
         exact_samples=np.array([0, 0, 2]),
         blocks=np.array([[False, True], [False, False]]),
     )
-    assert BlockingGraph.of(counts).free_groups() == [(1,)]
-    assert BlockingGraph.of(counts, tolerance=0.002).free_groups() == [(1,), (2,)]
+    assert BlockingGraph.of(counts).unpackable_groups() == [(1,)]
+    assert BlockingGraph.of(counts, tolerance=0.002).unpackable_groups() == [(1,), (2,)]
     assert BlockingGraph.of(counts, rule="first_hit") is None
 
 
@@ -95,7 +95,7 @@ def test_asked_one_by_one_the_same_groups_lead_as_in_the_whole_graph(pairs, rand
         return frozenset(found[: enough + 1])
 
     found = list(leading_groups(order, blockers, most))
-    whole = [g for g in blocking(*pairs).free_groups() if len(g) <= most]
+    whole = [g for g in blocking(*pairs).unpackable_groups() if len(g) <= most]
     assert found == sorted(whole, key=lambda group: min(order.index(i) for i in group))
 
 
@@ -128,5 +128,5 @@ def test_who_is_free_among_those_left_is_what_a_search_by_hand_finds(seed, densi
     wanted = {
         tuple(sorted(before[i])) for i in left if all(before[j] == before[i] for j in before[i])
     }
-    assert whole.among(left).free_groups() == sorted(wanted, key=lambda g: (len(g), g))
-    assert whole.among(ids).among(left).free_groups() == whole.among(left).free_groups()
+    assert whole.among(left).unpackable_groups() == sorted(wanted, key=lambda g: (len(g), g))
+    assert whole.among(ids).among(left).unpackable_groups() == whole.among(left).unpackable_groups()

@@ -95,7 +95,7 @@ def test_the_broad_side_faces_the_viewer_and_the_turn_is_the_smallest():
     assert abs(turn[0] @ [0, 1, 0]) == pytest.approx(1.0, abs=1e-6)  # thin axis to the viewer
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(turn) == pytest.approx(1.0)
-    # Right in the picture stays right: x was right before.
+    # Right in the image stays right: x was right before.
     np.testing.assert_allclose(turn[2], seen[2], atol=1e-6)
     width, height = picture_size(turned_box((40, 2, 60), np.eye(3)), turn, (0, 0, 0))
     assert (width, height) == pytest.approx((60, 40), rel=1e-2)

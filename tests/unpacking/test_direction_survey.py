@@ -14,7 +14,7 @@ from napari_unpack.unpacking.direction_survey import (
     DIRECTIONS_26,
     DirectionalBlocking,
     best_direction,
-    least_unearthing,
+    smallest_reveal_plan,
 )
 
 UP, DOWN, SIDE = np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0])
@@ -36,9 +36,9 @@ def test_the_compass_holds_26_directions_with_their_opposites():
 
 def test_what_hangs_together_is_one_group_and_what_it_blocks_is_not_free():
     one = outlook(UP, [2, 3, 5, 8], (2, 3), (3, 2), (3, 5))
-    assert sorted(one.free_groups()) == [(2, 3), (8,)]
-    assert sorted(one.among({3, 5, 8}).free_groups()) == [(3,), (8,)]
-    assert sorted(one.opposite().free_groups()) == [(5,), (8,)]
+    assert sorted(one.unpackable_groups()) == [(2, 3), (8,)]
+    assert sorted(one.among({3, 5, 8}).unpackable_groups()) == [(3,), (8,)]
+    assert sorted(one.opposite().unpackable_groups()) == [(5,), (8,)]
 
 
 def test_the_best_way_frees_most_and_ties_go_to_the_nearest():
@@ -63,14 +63,14 @@ def test_nobody_is_free_where_all_hang_together_and_groups_are_to_be_small():
 def test_the_least_unearthing_names_direction_and_objects():
     ids = [1, 2, 3, 4]
     looks = [outlook(UP, ids, (1, 2), (2, 4), (1, 3)), outlook(SIDE, ids, (3, 4))]
-    found = least_unearthing(looks, ids, 4, UP)
+    found = smallest_reveal_plan(looks, ids, 4, UP)
     assert found.ids == {3, 4}
     assert found.first == {3}
     assert found.direction @ SIDE == 1
     # With 1 and 2 gone, both ways want one object more or none: up is free.
-    assert least_unearthing(looks, {3, 4}, 4, UP).ids == {4}
+    assert smallest_reveal_plan(looks, {3, 4}, 4, UP).ids == {4}
     with pytest.raises(ValueError, match="packed"):
-        least_unearthing(looks, {3}, 4, UP)
+        smallest_reveal_plan(looks, {3}, 4, UP)
 
 
 @settings(max_examples=60, deadline=None)
@@ -102,9 +102,9 @@ def test_objects_no_ray_met_block_nobody_and_the_tolerance_frees():
     blocks = np.array([[False, True], [False, False]])
     met = OcclusionCounts(np.array([2, 7]), *counts, blocks=blocks)
     strict = DirectionalBlocking.of(UP, met, {2, 5, 7}, 0.0)
-    assert sorted(strict.free_groups()) == [(2,), (5,)]
+    assert sorted(strict.unpackable_groups()) == [(2,), (5,)]
     assert strict.needed(7) == {2, 7}
-    assert sorted(DirectionalBlocking.of(UP, met, {2, 5, 7}, 0.02).free_groups()) == [
+    assert sorted(DirectionalBlocking.of(UP, met, {2, 5, 7}, 0.02).unpackable_groups()) == [
         (2,),
         (5,),
         (7,),

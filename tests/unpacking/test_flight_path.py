@@ -11,7 +11,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.unpacking import Ball, Flight, clearance
-from napari_unpack.unpacking.flight_path import skirt
+from napari_unpack.unpacking.flight_path import path_around_bag
 
 SHAPE, SPACING = (100, 100, 100), (1.0, 1.0, 1.0)
 CENTER = np.array([30.0, 40.0, 50.0])
@@ -134,7 +134,7 @@ def test_round_a_ball_the_way_begins_and_ends_where_it_should_and_keeps_out():
     start, along, center = np.array([0.0, 40.0, 10.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
     for target in ([0.0, -130.0, 0.0], [0.0, 20.0, 125.0], [0.0, 140.0, 0.0], [0.0, -90.0, -90.0]):
         way = [
-            skirt(start, along, np.array(target), center, 100.0, gone)
+            path_around_bag(start, along, np.array(target), center, 100.0, gone)
             for gone in np.linspace(0, 1, 501)
         ]
         np.testing.assert_allclose(way[0], start, atol=1e-9)
@@ -147,6 +147,8 @@ def test_round_a_ball_the_way_begins_and_ends_where_it_should_and_keeps_out():
 
 def test_to_the_opposite_side_it_passes_before_the_bag():
     start, along = np.array([0.0, 120.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    way = [skirt(start, along, -start, np.zeros(3), 100.0, g) for g in np.linspace(0, 1, 21)]
+    way = [
+        path_around_bag(start, along, -start, np.zeros(3), 100.0, g) for g in np.linspace(0, 1, 21)
+    ]
     assert max(p[0] for p in way) > 100.0
     assert min(p[0] for p in way) >= -1e-9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking import free_ids, ratios
+from napari_unpack.unpacking import ratios, unpackable_ids
 
 
 def counts() -> OcclusionCounts:
@@ -50,13 +50,13 @@ def test_the_approximate_denominator_never_makes_a_ratio_above_one():
 
 def test_what_re_enters_behind_another_is_free_by_the_paper_and_not_by_exact():
     for rule in ("first_hit", "eq2", "listing"):
-        assert free_ids(counts(), rule) == (1, 3)
-    assert free_ids(counts()) == (3,)
+        assert unpackable_ids(counts(), rule) == (1, 3)
+    assert unpackable_ids(counts()) == (3,)
 
 
 def test_a_tolerance_frees_what_is_hardly_blocked():
-    assert free_ids(counts(), tolerance=0.199) == (3,)
-    assert free_ids(counts(), tolerance=0.2) == (1, 3)
+    assert unpackable_ids(counts(), tolerance=0.199) == (3,)
+    assert unpackable_ids(counts(), tolerance=0.2) == (1, 3)
 
 
 def test_objects_that_no_ray_meets_have_no_ratio():
@@ -70,6 +70,6 @@ def test_bad_arguments_are_refused():
     with pytest.raises(ValueError, match="front_area"):
         ratios(replace(counts(), front_area=None), "first_hit_bbox")
     with pytest.raises(ValueError, match="rule must be one of"):
-        free_ids(counts(), "first_hit_bbox")
+        unpackable_ids(counts(), "first_hit_bbox")
     with pytest.raises(ValueError, match=r"tolerance must be in \[0, 1\)"):
-        free_ids(counts(), tolerance=1.0)
+        unpackable_ids(counts(), tolerance=1.0)

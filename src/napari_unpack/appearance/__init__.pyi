@@ -1,5 +1,5 @@
 from .background import Background
-from .decorations import Surroundings
+from .decorations import Decorations
 from .hues import arc_hues, assign_hues, color_classes, golden_hue, hue_distance, hues_between
 from .interference_graph import interference
 from .tints import hsv_to_rgb, perceptual_to_rgb, safe_to_rgb, tints_of
@@ -8,7 +8,7 @@ from .transfer_function import PRESETS, TransferFunction
 __all__ = [
     "PRESETS",
     "Background",
-    "Surroundings",
+    "Decorations",
     "TransferFunction",
     "arc_hues",
     "assign_hues",

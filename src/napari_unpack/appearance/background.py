@@ -1,4 +1,4 @@
-"""What is behind a picture: one colour, a gradient from top to bottom, or another picture."""
+"""What is behind an image: one colour, a gradient from top to bottom, or another image."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ NAMED: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """What is behind a picture.
+    """What is behind an image.
 
     Parameters
     ----------
     colors : tuple of (r, g, b, a)
         Straight, in [0, 1]: one for all, or one at the top and one at the bottom.
-    picture : (H, W, 3) ndarray of uint8, optional
+    image : (H, W, 3) ndarray of uint8, optional
         In place of the colours, scaled until it covers and cut at the edges.
     name : str
         What it was asked for as.
@@ -50,7 +50,7 @@ class Background:
         ----------
         wanted : str, sequence, ndarray, Path or Background
             A name of `NAMED`, "#rrggbb", two of these with a comma between (top, bottom), RGB
-            or RGBA numbers in [0, 1], a pair of any of these, an (H, W, 3 or 4) picture, or the
+            or RGBA numbers in [0, 1], a pair of any of these, an (H, W, 3 or 4) image, or the
             path of one.
 
         Raises
@@ -90,7 +90,7 @@ class Background:
         return self.picture is None and len(self.colors) == 1
 
     def paint(self, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return it as an (H, W, 4) float32 picture, premultiplied; read-only, kept a while."""
+        """Return it as an (H, W, 4) float32 image, premultiplied; read-only, kept a while."""
         return _painted(self, size)
 
 

@@ -1,4 +1,4 @@
-"""The bag's box and a scale bar: drawn into pictures, with depths where they have some."""
+"""The bag's box and a scale bar: drawn into images, with depths where they have some."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ EDGES = (
 """Pairs of the corners that `geometry.boxes.box_corners` lists."""
 
 LINE = 1.3
-"""Width of the box's edges, pixels of a picture 720 pixels high."""
+"""Width of the box's edges, pixels of an image 720 pixels high."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
-    """What a picture shows besides the bag.
+class Decorations:
+    """What an image shows besides the bag.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Surroundings:
     scale: bool = False
 
     @classmethod
-    def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Surroundings:
+    def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Decorations:
         """Make them of what `Background.of` takes and names out of "box" and "scale".
 
         Raises
@@ -81,9 +81,9 @@ def draw_edges(
     edges : (N, 2, 3) ndarray of float64
         Ends in pivot space, mm.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     ink : (r, g, b, a)
         Straight.
 
@@ -97,7 +97,7 @@ def draw_edges(
     Notes
     -----
     Edges that reach behind the eye are left out. Along an edge 1 / (distance + t) is linear in
-    the picture.
+    the image.
     """
     alpha, depth = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
     half = max(LINE * min(size) / 720, 0.8) / 2

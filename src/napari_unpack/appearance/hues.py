@@ -269,7 +269,7 @@ def arc_hues(graph: nx.Graph, classes: list[list[int]], margin: float = 0.0) -> 
     Li et al. 2012, section 4.2 and figure 3. The n members of an arc stand at (j + 1/2) / n of
     it, the one with most neighbours in the next class furthest from it, so first in its arc;
     ties by ID. With two classes the next one lies at both ends of the arc: the member with most
-    neighbours stands in the middle. With one nobody interferes and order is by ID.
+    neighbours stands in the middle. With one no object interferes and order is by ID.
     """
     hues: dict[int, float] = {}
     for k, members in enumerate(classes):

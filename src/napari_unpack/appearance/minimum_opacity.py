@@ -68,9 +68,9 @@ def minimum_opacity(
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
-        The object, in a crop around it.
+        The object, in a box around it.
     density : (Z, Y, X) ndarray
-        Of the same crop.
+        Of the same box.
     shown : TransferFunction
 
     Notes

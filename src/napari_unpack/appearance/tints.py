@@ -121,7 +121,7 @@ def tints_of(
     max_id : int
         Largest ID of the table.
     hidden : collection of int
-        IDs to be left out of the picture.
+        IDs to be left out of the image.
     mode : {"perceptual", "safe", "hsv"}
         `hsv` is the paper's, with S = V = 1; `safe` serves people who confuse red and green.
 

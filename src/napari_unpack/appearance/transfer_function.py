@@ -71,7 +71,7 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     if not highest > lowest:
         raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
     air, noise = _level(samples[samples <= np.median(samples)])
-    # Metal pulls Otsu's threshold up, so the densest are clipped, but never matter altogether.
+    # Metal raises Otsu's threshold up, so the densest are clipped, but never matter altogether.
     tops = np.percentile(samples, (97, 99, 99.5, 99.9, 100))
     top = float(next((t for t in tops if t > air + max(10 * noise, 0.0)), highest))
     clipped = np.minimum(samples, top)

@@ -75,7 +75,7 @@ class LabelBoxes:
     def front_areas(
         self, spacing: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return what the front faces of every box cover of an orthographic picture.
+        """Return what the front faces of every box cover of an orthographic image.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The rays of a picture, and the one lattice of samples every pass shares.
+"""The rays of an image, and the one lattice of samples every pass shares.
 
 A ray is affine in the pixel, in perspective too, because it is parametrised by depth t: its
 signed distance in mm from the pivot plane along the direction of looking, growing away from the
@@ -20,7 +20,7 @@ from napari_unpack.geometry.view import Camera
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """The rays of an H x W picture in voxel coordinates.
+    """The rays of an H x W image in voxel coordinates.
 
     The ray of pixel (r, c) passes p(t) = P + t D with P = origin + r * origin_row +
     c * origin_col and D = direction + r * direction_row + c * direction_col.
@@ -62,14 +62,14 @@ def cast_rays(
     voxel_from_world: ArrayLike,
     step: float,
 ) -> Rays:
-    """Make the rays of a camera's picture through a volume.
+    """Make the rays of a camera's image through a volume.
 
     Parameters
     ----------
     camera : Camera
-        Where one looks from, world mm.
+        The view, world mm.
     size : (int, int)
-        Height and width of the picture, pixels. Pixels are square; `camera.height` mm span H.
+        Height and width of the image, pixels. Pixels are square; `camera.height` mm span H.
     voxel_from_world : (4, 4) array_like
         Affine from world mm to voxel coordinates. Any affine: anisotropic spacing, a napari
         layer's, or the inverse of a flying object's pose (eq. 3).

@@ -1,4 +1,4 @@
-"""The light of a picture: Blinn-Phong with the lamp at the viewer's head."""
+"""The light of an image: Blinn-Phong with the lamp at the viewer's head."""
 
 from __future__ import annotations
 

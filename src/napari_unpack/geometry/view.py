@@ -20,7 +20,7 @@ FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
 """Direction of looking into an open bag that lies on a table: a good first view."""
 
 STEEPEST = 0.97
-"""Beyond this cosine between looking and gravity, up in the picture is -z unless told."""
+"""Beyond this cosine between looking and gravity, up in the image is -z unless told."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class View:
     direction : (3,) sequence of float
         Direction of looking, world (z, y, x). Need not be of unit length.
     up : (3,) sequence of float, optional
-        What is up in the picture. By default -y, or -z when looking nearly along y.
+        What is up in the image. By default -y, or -z when looking nearly along y.
     center : (3,) sequence of float, optional
-        World point in the middle of the picture, mm. By default the middle of the volume.
+        World point in the middle of the image, mm. By default the middle of the volume.
     height : float, optional
         Visible height at the centre, mm. By default the diameter of the volume's bounding
         sphere, enlarged in perspective so that the sphere just touches the frame.
@@ -108,7 +108,7 @@ class Camera:
     ----------
     rotation : (3, 3) ndarray of float64
         Rows are the pivot-space axes in (stretched) world coordinates: towards the viewer, down
-        the picture, right in the picture. A proper rotation; the identity is napari's default
+        the image, right in the image. A proper rotation; the identity is napari's default
         view.
     center : (3,) ndarray of float64
         World point at the origin of pivot space, mm.
@@ -177,12 +177,12 @@ class Camera:
 
     @property
     def up(self) -> Vector:
-        """What is up in the picture, (3,) unit vector, world."""
+        """What is up in the image, (3,) unit vector, world."""
         return unit(self.in_world((0.0, -1.0, 0.0)))
 
     @property
     def right(self) -> Vector:
-        """What is right in the picture, (3,) unit vector, world."""
+        """What is right in the image, (3,) unit vector, world."""
         return unit(self.in_world((0.0, 0.0, 1.0)))
 
     @property
@@ -211,7 +211,7 @@ class Camera:
         pivot_points : (..., 3) array_like
             Points in pivot space, mm.
         size : (int, int)
-            Height and width of the picture in pixels.
+            Height and width of the image in pixels.
 
         Returns
         -------

@@ -10,7 +10,7 @@ from napari_unpack.io.scan import Scan
 from napari_unpack.tasks import Progress
 
 if TYPE_CHECKING:
-    from napari_unpack.appearance import Surroundings
+    from napari_unpack.appearance import Decorations
     from napari_unpack.session import Session
 
 
@@ -140,7 +140,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
 
 def decorated(
     session: Session, background: object, decorations: Iterable[str] | None
-) -> Surroundings:
+) -> Decorations:
     """Return a session's decorations, with another background or others if asked.
 
     Parameters
@@ -157,11 +157,11 @@ def decorated(
     ValueError
         If there is no such background or decoration.
     """
-    from napari_unpack.appearance import Surroundings
+    from napari_unpack.appearance import Decorations
 
     around = session.surroundings
     shown = [kind for kind in ("box", "scale") if getattr(around, kind)]
-    return Surroundings.of(
+    return Decorations.of(
         around.background if background is None else background,
         shown if decorations is None else decorations,
     )

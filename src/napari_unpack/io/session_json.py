@@ -23,7 +23,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Background, Surroundings, TransferFunction
+from napari_unpack.appearance import Background, Decorations, TransferFunction
 from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
@@ -181,7 +181,7 @@ def situation_record(session: Session) -> dict[str, Any]:
             "restored": list(queue.restored),
             "least_occluded": queue.least_occluded,
             "packed": sorted(queue.packed),
-            "by_these_rules": queue.terms == session._terms,
+            "by_these_rules": queue.rules == session._terms,
         },
     }
 
@@ -323,7 +323,7 @@ def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
     return z, y, x
 
 
-def surroundings_record(around: Surroundings) -> dict[str, Any]:
+def surroundings_record(around: Decorations) -> dict[str, Any]:
     """Return surroundings as an object of what JSON knows; a picture as PNG in base 64."""
     ground = around.background
     return {
@@ -335,7 +335,7 @@ def surroundings_record(around: Surroundings) -> dict[str, Any]:
     }
 
 
-def surroundings_from(fields: Fields) -> Surroundings:
+def surroundings_from(fields: Fields) -> Decorations:
     """Return the surroundings an object was made of.
 
     Raises
@@ -353,7 +353,7 @@ def surroundings_from(fields: Fields) -> Surroundings:
         picture,
         fields.text("name"),
     )
-    return Surroundings(ground, fields.flag("box"), fields.flag("scale"))
+    return Decorations(ground, fields.flag("box"), fields.flag("scale"))
 
 
 def _encoded(picture: Any) -> str:

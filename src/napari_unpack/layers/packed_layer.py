@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.decorations import box_edges
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.compat import PictureLayer, register
@@ -41,7 +41,7 @@ class Backdrop:
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
-    around: Surroundings = field(default_factory=Surroundings.of)
+    around: Decorations = field(default_factory=Decorations.of)
     _ground: tuple[object, ImageTexture] | None = None
     _strokes: list[Stroke] = field(default_factory=list)
     _edges: tuple[Frame, list[Quad]] | None = None
@@ -54,7 +54,7 @@ class Backdrop:
         upper = (boxes.upper.max(axis=0) - 0.5) * spacing
         return cls(lower, upper, session.surroundings)
 
-    def show(self, around: Surroundings) -> None:
+    def show(self, around: Decorations) -> None:
         """Show other surroundings."""
         self.around, self._ground, self._edges = around, None, None
         self._strokes = []
@@ -78,12 +78,12 @@ class Backdrop:
             if not self._strokes:
                 self._strokes = [Stroke(self.around.ink) for _ in ends]
             pairs = zip(self._strokes, ends, strict=True)
-            drawn = [stroke.card(pair, frame.camera, frame.size, opacity) for stroke, pair in pairs]
+            drawn = [stroke.quad(pair, frame.camera, frame.size, opacity) for stroke, pair in pairs]
             self._edges = frame, [card for card in drawn if card is not None]
         return self._edges[1]
 
 
-def dress(viewer: Any, around: Surroundings) -> None:
+def dress(viewer: Any, around: Decorations) -> None:
     """Give a viewer's canvas the colour and the scale bar that surroundings ask for."""
     ground = around.background
     plain = None if ground.name == OWN else (*ground.colors[0][:3], 1.0)
@@ -184,7 +184,7 @@ class PackedLayer(PictureLayer):
         if self._shot is None:
             return ()
         if self._cards_for is not self.frame.camera:
-            card = self._shot.card(frame.camera, self.dimming)
+            card = self._shot.quad(frame.camera, self.dimming)
             self._cards = () if card is None else (card,)
             self._cards_for = self.frame.camera
         if self._before is None:

@@ -48,7 +48,7 @@ class QuadsAdapter(PictureAdapter):
         cards = () if frame is None else tuple(self.layer.cards_at(frame))
         # Assigning asks for another draw; this one shows them already.
         with visual.events.update.blocker():
-            visual.cards = cards
+            visual.quads = cards
             if frame is not None:
                 visual.clip_from_pivot = frame.clip_from_pivot
 

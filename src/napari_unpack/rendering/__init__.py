@@ -1,4 +1,4 @@
-"""The one door to both backends: pictures, ID layers, occlusion, picking.
+"""The one door to both backends: images, ID layers, occlusion, picking.
 
 Checks arguments, converts them, chooses a backend; computes nothing itself. Names are imported
 on first use, so that a plugin starts without loading numba.

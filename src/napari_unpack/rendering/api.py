@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import transform_points, unit
@@ -93,7 +93,7 @@ def object_id_layers(
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     view : View, optional
-        Where one looks from; by default along +x, framing the volume.
+        The view; by default along +x, framing the volume.
     layers : int
         How many objects of a ray to list.
     size : (int, int)
@@ -175,7 +175,7 @@ def render(
     background: object = None,
     decorations: Iterable[str] = (),
 ) -> NDArray[np.float32]:
-    """Cast a tinted picture of a volume.
+    """Cast a tinted image of a volume.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def render(
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     view : View, optional
-        Where one looks from; by default along +x, framing the volume.
+        The view; by default along +x, framing the volume.
     transfer_function : TransferFunctionLike, optional
         By default `appearance.TransferFunction.default_for(volume)`.
     tints : mapping of int to (r, g, b) or (r, g, b, a), optional
@@ -206,8 +206,8 @@ def render(
         Planes (point, normal) in voxels; what lies behind one is cut away.
     background : optional
         What is behind everything: a name such as "dark", "light", "dusk" or "daylight",
-        "#rrggbb", RGB or RGBA numbers, a pair of these (top, bottom), or a picture or its path;
-        by default nothing, the picture stays transparent.
+        "#rrggbb", RGB or RGBA numbers, a pair of these (top, bottom), or an image or its path;
+        by default nothing, the image stays transparent.
     decorations : iterable of str
         "box": the edges of the box around all objects; "scale": a scale bar in mm.
 
@@ -225,7 +225,7 @@ def render(
     density = checked_volume(volume, given.array.shape)
     camera = checked_view(view).camera(given.array.shape, mm)
     scale = step_scale(step, mm)
-    around = Surroundings.of((0, 0, 0, 0) if background is None else background, decorations)
+    around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
     image, depth = cast_tinted(
         density, given.array, mm, camera, transfer_function or default_for(density),
         given.tints(tints, hidden), pixels,
@@ -260,7 +260,7 @@ def pick(
     clipping: ArrayLike | None = None,
     backend: str = "auto",
 ) -> list[tuple[int, float]]:
-    """Tell what a pixel of the tinted picture shows.
+    """Tell what a pixel of the tinted image shows.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def pick(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not as above, or the pixel lies outside the picture.
+        If an argument is not as above, or the pixel lies outside the image.
 
     Notes
     -----

@@ -25,7 +25,7 @@ TABLE_ENTRIES = 1024
 """Rows of the transfer function's table."""
 
 Window = tuple[int, int, int, int]
-"""First row, first column, height and width of the part of a picture to be cast."""
+"""First row, first column, height and width of the part of an image to be cast."""
 
 
 class TransferFunctionLike(Protocol):
@@ -47,14 +47,14 @@ def rays_for(
     step_scale: float = 1.0,
     window: Window | None = None,
 ) -> Rays:
-    """Make the rays of a picture with the usual step.
+    """Make the rays of an image with the usual step.
 
     Parameters
     ----------
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     voxel_from_world : (4, 4) array_like, optional
@@ -63,7 +63,7 @@ def rays_for(
     step_scale : float
         1 puts samples `min(spacing)` mm of the volume apart on the central ray.
     window : (int, int, int, int), optional
-        First row, first column, height, width of the part of the picture wanted.
+        First row, first column, height, width of the part of the image wanted.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def cast_tinted(
     clipping: ArrayLike | None = None,
     backend: str = "auto",
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast a tinted picture, colour and depth.
+    """Cast a tinted image, colour and depth.
 
     Parameters
     ----------
@@ -114,19 +114,19 @@ def cast_tinted(
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     camera : Camera
-        Where one looks from.
+        The view.
     transfer_function : TransferFunctionLike
         Colour and opacity by density.
     tints : (M, 4) ndarray of float32
         By ID, M above every label; alpha 0 hides.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     voxel_from_world, window, step_scale
         See `rays_for`.
     shading : Shading, optional
         The light; None for none.
     bricks : rendering.cpu.Bricks, optional
-        Of this volume and these labels, kept by the caller from picture to picture.
+        Of this volume and these labels, kept by the caller from image to image.
     jitter : bool
         Trade banding for grain.
     clipping : (N, 2, 3) array_like, optional
@@ -136,7 +136,7 @@ def cast_tinted(
     Returns
     -------
     image : (h, w, 4) ndarray of float32
-        Premultiplied RGBA of the window, by default the whole picture.
+        Premultiplied RGBA of the window, by default the whole image.
     depth : (h, w) ndarray of float32
         t in mm from the camera's pivot plane where alpha reaches 0.5, +inf where it does not.
     """
@@ -237,7 +237,7 @@ def cast_runs(
     -------
     Runs
         `.counts(visible)` is what `cast_occlusion` returns. Those known, if they are of the same
-        rays and nobody else is visible now.
+        rays and no object else is visible now.
     """
     from napari_unpack.rendering.cpu import occlusion_runs
 

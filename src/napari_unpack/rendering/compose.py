@@ -1,6 +1,6 @@
-"""The whole picture that a person sees, for films, scripts and pages.
+"""The whole image that a person sees, for films, scripts and pages.
 
-Pictures of what is packed and of single objects, on either backend and without a window.
+Images of what is packed and of single objects, on either backend and without a window.
 
 The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
 napari's layers draw these patches as cards (layers/); `scene.scene` composes them.
@@ -12,16 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from napari_unpack.appearance import Surroundings
+from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.image_patch import Image, ImagePatch, compose, nothing
-from napari_unpack.rendering.object_casting import cast_crop
+from napari_unpack.rendering.object_casting import cast_subvolume
 from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
-from napari_unpack.rendering.upsampling import refined
+from napari_unpack.rendering.upsampling import upsampled
 
 SAMPLES_AT_REST = 3
 """Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
@@ -42,9 +42,9 @@ def packed_image(
     scene : Scene
         Whose bag.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     step_scale : float
         Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
     backend : {"auto", "cpu", "gl"}
@@ -55,12 +55,12 @@ def packed_image(
     Returns
     -------
     ImagePatch
-        The window of the picture that the volume's box covers.
+        The window of the image that the volume's box covers.
     """
-    # The crop first: tints may be of more objects than the labels have, never of fewer.
-    crop = scene.subvolumes.whole()
-    return cast_crop(
-        crop, None, camera, size, packed_appearance(scene, shading, step_scale, backend)
+    # The subvolume first: tints may be of more objects than the labels have, never of fewer.
+    subvolume = scene.subvolumes.whole()
+    return cast_subvolume(
+        subvolume, None, camera, size, packed_appearance(scene, shading, step_scale, backend)
     )
 
 
@@ -87,9 +87,9 @@ def object_image(
     pose : Pose
         Where it is, in the pivot space of the camera.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     step_scale : float
         Distance of samples in the object's own smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
@@ -97,12 +97,12 @@ def object_image(
     shading : Shading, optional
         The light; None for none.
     smooth : bool
-        Cast a small object from a finer grid (`fine_crops.refined`), without stairs.
+        Cast a small object from a finer grid (`upsampling.upsampled`), without stairs.
 
     Returns
     -------
     ImagePatch
-        Without pixels where the object is out of the picture.
+        Without pixels where the object is out of the image.
 
     Raises
     ------
@@ -115,15 +115,15 @@ def object_image(
     those of `geometry.rays`, so at its packed pose an object looks as it does in the bag.
     """
     cache = scene.subvolumes
-    crop = cache.of_object(object_id)
+    subvolume = cache.of_object(object_id)
     if smooth:
-        crop = cache.keep(
+        subvolume = cache.keep(
             ("fine crop", object_id),
-            lambda: refined(cache.of_object(object_id), object_id, scene.spacing, cache.air),
+            lambda: upsampled(cache.of_object(object_id), object_id, scene.spacing, cache.air),
         )
-    moved = pose.world_from_world(crop.center, camera)
-    look = appearance_alone(scene, object_id, crop, shading, step_scale, backend)
-    return cast_crop(crop, moved, camera, size, look)
+    moved = pose.world_from_world(subvolume.center, camera)
+    appearance = appearance_alone(scene, object_id, subvolume, shading, step_scale, backend)
+    return cast_subvolume(subvolume, moved, camera, size, appearance)
 
 
 def sprite_image(
@@ -135,7 +135,7 @@ def sprite_image(
     backend: str = "auto",
     shading: Shading | None = LIGHT,
 ) -> ImagePatch:
-    """Cast the small picture of an unpacked object.
+    """Cast the small image of an unpacked object.
 
     Parameters
     ----------
@@ -169,9 +169,11 @@ def sprite_image(
     if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
         raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
     cache = scene.subvolumes
-    crop = cache.of_object(object_id)
+    subvolume = cache.of_object(object_id)
     still = replace(pose, center=np.zeros(3))
-    reach = np.abs(transform_points(still.pivot_from_world(crop.center), crop.corners)).max(0)
+    reach = np.abs(
+        transform_points(still.pivot_from_world(subvolume.center), subvolume.corners)
+    ).max(0)
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
@@ -185,7 +187,7 @@ DIMMED = 0.16
 """Opacity of everything else while one object is inspected."""
 
 SHARE_OF_VIEW = 0.72
-"""How much of the picture's shorter side an inspected object's bounding sphere fills."""
+"""How much of the image's shorter side an inspected object's bounding sphere fills."""
 
 
 def scene_image(
@@ -195,7 +197,7 @@ def scene_image(
     time: float | None = None,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
-    decorations: Surroundings | None = None,
+    decorations: Decorations | None = None,
 ) -> Image:
     """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
 
@@ -204,9 +206,9 @@ def scene_image(
     scene : Scene
         What is packed, in the air and unpacked.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     time : float, optional
         When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
     backend : {"auto", "cpu", "gl"}
@@ -256,7 +258,7 @@ def scene_image(
 
 
 def _box_patch(
-    scene: Scene, camera: Camera, size: tuple[int, int], around: Surroundings
+    scene: Scene, camera: Camera, size: tuple[int, int], around: Decorations
 ) -> ImagePatch:
     boxes, spacing = scene.boxes, scene.spacing
     lower = (boxes.lower.min(axis=0) - 0.5) * spacing
@@ -265,8 +267,8 @@ def _box_patch(
     return ImagePatch(rgba, depth, 0, 0)
 
 
-def _surrounded(image: Image, camera: Camera, around: Surroundings) -> Image:
-    """Lay a picture over the background, and the scale bar over both."""
+def _surrounded(image: Image, camera: Camera, around: Decorations) -> Image:
+    """Lay an image over the background, and the scale bar over both."""
     size = image.shape[0], image.shape[1]
     far = np.full(size, np.inf, np.float32)
     patches = [ImagePatch(image, far, 0, 0)]
@@ -297,10 +299,10 @@ def _placed_sprite(
     if nearness <= 0.0:
         return nothing()
     resolution = size[0] / camera.height / nearness
-    crop = scene.subvolumes.of_object(object_id)
-    look = appearance_alone(scene, object_id, crop, shading, 1.0, backend)
+    subvolume = scene.subvolumes.of_object(object_id)
+    appearance = appearance_alone(scene, object_id, subvolume, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
-    key = ("sprite", look.key, *held, round(resolution, 6))
+    key = ("sprite", appearance.key, *held, round(resolution, 6))
     patch: ImagePatch = scene.subvolumes.keep(
         key,
         lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading),

@@ -1,6 +1,6 @@
-"""A patch: one rectangle of a picture with its depths; and how patches become a picture.
+"""A patch: one rectangle of an image with its depths; and how patches become an image.
 
-The packed bag, a flying object and a sprite are all patches, so a picture without a screen is
+The packed bag, a flying object and a sprite are all patches, so an image without a screen is
 put together as the plugin's layers are (Li et al. 2012, section 5.3): each part is cast on its
 own, kept while nothing it depends on changes, and laid over the others by depth.
 """
@@ -22,7 +22,7 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class ImagePatch:
-    """A rectangle of a picture.
+    """A rectangle of an image.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class ImagePatch:
     depth : (h, w) ndarray of float32
         t in mm where alpha first reached 0.5, growing away from the viewer; +inf elsewhere.
     row, col : int
-        Pixel of the picture where the patch's first pixel lies; may be negative.
+        Pixel of the image where the patch's first pixel lies; may be negative.
     plane : float
         t of the middle of what is shown, mm. Stands in for the depth of translucent pixels.
     """
@@ -54,7 +54,7 @@ class ImagePatch:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has no pixels, its object being out of the picture."""
+        """Whether it has no pixels, its object being out of the image."""
         return self.depth.size == 0
 
     def at(self, row: int, col: int, plane: float) -> ImagePatch:
@@ -93,19 +93,19 @@ def window_of(
     pivot_corners : (8, 3) array_like
         Corners of the box in pivot space, mm; any rotation.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
 
     Returns
     -------
     (row, col, height, width) or None
-        None where the box lies outside the picture or behind the eye.
+        None where the box lies outside the image or behind the eye.
 
     Notes
     -----
     A box that reaches behind the eye's plane projects to no rectangle: it gets the whole
-    picture.
+    image.
     """
     corners = np.asarray(pivot_corners, dtype=np.float64)
     behind = corners[:, 0] >= camera.distance * (1 - 1e-6)
@@ -131,9 +131,9 @@ def compose(
     Parameters
     ----------
     size : (int, int)
-        Height and width of the picture, pixels.
+        Height and width of the image, pixels.
     patches : iterable of ImagePatch
-        What lies outside the picture is cut off.
+        What lies outside the image is cut off.
     background : Background, or what `Background.of` takes
         Behind everything.
 

@@ -1,4 +1,4 @@
-"""One cast of one crop: which window of the picture it touches, and what it looks like there."""
+"""One cast of one subvolume: which window of the image it touches, and what it looks like there."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Appearance:
     backend : {"auto", "cpu", "gl"}
         Who casts.
     clipping : (N, 2, 3) ndarray of float64, optional
-        Planes (point, normal) in voxels of the crop; what lies behind one is cut away.
+        Planes (point, normal) in voxels of the subvolume; what lies behind one is cut away.
     """
 
     transfer_function: TransferFunctionLike
@@ -60,50 +60,54 @@ class Appearance:
         )
 
 
-def cast_crop(
-    crop: Subvolume, moved: Matrix | None, camera: Camera, size: tuple[int, int], look: Appearance
+def cast_subvolume(
+    subvolume: Subvolume,
+    moved: Matrix | None,
+    camera: Camera,
+    size: tuple[int, int],
+    appearance: Appearance,
 ) -> ImagePatch:
-    """Cast a crop where it appears in a picture.
+    """Cast a subvolume where it appears in an image.
 
     Parameters
     ----------
-    crop : Subvolume
+    subvolume : Subvolume
         What.
     moved : (4, 4) ndarray of float64, optional
-        The T of eq. 3, world to world; None where the crop stays at its place.
+        The T of eq. 3, world to world; None where the subvolume stays at its place.
     camera : Camera
-        Where one looks from.
+        The view.
     size : (int, int)
-        Height and width of the whole picture, pixels.
-    look : Appearance
+        Height and width of the whole image, pixels.
+    appearance : Appearance
         How it appears.
 
     Returns
     -------
     ImagePatch
-        Without pixels where the crop is out of the picture.
+        Without pixels where the subvolume is out of the image.
     """
-    pivot, voxel_from_world = camera.pivot_from_world(), crop.voxel_from_world
+    pivot, voxel_from_world = camera.pivot_from_world(), subvolume.voxel_from_world
     if moved is not None:
         pivot, voxel_from_world = pivot @ moved, voxel_from_world @ np.linalg.inv(moved)
-    plane = -float(transform_points(pivot, crop.center)[0])
-    window = window_of(transform_points(pivot, crop.corners), camera, size)
+    plane = -float(transform_points(pivot, subvolume.center)[0])
+    window = window_of(transform_points(pivot, subvolume.corners), camera, size)
     if window is None:
         return nothing(plane)
     rgba, depth = cast_tinted(
-        crop.volume,
-        crop.labels,
-        look.spacing,
+        subvolume.volume,
+        subvolume.labels,
+        appearance.spacing,
         camera,
-        look.transfer_function,
-        look.tints,
+        appearance.transfer_function,
+        appearance.tints,
         size,
         voxel_from_world=voxel_from_world,
         window=window,
-        step_scale=look.step_scale,
-        shading=look.shading,
-        bricks=crop.bricks,
-        clipping=look.clipping,
-        backend=look.backend,
+        step_scale=appearance.step_scale,
+        shading=appearance.shading,
+        bricks=subvolume.bricks,
+        clipping=appearance.clipping,
+        backend=appearance.backend,
     )
     return ImagePatch(rgba, depth, window[0], window[1], plane)

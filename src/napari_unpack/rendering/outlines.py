@@ -1,6 +1,6 @@
 """Outlines of objects in an object-ID image: which ones are meant, without hiding any.
 
-A soft outline and a drop shadow, laid under a picture once instead of at every draw.
+A soft outline and a drop shadow, laid under an image once instead of at every draw.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def outlined(ids: NDArray[np.int32], inks: Mapping[int, Ink]) -> NDArray[np.floa
         return picture
     rows, cols = np.flatnonzero(marked.any(axis=1)), np.flatnonzero(marked.any(axis=0))
     window = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
-    # A frame of another ID closes outlines that run into the picture's edge.
+    # A frame of another ID closes outlines that run into the image's edge.
     part = np.pad(np.where(marked[window], ids[window], 0), 1)
     edge = _edges(part)
     drawn = np.zeros((*part.shape, 4), np.float32)
@@ -94,7 +94,7 @@ DIRECTIONS = 12
 
 @dataclass(frozen=True)
 class Silhouette:
-    """An outline and a shadow around what a picture shows; colours straight, lengths in pixels."""
+    """An outline and a shadow around what an image shows; colours straight, lengths in pixels."""
 
     outline: RGBA = (1.0, 1.0, 1.0, 0.85)
     outline_width: float = 1.5
@@ -104,13 +104,13 @@ class Silhouette:
 
     @property
     def margin(self) -> int:
-        """How many pixels it reaches beyond the picture."""
+        """How many pixels it reaches beyond the image."""
         reach = max(self.outline_width, self.shadow_size + max(map(abs, self.shadow_offset)))
         return int(np.ceil(reach))
 
 
 def decorated(rgba: NDArray[np.float32], silhouette: Silhouette) -> NDArray[np.float32]:
-    """Lay outline and shadow under a picture.
+    """Lay outline and shadow under an image.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.appearance import Surroundings, TransferFunction
+from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.minimum_opacity import visible_alone
 from napari_unpack.appearance.tints import Mode, legible_tint, packed_tints
 from napari_unpack.geometry.boxes import LabelBoxes
@@ -130,7 +130,7 @@ class Scene:
     styles: Mapping[int, ObjectStyle] = field(default_factory=dict)
     mean_densities: Mapping[int, float] = field(default_factory=dict)
     clipping: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
-    decorations: Surroundings = field(default_factory=Surroundings.of)
+    decorations: Decorations = field(default_factory=Decorations.of)
     largest_id: int = 0
     cache: RenderCache = field(default_factory=RenderCache)
 
@@ -232,8 +232,8 @@ def packed_appearance(
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
     """
-    look = _appearance(scene, scene.packed_tints, shading, step_scale, backend)
-    return replace(look, clipping=scene.clipping)
+    appearance = _appearance(scene, scene.packed_tints, shading, step_scale, backend)
+    return replace(appearance, clipping=scene.clipping)
 
 
 def appearance_alone(
@@ -258,10 +258,12 @@ def appearance_alone(
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
     """
-    look = _appearance(scene, scene.tints_alone(object_id), shading, step_scale, backend)
+    appearance = _appearance(scene, scene.tints_alone(object_id), shading, step_scale, backend)
     function = scene.transfer_function_of(object_id)
     planes = scene.style(object_id).planes(subvolume.voxel_from_world)
-    return appearance_at(subvolume, replace(look, transfer_function=function, clipping=planes))
+    return appearance_at(
+        subvolume, replace(appearance, transfer_function=function, clipping=planes)
+    )
 
 
 def _appearance(

@@ -1,4 +1,4 @@
-"""What casting an object again and again needs, made once: its crop, its bricks, its pictures.
+"""What casting an object again and again needs, made once: its subvolume, its bricks, its images.
 
 A flight casts one object some thirty times a second. Cutting its box out of the volume and
 looking over its bricks cost more than the cast itself, and depend on the volume and the labels
@@ -28,16 +28,15 @@ from napari_unpack.rendering.validation import checked_volume
 Density = NDArray[np.uint16] | NDArray[np.float32]
 
 MARGIN = 4
-"""Voxels around an object's box: two of fringe (geometry.halo), one for interpolation, one for
-the gradient."""
+"""Voxels around an object's box: two of fringe, one for interpolation, one for the gradient."""
 
 MEGABYTES = 512
-"""Crops and pictures kept for one session."""
+"""Subvolumes and images kept for one session."""
 
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """In what a crop differs from one before it: some labels.
+    """In what a subvolume differs from one before it: some labels.
 
     Parameters
     ----------
@@ -64,7 +63,7 @@ class Subvolume:
     bricks : Bricks
         Of both.
     voxel_from_world : (4, 4) ndarray of float64
-        World mm to the crop's voxels.
+        World mm to the subvolume's voxels.
     center : (3,) ndarray of float64
         Middle of the object's box, world mm: the point that a pose places.
     corners : (8, 3) ndarray of float64
@@ -240,7 +239,7 @@ class RenderCache:
 
     Notes
     -----
-    Labels are known by the identity of their arrays, which nobody writes to: an edit of labels
+    Labels are known by the identity of their arrays, which no object writes to: an edit of labels
     makes another array.
     """
 

@@ -1,4 +1,4 @@
-"""Crops of small objects on a finer grid, whose edges are not stairs."""
+"""Subvolumes of small objects on a finer grid, whose edges are not stairs."""
 
 from __future__ import annotations
 
@@ -31,12 +31,14 @@ REACH = 0.02
 where density ends and not where labels do."""
 
 
-def refined(crop: Subvolume, object_id: int, spacing: NDArray[np.float64], air: float) -> Subvolume:
-    """Divide the voxels of an object's crop, and let density end smoothly at the object's edge.
+def upsampled(
+    subvolume: Subvolume, object_id: int, spacing: NDArray[np.float64], air: float
+) -> Subvolume:
+    """Divide the voxels around an object, and let density end smoothly at its edge.
 
     Parameters
     ----------
-    crop : Subvolume
+    subvolume : Subvolume
         Of the object.
     object_id : int
         Which.
@@ -61,50 +63,50 @@ def refined(crop: Subvolume, object_id: int, spacing: NDArray[np.float64], air: 
     A deviation from Li et al. 2012, section 4.1, where labels are read from the nearest voxel;
     the packed bag is cast so.
     """
-    finer = divisions(crop.labels == object_id, spacing)
+    finer = divisions(subvolume.labels == object_id, spacing)
     if max(finer) == 1:
-        return crop
-    coverage = (crop.labels == object_id).astype(np.float32)
-    volume = crop.volume.astype(np.float32)
+        return subvolume
+    coverage = (subvolume.labels == object_id).astype(np.float32)
+    volume = subvolume.volume.astype(np.float32)
     for axis, parts in enumerate(finer):
         volume = between(volume, axis, parts)
         coverage = smoothed(coverage, axis, parts)
     ramp = np.clip((coverage - EDGE[0]) / (EDGE[1] - EDGE[0]), 0.0, 1.0)
     volume = air + (volume - air) * ramp
-    if crop.volume.dtype == np.uint16:
+    if subvolume.volume.dtype == np.uint16:
         volume = np.rint(volume)
-    density = np.ascontiguousarray(volume.astype(crop.volume.dtype))
+    density = np.ascontiguousarray(volume.astype(subvolume.volume.dtype))
     labels = np.ascontiguousarray(np.where(coverage > REACH, object_id, 0).astype(np.uint16))
     return replace(
-        crop,
+        subvolume,
         volume=density,
         labels=labels,
         bricks=Bricks.of(labels, density),
-        voxel_from_world=fine_from_coarse(finer) @ crop.voxel_from_world,
+        voxel_from_world=fine_from_coarse(finer) @ subvolume.voxel_from_world,
         finer=finer,
         edit=None,
     )
 
 
-def appearance_at(subvolume: Subvolume, look: Appearance) -> Appearance:
+def appearance_at(subvolume: Subvolume, appearance: Appearance) -> Appearance:
     """Return the appearance in which finer voxels are as bright, dense and lit as before.
 
     Parameters
     ----------
     subvolume : Subvolume
-    look : Appearance
+    appearance : Appearance
         Made for the voxels of the volume: steps, opacity and gradient count in their edges.
     """
-    fine = look.spacing / subvolume.finer
-    times = float(look.spacing.min() / fine.min())
+    fine = appearance.spacing / subvolume.finer
+    times = float(appearance.spacing.min() / fine.min())
     if times == 1.0:
-        return look
-    light = look.shading
+        return appearance
+    light = appearance.shading
     return replace(
-        look,
+        appearance,
         spacing=fine,
-        step_scale=look.step_scale * times,
-        transfer_function=_PerPart(look.transfer_function, times),
+        step_scale=appearance.step_scale * times,
+        transfer_function=_PerPart(appearance.transfer_function, times),
         shading=light and replace(light, gradient_floor=light.gradient_floor / times),
     )
 
@@ -132,7 +134,7 @@ def divisions(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> tuple[
     Parameters
     ----------
     inside : (z, y, x) ndarray of bool
-        The object in its crop.
+        The object in its subvolume.
     spacing : (3,) ndarray of float64
         Voxel size, mm. Long edges are divided more.
     """

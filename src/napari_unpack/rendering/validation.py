@@ -181,7 +181,7 @@ def checked_view(view: View | None) -> View:
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:
-    """Check a picture size: (height, width) of at least one pixel; raise ValueError otherwise."""
+    """Check an image size: (height, width) of at least one pixel; raise ValueError otherwise."""
     if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
         raise ValueError(f"size must be two positive integers (height, width), got {size!r}")
     return int(size[0]), int(size[1])

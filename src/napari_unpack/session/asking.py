@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
-from napari_unpack.unpacking import BlockingGraph, free_ids, ratios
+from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
 from napari_unpack.unpacking.blocking_graph import blocking_graph
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -177,7 +177,7 @@ class OcclusionAnswer:
         """
         if self.blocking is None:
             return [(i,) for i in sorted(self.free & packed)]
-        free = self.blocking.among(packed).free_groups()
+        free = self.blocking.among(packed).unpackable_groups()
         return [group for group in free if len(group) <= most]
 
     def least_occluded(self, packed: frozenset[int]) -> int:
@@ -196,7 +196,7 @@ class OcclusionQuestion:
     packed : frozenset of int
         Objects in the bag.
     rule, tolerance
-        See `unpacking.free_ids`.
+        See `unpacking.unpackable_ids`.
     cast : callable
         Returns the counts.
     pull : callable, optional
@@ -227,7 +227,7 @@ class OcclusionQuestion:
         start = perf_counter()
         counts = self.cast()
         met = {int(i) for i in counts.ids}
-        free = frozenset(free_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
+        free = frozenset(unpackable_ids(counts, self.rule, self.tolerance)) | (self.packed - met)
         table = self._table(counts)
         if table is None:
             blocking = BlockingGraph.of(counts, self.rule, self.tolerance)

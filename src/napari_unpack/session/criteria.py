@@ -24,7 +24,7 @@ class SessionCriteria(SessionRepair):
 
     @property
     def rule(self) -> Rule:
-        """What counts as free; see `unpacking.free_ids`."""
+        """What counts as free; see `unpacking.unpackable_ids`."""
         return self._rule
 
     @rule.setter

@@ -64,7 +64,7 @@ class SurveyQuestion:
     packed : frozenset of int
         Objects in the bag.
     tolerance : float
-        See `unpacking.free_ids`.
+        See `unpacking.unpackable_ids`.
     cast : callable
         Given D, returns the counts along it.
     edition : int

@@ -79,7 +79,7 @@ class SessionLeaving(SessionGlimpses):
         if situation.queue.serves(direction, packed, self._terms):
             return situation.queue, self._answer
         if not packed:
-            return situation.queue.refilled((), direction, packed, terms=self._terms), self._answer
+            return situation.queue.refilled((), direction, packed, rules=self._terms), self._answer
         answer = self._known_answer(packed)
         groups = answer.groups(packed, self.max_group_size)
         if not groups:

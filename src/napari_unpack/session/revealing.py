@@ -10,7 +10,7 @@ from napari_unpack.session.asking import OcclusionAnswer, OcclusionQuestion
 from napari_unpack.session.directions import DirectionSurvey, SurveyQuestion
 from napari_unpack.session.errors import NoTableError
 from napari_unpack.tasks import Progress
-from napari_unpack.unpacking.direction_survey import RevealPlan, least_unearthing
+from napari_unpack.unpacking.direction_survey import RevealPlan, smallest_reveal_plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class RevealQuestion:
             survey = self.survey.answer(progress)
         if not survey.outlooks:
             raise NoTableError.of(len(self.packed))
-        best = least_unearthing(survey.outlooks, self.packed, self.target, self.near)
+        best = smallest_reveal_plan(survey.outlooks, self.packed, self.target, self.near)
         found = []
         for direction in (self.near, best.direction):
             answer = self.along(direction).answer()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Surroundings, TransferFunction, assign_hues
+from napari_unpack.appearance import Decorations, TransferFunction, assign_hues
 from napari_unpack.appearance.minimum_opacity import at_least, minimum_opacity, surely_seen
 from napari_unpack.rendering import interference_in
 from napari_unpack.rendering.object_style import ObjectStyle
@@ -56,7 +56,7 @@ class SessionSight(SessionTints):
     hue_margin = 0.4
     _colored = False
     _veils: tuple[object, dict[int, TransferFunction]] = (None, {})
-    _surroundings: Surroundings | None = None
+    _surroundings: Decorations | None = None
 
     @property
     def transfer_function(self) -> TransferFunction:
@@ -90,14 +90,14 @@ class SessionSight(SessionTints):
             self.events.transfer_function.emit(self.transfer_function)
 
     @property
-    def surroundings(self) -> Surroundings:
+    def surroundings(self) -> Decorations:
         """Background, box and scale bar of every picture; not undoable."""
         if self._surroundings is None:
-            self._surroundings = Surroundings.of("dark")
+            self._surroundings = Decorations.of("dark")
         return self._surroundings
 
     @surroundings.setter
-    def surroundings(self, surroundings: Surroundings) -> None:
+    def surroundings(self, surroundings: Decorations) -> None:
         self._surroundings = surroundings
         self.events.surroundings.emit(surroundings)
 

@@ -3,7 +3,7 @@
 from napari_unpack.unpacking.blocking_graph import BlockingGraph, groups, reveal
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
 from napari_unpack.unpacking.flight_path import Ball, Flight, clearance
-from napari_unpack.unpacking.occlusion import free_ids, ratios
+from napari_unpack.unpacking.occlusion import ratios, unpackable_ids
 from napari_unpack.unpacking.oriented_box import (
     OrientedBox,
     broad_side,
@@ -27,7 +27,6 @@ __all__ = [
     "bag_up",
     "broad_side",
     "clearance",
-    "free_ids",
     "groups",
     "hull_vertices",
     "named",
@@ -37,4 +36,5 @@ __all__ = [
     "ratios",
     "reveal",
     "towards_viewer",
+    "unpackable_ids",
 ]

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking.occlusion import Rule, free_ids
+from napari_unpack.unpacking.occlusion import Rule, unpackable_ids
 
 Ids = NDArray[np.int64]
 
@@ -54,15 +54,15 @@ class BlockingGraph:
         """
         if counts.blocks is None or rule != "exact":
             return None
-        free = free_ids(counts, rule, tolerance)
+        free = unpackable_ids(counts, rule, tolerance)
         return cls(blocking_graph(counts.blocks, counts.ids, free))
 
     def among(self, packed: Iterable[int]) -> BlockingGraph:
         """Return the graph of those still packed."""
         return BlockingGraph(self.graph.subgraph(packed), self._whole or self)
 
-    def free_groups(self) -> list[tuple[int, ...]]:
-        """Return the groups that nobody outside them blocks, smallest first, then by ID.
+    def unpackable_groups(self) -> list[tuple[int, ...]]:
+        """Return the groups that no object outside them blocks, smallest first, then by ID.
 
         Quick enough to be asked at every change of a thousand objects: the graph is looked over
         once for all that are left of it.
@@ -114,7 +114,7 @@ def blocking_graph(
     ids : (n,) iterable of int
         The IDs of rows and columns.
     free : iterable of int
-        IDs to be taken as blocked by nobody.
+        IDs to be taken as blocked by no object.
 
     Returns
     -------
@@ -182,12 +182,12 @@ def leading_groups(
     Yields
     ------
     tuple of int
-        Of those that `BlockingGraph.free_groups` finds in the whole graph the ones with at most so
-        many members, each as soon as its first member in the order is come to.
+        The groups of `BlockingGraph.unpackable_groups` with at most so many members, each as soon
+        as its first member in the order is reached.
 
     Notes
     -----
-    A group that nobody outside blocks holds everybody that must leave before any one of it, and
+    A group that no object outside blocks holds everybody that must leave before any one of it, and
     so is found from each of its members by going from blockers to their blockers. What leads to
     more than `most` objects is in no such group.
     """

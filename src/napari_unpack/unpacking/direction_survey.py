@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking.occlusion import free_ids
+from napari_unpack.unpacking.occlusion import unpackable_ids
 
 Group = tuple[int, ...]
 Mask = NDArray[np.bool_]
@@ -52,8 +52,8 @@ class DirectionalBlocking:
     ) -> DirectionalBlocking | None:
         """Make it from counts along -D; None where they hold no table.
 
-        Objects that no ray meets block nobody; objects free within the tolerance are blocked by
-        nobody.
+        Objects that no ray meets block no object; objects free within the tolerance are blocked by
+        no object.
         """
         if counts.blocks is None:
             return None
@@ -62,21 +62,21 @@ class DirectionalBlocking:
         rows = np.searchsorted(ids, counts.ids)
         blocks[np.ix_(rows, rows)] = counts.blocks
         if tolerance > 0:
-            blocks[:, np.searchsorted(ids, free_ids(counts, "exact", tolerance))] = False
+            blocks[:, np.searchsorted(ids, unpackable_ids(counts, "exact", tolerance))] = False
         np.fill_diagonal(blocks, False)
         return cls(direction, ids, blocks)
 
     def opposite(self) -> DirectionalBlocking:
-        """Return the outlook along -D: what was in front is behind. Holds at tolerance 0."""
+        """Return the blocking along -D: what was in front is behind. Holds at tolerance 0."""
         return DirectionalBlocking(-self.direction, self.ids, self.blocks.T)
 
     def among(self, packed: Collection[int]) -> DirectionalBlocking:
-        """Return the outlook of those still packed."""
+        """Return the blocking of those still packed."""
         keep = np.isin(self.ids, list(packed))
         return DirectionalBlocking(self.direction, self.ids[keep], self.blocks[np.ix_(keep, keep)])
 
-    def free_groups(self) -> list[Group]:
-        """Return the objects, and groups that hold together, that nobody else blocks."""
+    def unpackable_groups(self) -> list[Group]:
+        """Return the objects, and groups that hold together, that no object else blocks."""
         count, part = connected_components(csr_array(self.blocks), connection="strong")
         front, behind = np.nonzero(self.blocks)
         free = np.ones(count, dtype=np.bool_)
@@ -110,7 +110,7 @@ class BestDirection:
     direction : (3,) ndarray of float64
         D, unit vector in world.
     groups : tuple of tuple of int
-        Objects that nobody blocks; those that hold together are one group.
+        Objects that no object blocks; those that hold together are one group.
     """
 
     direction: Vector
@@ -123,13 +123,13 @@ class BestDirection:
 
 
 def best_direction(
-    outlooks: Sequence[DirectionalBlocking], packed: Collection[int], most: int, near: Vector
+    blockings: Sequence[DirectionalBlocking], packed: Collection[int], most: int, near: Vector
 ) -> BestDirection | None:
     """Return the direction along which the most objects could leave.
 
     Parameters
     ----------
-    outlooks : sequence of DirectionalBlocking
+    blockings : sequence of DirectionalBlocking
         Of objects among which the packed ones are.
     packed : collection of int
         Who is in the bag now.
@@ -141,12 +141,12 @@ def best_direction(
     Returns
     -------
     BestDirection or None
-        None where nobody is free along any of them.
+        None where no object is free along any of them.
     """
     ways = []
-    for outlook in outlooks:
-        groups = [g for g in outlook.among(packed).free_groups() if len(g) <= most]
-        ways.append(BestDirection(outlook.direction, tuple(sorted(groups))))
+    for blocking in blockings:
+        groups = [g for g in blocking.among(packed).unpackable_groups() if len(g) <= most]
+        ways.append(BestDirection(blocking.direction, tuple(sorted(groups))))
     ways = [way for way in ways if way.groups]
     if not ways:
         return None
@@ -176,8 +176,8 @@ class RevealPlan:
         return self.ids - {self.target}
 
 
-def least_unearthing(
-    outlooks: Sequence[DirectionalBlocking], packed: Collection[int], target: int, near: Vector
+def smallest_reveal_plan(
+    blockings: Sequence[DirectionalBlocking], packed: Collection[int], target: int, near: Vector
 ) -> RevealPlan:
     """Return the direction along which the fewest must leave for a buried object to leave.
 
@@ -186,12 +186,12 @@ def least_unearthing(
     Raises
     ------
     ValueError
-        If there is no outlook, or the target is not packed.
+        If there is no blocking, or the target is not packed.
     """
-    if not outlooks or target not in packed:
+    if not blockings or target not in packed:
         raise ValueError(f"target must be a packed object and an outlook known, got {target!r}")
     found = [
-        RevealPlan(target, outlook.direction, outlook.among(packed).needed(target))
-        for outlook in outlooks
+        RevealPlan(target, blocking.direction, blocking.among(packed).needed(target))
+        for blocking in blockings
     ]
     return min(found, key=lambda one: (len(one.ids), -round(float(one.direction @ near), 6)))

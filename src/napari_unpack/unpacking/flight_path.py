@@ -30,7 +30,7 @@ TURNING_FROM = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """What nobody may fly through.
+    """What no object may fly through.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Ball:
     radius: float
 
 
-def skirt(
+def path_around_bag(
     start: Vector, along: Vector, target: Vector, center: Vector, radius: float, gone: float
 ) -> Vector:
     """Return a place on the way round a ball, all in pivot space, mm.
@@ -103,7 +103,7 @@ SHARE_OF_FIRST_LEG = (0.22, 0.42)
 """Least and most of a flight's time spent on the way along D."""
 
 NEAREST_TO_EYE = 0.6
-"""Nobody flies further towards the viewer than this fraction of the eye's distance."""
+"""No object flies further towards the viewer than this fraction of the eye's distance."""
 
 
 def clearance(
@@ -230,7 +230,7 @@ class Flight:
         if self.around is not None:
             middle = packed_pose(self.around.center, camera).center
             ends = outside.center, along, self.target.center
-            place = skirt(*ends, middle, self.around.radius, 1.0 - (1.0 - rest) ** 2)
+            place = path_around_bag(*ends, middle, self.around.radius, 1.0 - (1.0 - rest) ** 2)
             return replace(pose, center=_before_the_eye(place, camera))
         gone = 1.0 - (1.0 - rest) ** 3
         ahead = outside.center + along * min(0.35 * self.clear, way / 3)

@@ -63,7 +63,7 @@ def ratios(counts: OcclusionCounts, definition: Definition = "first_hit") -> dic
     return {int(i): float(r) for i, r in zip(met, found, strict=True)}
 
 
-def free_ids(
+def unpackable_ids(
     counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
 ) -> tuple[int, ...]:
     """Return the objects that nothing blocks along D, ascending by ID.

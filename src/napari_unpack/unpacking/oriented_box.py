@@ -270,7 +270,7 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
 
 
 def picture_size(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tuple[float, float]:
-    """Return width and height in mm of the picture of points held at a turn.
+    """Return width and height in mm of the image of points held at a turn.
 
     Parameters
     ----------

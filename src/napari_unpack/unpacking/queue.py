@@ -24,10 +24,10 @@ class Queue:
         Objects put back at the head, the next one first. They are no more than a wish until
         the queue is asked again: another object put back later may stand in front of them.
     least_occluded : bool
-        True when nobody was free and the only entry is the least occluded object.
+        True when no object was free and the only entry is the least occluded object.
     packed : frozenset of int
         Who was in the bag when it was filled. Who comes in later may stand in front of others.
-    terms : tuple
+    rules : tuple
         The rules it was filled by, whatever they are.
 
     Notes
@@ -42,7 +42,7 @@ class Queue:
     restored: tuple[int, ...] = ()
     least_occluded: bool = False
     packed: frozenset[int] = frozenset()
-    terms: tuple[object, ...] = ()
+    rules: tuple[object, ...] = ()
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -50,14 +50,14 @@ class Queue:
         return tuple(i for group in self.groups for i in group)
 
     def serves(
-        self, direction: Iterable[float], packed: Collection[int], terms: tuple[object, ...] = ()
+        self, direction: Iterable[float], packed: Collection[int], rules: tuple[object, ...] = ()
     ) -> bool:
         """Tell whether the next one may leave without asking again.
 
         It must have been filled for this D and by these rules with all who are packed now in
         the bag, and hold something, all of it packed, and no restored object.
         """
-        if self.direction is None or not self.groups or self.restored or terms != self.terms:
+        if self.direction is None or not self.groups or self.restored or rules != self.rules:
             return False
         inside = frozenset(packed)
         if not (inside <= self.packed and inside.issuperset(self.ids)):
@@ -105,7 +105,7 @@ class Queue:
         packed: Iterable[int],
         rank: Mapping[int, float] | None = None,
         least_occluded: bool = False,
-        terms: tuple[object, ...] = (),
+        rules: tuple[object, ...] = (),
     ) -> Queue:
         """Return the queue for a new answer.
 
@@ -121,7 +121,7 @@ class Queue:
             Smaller leaves earlier; a group counts as its foremost member. Without it, by ID.
         least_occluded : bool
             Whether this is the least occluded object for want of a free one.
-        terms : tuple
+        rules : tuple
             The rules by which they are free.
 
         Returns
@@ -134,4 +134,4 @@ class Queue:
         whole = (tuple(sorted(group)) for group in groups)
         ready = tuple(sorted(whole, key=lambda group: min(map(key, group))))
         z, y, x = (float(v) for v in direction)
-        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed), terms)
+        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed), rules)

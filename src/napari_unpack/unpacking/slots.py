@@ -64,7 +64,7 @@ class Slots:
         return self.height_mm, self.width_mm
 
     def scale(self, width_mm: float, height_mm: float) -> float:
-        """Return the enlargement of a sprite whose picture at scale 1 has this width and height.
+        """Return the enlargement of a sprite whose image at scale 1 has this width and height.
 
         True to the bag where the cell and the least size allow it.
         """

@@ -47,7 +47,7 @@ class DirectionArrow:
             return ()
         lines = arrow_lines(ends)
         cards = [
-            stroke.card(line, frame.camera, frame.size, 1.0)
+            stroke.quad(line, frame.camera, frame.size, 1.0)
             for stroke, line in zip(self._strokes, lines * 2, strict=True)
         ]
         return [

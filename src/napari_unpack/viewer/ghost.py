@@ -112,7 +112,7 @@ class Ghost:
             return (full, faint)
         home = packed_pose(self._center(seen.object_id), frame.camera).center
         ends = np.stack([pose.center, home])
-        leader = self._leader.card(ends, frame.camera, frame.size, self._strength)
+        leader = self._leader.quad(ends, frame.camera, frame.size, self._strength)
         return (full, faint) if leader is None else (full, faint, leader)
 
     def _center(self, object_id: int) -> Any:

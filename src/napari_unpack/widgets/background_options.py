@@ -92,11 +92,11 @@ class BackgroundOptions(Collapsible):
     def _apply(self) -> None:
         self._settings.set_surroundings(self._surroundings)
 
-    def _surroundings(self) -> Surroundings:
-        from napari_unpack.appearance import Surroundings
+    def _surroundings(self) -> Decorations:
+        from napari_unpack.appearance import Decorations
 
         checked = {"box": self.box.isChecked(), "scale": self.scale.isChecked()}
-        return Surroundings.of(self._chosen, [kind for kind, on in checked.items() if on])
+        return Decorations.of(self._chosen, [kind for kind, on in checked.items() if on])
 
     def _reload(self) -> None:
         """Show the surroundings of the session, which may be a saved one."""

@@ -1,4 +1,4 @@
-"""Blocks of density and differences against numpy, and pictures that need more than there are."""
+"""Blocks of density and differences against numpy, and images that need more than there are."""
 
 from __future__ import annotations
 

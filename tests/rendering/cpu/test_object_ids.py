@@ -38,7 +38,7 @@ def test_occlusion_counts_match_brute_force(direction, spacing, fov) -> None:
 def test_equation_2_and_its_kin_worked_by_hand() -> None:
     # 8 x 8 x 8, looking along +x (D = -x: objects leave towards smaller x), rays one per voxel
     # column (z, y), samples at voxel centres.
-    #   A = 1: z 0-7, y 0-3, x 0-1, a wall in front of half of the picture: 8 * 4 * 2 = 64.
+    #   A = 1: z 0-7, y 0-3, x 0-1, a wall in front of half of the image: 8 * 4 * 2 = 64.
     #   B = 2: z 0-7, y 2-5, x 4-6: 8 * 4 * 3 = 96 samples on 32 rays. Columns y 2, 3 are behind
     #     A: 16 rays, 48 samples. eq. 2 = 48 / 96 = 1/2, first_hit = 16 / 32 = 1/2.
     #   C = 3: a clamp around B's back and front on z = 0, y = 5: voxels x = 3 and x = 7; 2

@@ -1,4 +1,4 @@
-"""Opacities of a step against the power itself, for every ray of a picture."""
+"""Opacities of a step against the power itself, for every ray of an image."""
 
 from __future__ import annotations
 

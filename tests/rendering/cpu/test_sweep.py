@@ -109,7 +109,7 @@ def test_one_object_moved_alone_meets_whom_it_meets_among_all(seed):
         )
         wanted = {int(i) for i in ids[blocks[:, column]]}
         assert pulling.blockers(int(label), box, 9) == wanted
-        # Where one is enough, one is found if there is any, and nobody who is not met.
+        # Where one is enough, one is found if there is any, and no object who is not met.
         some = pulling.blockers(int(label), box, 0)
         assert some <= wanted
         assert bool(some) == bool(wanted)

@@ -1,4 +1,4 @@
-"""The tinted picture and picking against brute force and by hand."""
+"""The tinted image and picking against brute force and by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cached picture in a live canvas: when rays are cast, and what is left behind."""
+"""The cached image in a live canvas: when rays are cast, and what is left behind."""
 
 from dataclasses import replace
 
@@ -141,7 +141,7 @@ def test_a_cast_picture_shows_on_a_card_in_a_scene(canvas, look):
 
     def draw(visual):
         with visual.events.update.blocker():
-            visual.cards = [Quad(caster.cast(rays, look))]
+            visual.quads = [Quad(caster.cast(rays, look))]
 
     node.before_draw = draw
     shown = canvas.render()

@@ -43,7 +43,7 @@ def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics
         gl_backend.occlusion_counts(labels, rays, visible, method="atomics")
     found = gl_backend.occlusion_counts(labels, rays, visible)
     assert found.hits[1:].tolist() == [16] * 120
-    # Plate 1 blocks all others, the last one nobody.
+    # Plate 1 blocks all others, the last one no object.
     assert found.blocks.sum(axis=1).tolist() == list(range(119, -1, -1))
 
 

@@ -1,4 +1,4 @@
-"""The public functions on both backends: what a person calls gives one picture, whoever draws.
+"""The public functions on both backends: what a person calls gives one image, whoever draws.
 
 `test_parity.py` holds the shaders against the kernels; here everything in between counts too:
 views, steps, hidden objects, tints, transfer functions, odd dtypes and compacted IDs.

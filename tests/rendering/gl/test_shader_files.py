@@ -60,7 +60,7 @@ def test_a_shader_stays_within_glsl_120(path):
         ("object_id.frag", "fullscreen.vert", {"FOUND": 7}),
         ("label_runs.frag", "fullscreen.vert", {}),
         ("occluded_first_hit.frag", "fullscreen.vert", {}),
-        ("card.frag", "card.vert", {}),
+        ("quad.frag", "quad.vert", {}),
     ],
 )
 def test_every_pass_compiles_and_links(gl, fragment, vertex, defines):

@@ -25,14 +25,14 @@ CAPACITY = 512
 """Blocks a thread keeps; when it wants more it begins afresh."""
 
 EMPTY, ABSENT = -2, -1
-"""Instead of a block's place: nothing can be seen in the brick; nobody has asked for it."""
+"""Instead of a block's place: nothing can be seen in the brick; no object has asked for it."""
 
 _AROUND = BRICK + 4
 _LINE = 16
 _PLANE = _AROUND * _LINE
 
 
-class Blocks(NamedTuple):
+class BrickCache(NamedTuple):
     """The blocks of one thread.
 
     Parameters
@@ -60,7 +60,7 @@ class Blocks(NamedTuple):
     ids: NDArray[np.uint16]
 
     @classmethod
-    def of(cls, volume: Density, full: NDArray[np.bool_], bricks: Bricks | None) -> Blocks:
+    def of(cls, volume: Density, full: NDArray[np.bool_], bricks: Bricks | None) -> BrickCache:
         """Make room for the blocks of one thread.
 
         Parameters
@@ -93,7 +93,7 @@ class Blocks(NamedTuple):
 def fill(  # type: ignore[no-untyped-def]
     volume, labels, brick, deep, high, wide, slot, cells, names, around, starts, ids
 ):
-    """Fill the block that begins at voxel `slot` with a brick; see `Blocks`.
+    """Fill the block that begins at voxel `slot` with a brick; see `BrickCache`.
 
     `volume` and `labels` are flat, of shape (deep, high, wide).
     """

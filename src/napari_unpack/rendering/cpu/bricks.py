@@ -145,18 +145,18 @@ class Bricks:
 
 
 OUTSIDE = -2
-"""The owner of bricks outside the volume, for `_stride`: it differs from nobody."""
+"""The owner of bricks outside the volume, for `_stride`: it differs from no object."""
 
 
 @dataclass(frozen=True, eq=False)
 class Strides:
-    """How many bricks ahead look alike, for every octant of directions that a picture has.
+    """How many bricks ahead look alike, for every octant of directions that an image has.
 
     Parameters
     ----------
     grids : (n, Bz, By, Bx) ndarray of uint8
         Edge in bricks of the largest cube of one owner with the brick at the corner that a ray
-        enters by: 0 where mixed, at most 255. The outside of the volume differs from nobody.
+        enters by: 0 where mixed, at most 255. The outside of the volume differs from no object.
     slots : (8,) ndarray of int64
         Which grid serves rays with signs (z, y, x), positive 1: slots[4 z + 2 y + x].
     """
@@ -182,7 +182,7 @@ class Strides:
 
         Notes
         -----
-        Parallel rays look into one octant, those of a perspective picture into up to eight.
+        Parallel rays look into one octant, those of a perspective image into up to eight.
         """
         last_row, last_col = rays.size[0] - 1, rays.size[1] - 1
         corners = np.array([(1, r, c) for r in (0, last_row) for c in (0, last_col)], np.float64)

@@ -1,9 +1,9 @@
-"""The loop of the tinted picture: rays side by side, samples in chunks, colours front to back.
+"""The loop of the tinted image: rays side by side, samples in chunks, colours front to back.
 
 The rays of a band walk side by side, tile by tile, each at its own sample; one that has come to
-its end makes room for the next (lanes.py). Samples in a visible label join a queue, whatever
-ray they are of, and are lit a chunk at a time (chunks.py). Voxels are read from blocks
-(blocks.py).
+its end makes room for the next (ray_lanes.py). Samples in a visible label join a queue, whatever
+ray they are of, and are lit a chunk at a time (compositing.py). Voxels are read from blocks
+(brick_cache.py).
 
 A chunk of samples, of whatever rays: read, lit and laid over their pixels.
 
@@ -195,16 +195,16 @@ RATIO = 1.001
 """Lengths of step closer than this share a table."""
 
 MOST_LENGTHS = 256
-"""As many tables for a picture; lengths that share one are farther apart where these are few."""
+"""As many tables for an image; lengths that share one are farther apart where these are few."""
 
 
 def correction(rays: Rays, spacing: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Tabulate 1 - (1 - a)^e for every e = step length / min(spacing) in a picture.
+    """Tabulate 1 - (1 - a)^e for every e = step length / min(spacing) in an image.
 
     Parameters
     ----------
     rays : Rays
-        Of the picture; in perspective the outer rays have longer steps.
+        Of the image; in perspective the outer rays have longer steps.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
 
@@ -225,7 +225,7 @@ def correction(rays: Rays, spacing: ArrayLike) -> tuple[NDArray[np.float64], NDA
 
 
 def _range(rays: Rays, mm: NDArray[np.float64]) -> tuple[float, float]:
-    # Length is convex over a picture: most in a corner, least at its only stationary point or
+    # Length is convex over an image: most in a corner, least at its only stationary point or
     # on the border, wherever that is where the bag is stretched.
     middle, down, right = rays.table[3:] * mm * rays.step / mm.min()
     rows, columns = np.asarray(rays.size, dtype=np.float64) - 1
@@ -353,7 +353,7 @@ def march(  # type: ignore[no-untyped-def]
                     queue[LX + q] = lights[2 * LANES + i]
         if running == 0 and waiting == start:
             break
-        # Nobody may wait for a block that makes room.
+        # No object may wait for a block that makes room.
         drain = running == 0 or used > CAPACITY - LANES
         if not drain:
             place(rays, step, bricks_high, bricks_wide, n, spot)

@@ -1,6 +1,6 @@
-"""What the rays of a picture meet, from end to end, as runs (tallies.py).
+"""What the rays of an image meet, from end to end, as runs (label_runs.py).
 
-What stands on every ray of a picture, by run lengths, and what is counted of it.
+What stands on every ray of an image, by run lengths, and what is counted of it.
 
 Casting is dear and counting is cheap, and what leaves the bag becomes air: whoever keeps the runs
 of one look along a direction has the counts of every step of the unpacking that follows.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.bricks import Bricks
-from napari_unpack.rendering.cpu.object_ids import AHEAD, ground, read_labels, read_packed
+from napari_unpack.rendering.cpu.object_ids import AHEAD, ground, read_compressed, read_labels
 from napari_unpack.rendering.cpu.ray_packets import (
     AX,
     AY,
@@ -86,7 +86,7 @@ class Runs:
         Of some rays each: a run is 65536 ID + samples, runs of more samples are several, and a
         ray ends with 0. What shows nothing is left out, rays that meet nothing too.
     rays : Rays
-        Of the picture.
+        Of the image.
     visible : (M,) ndarray of bool
         By ID: who was visible.
     """
@@ -101,7 +101,7 @@ class Runs:
         return sum(part.nbytes for part in self.parts)
 
     def serves(self, rays: Rays, visible: NDArray[np.bool_]) -> bool:
-        """Tell whether these rays were cast, and nobody is visible who was not."""
+        """Tell whether these rays were cast, and no object is visible who was not."""
         mine = self.rays
         same = (mine.size, mine.step, mine.near) == (rays.size, rays.step, rays.near)
         return same and np.array_equal(mine.table, rays.table) and self._saw(visible)
@@ -128,17 +128,17 @@ class Runs:
         """
         if not self._saw(visible):
             raise ValueError("visible must hold nobody whom the rays did not see: cast them anew")
-        tally = Tally.of(visible)
+        counter = RunCounter.of(visible)
 
         def work(own: Counters, first: int, last: int) -> None:
             for part in self.parts[first:last]:
-                tally.add(part, own)
+                counter.add(part, own)
 
-        return tally.sum(over_bands(len(self.parts), work, tally.counters, band=1))
+        return counter.sum(over_bands(len(self.parts), work, counter.counters, band=1))
 
 
 @dataclass(frozen=True, eq=False)
-class Tally:
+class RunCounter:
     """The counting of runs for some visible objects.
 
     Parameters
@@ -156,7 +156,7 @@ class Tally:
     blocks: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, visible: NDArray[np.bool_]) -> Tally:
+    def of(cls, visible: NDArray[np.bool_]) -> RunCounter:
         """Begin to count."""
         candidates = np.flatnonzero(visible)
         tabled = len(candidates) if len(candidates) <= MOST_IN_TABLE else 0
@@ -175,7 +175,7 @@ class Tally:
         """Count the runs of some rays."""
         counts, stamps, seen = own
         stamps.fill(-1)
-        _tally(runs, self.visible, self.slots, counts, stamps, seen, self.blocks)
+        _count_runs(runs, self.visible, self.slots, counts, stamps, seen, self.blocks)
 
     def sum(self, parts: list[Counters]) -> OcclusionCounts:
         """Add up what the threads have counted."""
@@ -188,7 +188,7 @@ class Tally:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _tally(runs, visible, slots, counts, stamps, seen, blocks):  # type: ignore[no-untyped-def]
+def _count_runs(runs, visible, slots, counts, stamps, seen, blocks):  # type: ignore[no-untyped-def]
     tabulate = blocks.size > 0
     ray, number, foremost = 0, 0, np.int64(0)
     for i in range(runs.size):
@@ -228,14 +228,14 @@ Scratch = tuple[NDArray[np.uint32], NDArray[np.uint32]]
 
 @dataclass(frozen=True, eq=False)
 class Tracing:
-    """The casting of one picture, a band at a time; threads share it.
+    """The casting of one image, a band at a time; threads share it.
 
     Parameters
     ----------
     over : tuple
         What `_trace` takes before the band.
     width : int
-        Of the picture, pixels.
+        Of the image, pixels.
     most : int
         No ray has more samples.
     """
@@ -325,7 +325,7 @@ def _trace(  # type: ignore[no-untyped-def]
         begun = min(waiting, LANES)
         walking = begun
         for lane in range(begun):
-            _begin(queue, lane, lane, table, step, octants, f, n, number)
+            _begin_ray(queue, lane, lane, table, step, octants, f, n, number)
         while walking > 0:
             if skip:
                 look_ahead(looks, rows, columns, axis, step, f, n)
@@ -345,10 +345,10 @@ def _trace(  # type: ignore[no-untyped-def]
                     n[np.uint64(FOUND) + lane] = SEVERAL
                     continue
                 place = brick << np.uint64(3)
-                mask = _eight(words, place, f, lane, 0.0, step)
+                mask = _eight_labels(words, place, f, lane, 0.0, step)
                 count = n[np.uint64(COUNT) + lane]
                 if count > 8:
-                    mask |= _eight(words, place, f, lane, 8.0, step) << np.uint64(8)
+                    mask |= _eight_labels(words, place, f, lane, 8.0, step) << np.uint64(8)
                 mask &= (np.uint64(1) << np.uint64(count)) - np.uint64(1)
                 ones = np.int32(ones_of(mask))
                 pair = pairs[brick]
@@ -362,7 +362,7 @@ def _trace(  # type: ignore[no-untyped-def]
                 if event == 0:
                     continue
                 if event & TURNS and n[FOUND + lane] != SEVERAL:
-                    _turn(runs, lane, n, number, n[FOUND + lane], n[COUNT + lane])
+                    _write_run(runs, lane, n, number, n[FOUND + lane], n[COUNT + lane])
                 elif event & TURNS:
                     stop = int(f[K + lane])
                     k = stop - n[COUNT + lane]
@@ -371,7 +371,7 @@ def _trace(  # type: ignore[no-untyped-def]
                     if skip:
                         b = np.uint64(n[BRICK + lane])
                         place, start = np.uint64(firsts[b]), np.uint64(starts[b])
-                        read_packed(
+                        read_compressed(
                             words, place, np.int64(bits[b]), ids, start,
                             k, stop, step, pz, py, px, dz, dy, dx, ahead,
                         )  # fmt: skip
@@ -384,9 +384,9 @@ def _trace(  # type: ignore[no-untyped-def]
                         if found == n[CURRENT + lane]:
                             n[LENGTH + lane] += 1
                         else:
-                            _turn(runs, lane, n, number, found, 1)
+                            _write_run(runs, lane, n, number, found, 1)
                 if event & ENDS:
-                    _turn(runs, lane, n, number, 0, 0)
+                    _write_run(runs, lane, n, number, 0, 0)
                     if number[lane] > 0:
                         for i in range(number[lane]):
                             out[used + i] = runs[lane, i]
@@ -394,7 +394,7 @@ def _trace(  # type: ignore[no-untyped-def]
                         out[used] = 0
                         used += 1
                     if begun < waiting:
-                        _begin(queue, begun, lane, table, step, octants, f, n, number)
+                        _begin_ray(queue, begun, lane, table, step, octants, f, n, number)
                         begun += 1
                     else:
                         # It goes on being looked at: let it stand inside.
@@ -406,7 +406,7 @@ def _trace(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _begin(queue, i, lane, table, step, octants, f, n, number):  # type: ignore[no-untyped-def]
+def _begin_ray(queue, i, lane, table, step, octants, f, n, number):  # type: ignore[no-untyped-def]
     """Have a lane walk the ray that is next in the queue."""
     pz, py, px, dz, dy, dx = ray_of(table, queue[i, 0], queue[i, 1])
     az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
@@ -419,7 +419,7 @@ def _begin(queue, i, lane, table, step, octants, f, n, number):  # type: ignore[
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _turn(runs, lane, n, number, found, count):  # type: ignore[no-untyped-def]
+def _write_run(runs, lane, n, number, found, count):  # type: ignore[no-untyped-def]
     """Write down the run that is over and begin another object's."""
     rest, i = n[LENGTH + lane], number[lane]
     while rest > 0:
@@ -432,7 +432,7 @@ def _turn(runs, lane, n, number, found, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _eight(words, place, f, lane, more, step):  # type: ignore[no-untyped-def]
+def _eight_labels(words, place, f, lane, more, step):  # type: ignore[no-untyped-def]
     # Indices without a sign: numba does not ask whether they count from the end.
     pz, py, px = np.uint64(PZ) + lane, np.uint64(PY) + lane, np.uint64(PX) + lane
     dz, dy, dx = np.uint64(DZ) + lane, np.uint64(DY) + lane, np.uint64(DX) + lane

@@ -49,7 +49,7 @@ def ground(
     visible : (M,) ndarray of bool
         By ID; the background is not visible.
     rays : Rays
-        Of the picture.
+        Of the image.
 
     Returns
     -------
@@ -73,13 +73,13 @@ def ground(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def outlook(  # type: ignore[no-untyped-def]
+def bricks_ahead(  # type: ignore[no-untyped-def]
     owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
 ):
     """Look at the bricks that lie at sample k and from there on.
 
     `grid` is the one of `reach` that serves the ray, az, ay, ax are `per_voxel`. Returns whose
-    they are (0 nobody's that is visible, -1 the brick is mixed), the first sample that may lie
+    they are (0 no object's that is visible, -1 the brick is mixed), the first sample that may lie
     elsewhere, and the brick.
     """
     _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
@@ -101,7 +101,7 @@ def outlook(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def read_packed(  # type: ignore[no-untyped-def]
+def read_compressed(  # type: ignore[no-untyped-def]
     words, place, shift, ids, start, k, free, step, pz, py, px, dz, dy, dx, ahead
 ):
     """Read the labels of samples k to `free` - 1, all in one brick, into `ahead` (AHEAD,) int64.
@@ -155,7 +155,7 @@ def id_layers(
     labels : (Z, Y, X) ndarray of uint16
         Object IDs, C-contiguous.
     rays : Rays
-        Of the picture, in voxels.
+        Of the image, in voxels.
     visible : (M,) ndarray of bool
         By ID, M above every label; `visible[0]` False. Hidden objects are as air.
     layers : int
@@ -213,7 +213,7 @@ def _cast(  # type: ignore[no-untyped-def]
             while k < end:
                 label, free, brick = -1, end, np.uint64(0)
                 if skip:
-                    label, free, brick = outlook(
+                    label, free, brick = bricks_ahead(
                         owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
                     )
                     free = min(free, end)
@@ -225,7 +225,7 @@ def _cast(  # type: ignore[no-untyped-def]
                     stops = free - k
                     if skip:
                         place, start = np.uint64(firsts[brick]), np.uint64(starts[brick])
-                        read_packed(
+                        read_compressed(
                             words, place, np.int64(bits[brick]), ids, start,
                             k, free, step, pz, py, px, dz, dy, dx, ahead,
                         )  # fmt: skip

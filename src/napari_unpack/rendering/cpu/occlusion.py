@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.bricks import Bricks
-from napari_unpack.rendering.cpu.label_runs import Counters, Runs, Scratch, Tally, Tracing
+from napari_unpack.rendering.cpu.label_runs import Counters, RunCounter, Runs, Scratch, Tracing
 from napari_unpack.rendering.cpu.ray_sampling import band_of
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
@@ -45,18 +45,18 @@ def occlusion_counts(
     All denominators are exact. The paper bounds each object's pass by its box; here all objects
     share one pass over the whole lattice.
     """
-    tracing, tally = Tracing.of(labels, rays, visible, bricks), Tally.of(visible)
+    tracing, counter = Tracing.of(labels, rays, visible, bricks), RunCounter.of(visible)
 
     def state() -> tuple[Counters, Scratch]:
-        return tally.counters(), tracing.scratch()
+        return counter.counters(), tracing.scratch()
 
     def work(own: tuple[Counters, Scratch], first: int, last: int) -> None:
         counters, scratch = own
         for runs in tracing.runs(first, last, scratch):
-            tally.add(runs, counters)
+            counter.add(runs, counters)
 
     parts = over_bands(rays.size[0], work, state, threads, band_of(rays.size[0]))
-    return tally.sum([counters for counters, _ in parts])
+    return counter.sum([counters for counters, _ in parts])
 
 
 def occlusion_runs(

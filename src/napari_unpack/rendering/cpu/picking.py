@@ -1,4 +1,4 @@
-"""What each object contributes to one pixel of the tinted picture.
+"""What each object contributes to one pixel of the tinted image.
 
 ID images make every sample opaque, which is right for occlusion and wrong for picking, where a
 person means what they see (docs/paper.md, R13).

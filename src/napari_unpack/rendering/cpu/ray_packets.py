@@ -116,7 +116,7 @@ def look_ahead(looks, rows, columns, axis, step, f, n):  # type: ignore[no-untyp
 def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
     """Leap over layers of bricks along one axis, else over the brick alone.
 
-    `center` and `pace` are that axis's rows; see `lattice.leap_along` and `lattice.leap`.
+    `center` and `pace` are that axis's rows; see `ray_sampling.leap_along` and `ray_sampling.leap`.
     """
     one = np.int32(1)
     for i in range(LANES):
@@ -135,7 +135,7 @@ def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED, forceinline=True)
 def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
-    """Leap over cubes of bricks; see `lattice.leap`."""
+    """Leap over cubes of bricks; see `ray_sampling.leap`."""
     for i in range(LANES):
         layers = n[LOOK + i] & np.int32(MOST) if n[LOOK + i] > 0 else np.int32(0)
         half = np.float64(layers) * 8.0 - 4.0

@@ -66,7 +66,7 @@ def clipping_planes(clipping: ArrayLike | None) -> NDArray[np.float64]:
 
 
 def band_of(height: int) -> int:
-    """Return how many rows one band of a picture has: a row of tiles, fewer in small pictures."""
+    """Return how many rows one band of an image has: a row of tiles, fewer in small images."""
     return max(4, min(TILE, -(-height // 32)))
 
 
@@ -288,7 +288,7 @@ def _along(table, axis, row):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED, forceinline=True)
 def _between(low, high, origin, direction, first, last):  # type: ignore[no-untyped-def]
-    """See `lattice._slab`; where there is no ray, the last lies before the first."""
+    """See `ray_sampling._slab`; where there is no ray, the last lies before the first."""
     a, b = (low - origin) / direction, (high - origin) / direction
     into, out = (a if a < b else b), (b if a < b else a)
     level, within = direction == 0.0, (low <= origin) & (origin < high)

@@ -1,6 +1,6 @@
-"""How far ahead the bricks along a ray look alike, measured along the rays of one picture.
+"""How far ahead the bricks along a ray look alike, measured along the rays of one image.
 
-Rays of one picture look nearly the same way, so what lies ahead of a brick is a corridor along
+Rays of one image look nearly the same way, so what lies ahead of a brick is a path of bricks along
 that way and no cube: it is narrower, and so it is longer until something else comes in.
 """
 
@@ -17,7 +17,7 @@ from napari_unpack.rendering.cpu.bricks import Strides
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 LONGEST = 96
-"""Layers of bricks that a corridor is followed."""
+"""Layers of bricks that a path of bricks is followed."""
 
 STEEPEST = 1.5
 """Bricks sideways a brick ahead, above which cubes serve as well."""
@@ -61,7 +61,7 @@ class DirectionalSkipping:
         owners : (Bz, By, Bx) ndarray of int32
             From `Bricks.owners`; -1 is mixed.
         rays : Rays
-            Of the picture; parallel ones have the longest corridors.
+            Of the image; parallel ones have the longest paths of bricks ahead.
 
         Returns
         -------

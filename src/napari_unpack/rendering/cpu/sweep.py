@@ -23,7 +23,7 @@ def sweep_blockers(
     direction: ArrayLike,
     visible: NDArray[np.bool_],
     bricks: Bricks | None = None,
-    pulled: NDArray[np.bool_] | None = None,
+    moved: NDArray[np.bool_] | None = None,
     threads: int | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
     """Find out who stands in whose way when objects are moved along D as they are.
@@ -40,7 +40,7 @@ def sweep_blockers(
         By ID, M above every label; `visible[0]` False. Hidden objects are as air.
     bricks : Bricks, optional
         Of these labels; saves looking at what is uniform, changes nothing.
-    pulled : (M,) ndarray of bool, optional
+    moved : (M,) ndarray of bool, optional
         Which of the visible objects to pull; by default all. The columns of others stay empty.
     threads : int, optional
         Workers, by default one a core.
@@ -64,17 +64,17 @@ def sweep_blockers(
     """
     if np.count_nonzero(visible) > MOST_IN_TABLE:
         return None
-    pulling = SweepTest.of(labels, spacing, direction, visible, bricks)
-    moving = visible if pulled is None else visible & pulled
-    columns = np.where(moving, pulling.rows, -1).astype(np.int32)
-    blocks = np.zeros((len(pulling.ids), len(pulling.ids)), np.bool_)
+    sweep = SweepTest.of(labels, spacing, direction, visible, bricks)
+    moving = visible if moved is None else visible & moved
+    columns = np.where(moving, sweep.rows, -1).astype(np.int32)
+    blocks = np.zeros((len(sweep.ids), len(sweep.ids)), np.bool_)
 
     def work(_: None, first: int, last: int) -> None:
         # Threads share `blocks`: all they ever write to it is True.
-        pulling.into(blocks, columns, (slice(first, last), slice(None), slice(None)))
+        sweep.into(blocks, columns, (slice(first, last), slice(None), slice(None)))
 
     over_bands(labels.shape[0], work, lambda: None, threads)
-    return pulling.ids, blocks
+    return sweep.ids, blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class SweepTest:
         """
         parts = zip(box, self.labels.shape, strict=True)
         (z0, z1, _), (y0, y1, _), (x0, x1, _) = (part.indices(n) for part, n in parts)
-        _pull(
+        _sweep(
             self.labels, self.rows, columns, self.shifts, self.steps, np.sign(self.shifts[-1]),
             self.owners, self.distance, (z0, y0, x0), (z1, y1, x1), most, blocks,
         )  # fmt: skip
@@ -203,7 +203,7 @@ def whole_shifts(way: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np
 
 
 @njit(cache=True, nogil=True)
-def _pull(  # type: ignore[no-untyped-def]
+def _sweep(  # type: ignore[no-untyped-def]
     labels, rows, columns, shifts, steps, signs, owners, distance, lower, upper, most, blocks
 ):
     depth, height, width = labels.shape

@@ -1,11 +1,11 @@
-"""Bands of picture rows shared out among threads.
+"""Bands of image rows shared out among threads.
 
 Kernels release the GIL, so plain Python threads use every core; numba's own `parallel=True` is
 not used because its thread layers abort when two Python threads enter them.
 
 Who may use the processor's cores first: what a person waits for.
 
-A picture of the turned bag takes all cores for a tenth of a second. A click that falls into it
+An image of the turned bag takes all cores for a tenth of a second. A click that falls into it
 would share them, and be answered half as fast.
 """
 
@@ -94,7 +94,7 @@ def over_bands(
 
     Notes
     -----
-    Between bands, workers let those go first that a thread with the right of way has begun.
+    Between bands, workers let those go first that a thread with the interactive priority has begun.
     """
     workers = max(1, threads or os.cpu_count() or 1)
     height = band or max(1, -(-rows // (16 * workers)))

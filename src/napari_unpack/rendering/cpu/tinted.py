@@ -1,4 +1,4 @@
-"""The tinted picture: one pass of ray casting with a colour and an opacity an object.
+"""The tinted image: one pass of ray casting with a colour and an opacity an object.
 
 Li et al. 2012, section 4.1: the density is interpolated, the label is not, and the tint of the
 label's object multiplies what the master transfer function makes of the density.
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.rendering.cpu.brick_cache import Blocks
+from napari_unpack.rendering.cpu.brick_cache import BrickCache
 from napari_unpack.rendering.cpu.bricks import Bricks, Density, Strides
 from napari_unpack.rendering.cpu.compositing import correction, march
 from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_planes, ray_numbers
@@ -35,7 +35,7 @@ def tinted(
     clipping: ArrayLike | None = None,
     threads: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast a tinted picture.
+    """Cast a tinted image.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def tinted(
     labels : (Z, Y, X) ndarray of uint16
         Object IDs, C-contiguous.
     rays : Rays
-        Of the picture, in voxels.
+        Of the image, in voxels.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     table : (K, 4) ndarray of float32
@@ -98,15 +98,15 @@ def tinted(
     shown = tints[:, 3] > 0
     families = np.zeros(depth.size if len(corrected) else 0, np.int32)
 
-    def work(blocks: Blocks, first: int, last: int) -> None:
+    def work(blocks: BrickCache, first: int, last: int) -> None:
         march(
             volume, labels, numbers, step, near, jitter, planes, strides.grids, strides.slots,
             table, tints, shown, look, exponents, corrected, shine, first, last,
             blocks, families, image, depth,
         )  # fmt: skip
 
-    def blocks() -> Blocks:
-        return Blocks.of(volume, full, bricks)
+    def blocks() -> BrickCache:
+        return BrickCache.of(volume, full, bricks)
 
     over_bands(rays.size[0], work, blocks, threads, band=band_of(rays.size[0]))
     return image, depth

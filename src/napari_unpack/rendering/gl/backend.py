@@ -240,7 +240,7 @@ def tinted(
     jitter: bool = False,
     clipping: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast a tinted picture; see `rendering.cpu.tinted`.
+    """Cast a tinted image; see `rendering.cpu.tinted`.
 
     Returns
     -------

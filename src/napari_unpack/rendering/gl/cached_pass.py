@@ -1,4 +1,4 @@
-"""Ray casting inside a live canvas: the cached picture behind a card."""
+"""Ray casting inside a live canvas: the cached image behind a card."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Where = Callable[[frozenset[int]], PixelWindow | None]
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """All that a tinted picture depends on besides the volumes."""
+    """All that a tinted image depends on besides the volumes."""
 
     rays: Rays
     look: Appearance
@@ -31,7 +31,7 @@ class Inputs:
     version: int
 
     def same_as(self, other: Inputs | None) -> bool:
-        """Whether the other would give the same picture."""
+        """Whether the other would give the same image."""
         return self.retinted(other) == frozenset()
 
     def retinted(self, other: Inputs | None) -> frozenset[int] | None:
@@ -58,7 +58,7 @@ class Inputs:
 
 
 class TintedCaster:
-    """Cast the tinted picture in the current canvas's context, and only when something changed.
+    """Cast the tinted image in the current canvas's context, and only when something changed.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ class TintedCaster:
 
     Attributes
     ----------
-    picture : ImageTexture or None
-        The last picture, for a `Quad`; the same object for life, its textures change.
+    image : ImageTexture or None
+        The last image, for a `Quad`; the same object for life, its textures change.
     passes : int
         How often rays were cast.
     rays_cast : int
@@ -117,7 +117,7 @@ class TintedCaster:
         clipping: ArrayLike | None = None,
         where: Where | None = None,
     ) -> ImageTexture:
-        """Return the picture of these inputs, casting rays unless it is the last one still.
+        """Return the image of these inputs, casting rays unless it is the last one still.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class TintedCaster:
         retinted = inputs.retinted(self._last)
         if retinted and where is not None and self.picture is not None:
             window = where(retinted)
-        # Half a picture must not be taken for a whole one if a driver gives up.
+        # Half an image must not be taken for a whole one if a driver gives up.
         self._last = None
         if window is not None:
             self._pass.draw(

@@ -1,14 +1,14 @@
-"""Cards: flat pictures with depth that stand in a vispy scene among other visuals.
+"""Quads: flat images with depth that stand in a vispy scene among other visuals.
 
-The packed bag's cached picture, an object in flight and every sprite are cards. Their list is
+The packed bag's cached image, an object in flight and every sprite are quads. Their list is
 drawn twice: first the pixels whose alpha reached 1/2, which write depth, then all others, which
 are tested against it. So opaque parts hide each other whatever the order of the list, soft edges
 blend over what is behind them, and a Points layer drawn before or after is hidden where it should
 be.
 
-Pictures that cards show: arrays on their way to textures, or textures a pass has filled.
+Images that quads show: arrays on their way to textures, or textures a pass has filled.
 
-Where a card stands: a rectangle of the screen, or one in pivot space.
+Where a quad stands: a rectangle of the screen, or one in pivot space.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from vispy.visuals.filters import Alpha, PickingFilter
 from napari_unpack.geometry.axes import Matrix, flip_matrix
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, forget_complaints, namespace
-from napari_unpack.rendering.gl.memory import PICTURES, TABLES, ledger
+from napari_unpack.rendering.gl.memory import PICTURES, TABLES, memory_counter
 from napari_unpack.rendering.gl.programs import Programs, ShaderError, load
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 
 
 class ImageTexture:
-    """A premultiplied RGBA picture with or without depths, uploaded where it is drawn.
+    """A premultiplied RGBA image with or without depths, uploaded where it is drawn.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ class ImageTexture:
     Attributes
     ----------
     uploads : int
-        Arrays sent to the graphics card so far.
+        Arrays sent to the graphics quad so far.
 
     Notes
     -----
-    Arrays are kept, and sent once to every context the picture is drawn in: one that replaces a
+    Arrays are kept, and sent once to every context the image is drawn in: one that replaces a
     context that was lost gets them as well. Textures of a pass serve in their own context alone.
     """
 
@@ -120,7 +120,7 @@ class ImageTexture:
             internalformat=internal,
             interpolation="linear" if base == "rgba" else "nearest",
         )
-        return ledger().enter(PICTURES, made)
+        return memory_counter().enter(PICTURES, made)
 
 
 def _checked(
@@ -146,11 +146,11 @@ class ScreenPlace:
     Parameters
     ----------
     left, top, right, bottom : float
-        Outer edges of the picture, -1 left and bottom, 1 right and top.
+        Outer edges of the image, -1 left and bottom, 1 right and top.
     t : float
         Depth of what has none of its own, mm from the pivot plane away from the viewer.
     ndc_depth : float, optional
-        Put the whole card at this depth instead, -1 nearest, 1 farthest (a background).
+        Put the whole quad at this depth instead, -1 nearest, 1 farthest (a background).
     """
 
     left: float = -1.0
@@ -175,7 +175,7 @@ class ScreenPlace:
         )
 
     def frame(self, clip_from_pivot: Matrix) -> Frame:
-        """Return where the picture's corner and edges are in clip space."""
+        """Return where the image's corner and edges are in clip space."""
         return (
             np.array([self.left, self.top, 0.0, 1.0]),
             np.array([self.right - self.left, 0.0, 0.0, 0.0]),
@@ -184,7 +184,7 @@ class ScreenPlace:
 
     @property
     def t_origin(self) -> float:
-        """What to add to the picture's depths, mm: they count from the pivot plane."""
+        """What to add to the image's depths, mm: they count from the pivot plane."""
         return 0.0
 
 
@@ -201,7 +201,7 @@ class PivotPlace:
 
     Notes
     -----
-    The picture's depths count from the middle's plane, away from the viewer.
+    The image's depths count from the middle's plane, away from the viewer.
     """
 
     center: tuple[float, float, float]
@@ -215,11 +215,11 @@ class PivotPlace:
 
     @property
     def t_origin(self) -> float:
-        """What to add to the picture's depths, mm: they count from the middle's plane."""
+        """What to add to the image's depths, mm: they count from the middle's plane."""
         return self.t
 
     def frame(self, clip_from_pivot: Matrix) -> Frame:
-        """Return where the picture's corner and edges are in clip space."""
+        """Return where the image's corner and edges are in clip space."""
         towards, down, right = self.center
         corner = np.array([towards, down - self.half[0], right - self.half[1], 1.0])
         return (
@@ -254,7 +254,7 @@ def depth_row(clip_from_pivot: Matrix, ndc_depth: float | None = None) -> NDArra
 
 
 def clip_from_pivot(render_from_world: ArrayLike, camera: Camera) -> Matrix:
-    """Make the matrix cards want from the one vispy draws with.
+    """Make the matrix quads want from the one vispy draws with.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def clip_from_pivot(render_from_world: ArrayLike, camera: Camera) -> Matrix:
 
 
 def clip_of_camera(camera: Camera, aspect: float, depth: float = 1e4) -> Matrix:
-    """Return the clip matrix of a camera on a canvas of its own, for pictures without napari.
+    """Return the clip matrix of a camera on a canvas of its own, for images without napari.
 
     Parameters
     ----------
@@ -314,21 +314,21 @@ WHOLE_SCREEN = ScreenPlace()
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """One picture at one place.
+    """One image at one place.
 
     Parameters
     ----------
-    picture : ImageTexture
-        Premultiplied RGBA, with or without depths. Keep and `update` it: a card made anew
-        around the same picture uploads nothing.
+    image : ImageTexture
+        Premultiplied RGBA, with or without depths. Keep and `update` it: a quad made anew
+        around the same image uploads nothing.
     place : ScreenPlace or PivotPlace
         On the screen (the packed bag, an object's box) or in pivot space (a sprite).
     opacity : float
-        Of this card.
+        Of this quad.
     before : ImageTexture, optional
         Colours it comes from, of the same size and without own depths.
     mix : float
-        Share of `picture` in what is shown, the rest is `before`'s.
+        Share of `image` in what is shown, the rest is `before`'s.
     """
 
     picture: ImageTexture
@@ -339,25 +339,25 @@ class Quad:
 
 
 class QuadsVisual(Visual):  # type: ignore[misc]
-    """Draw a list of cards.
+    """Draw a list of quads.
 
     Attributes
     ----------
-    cards : sequence of Quad
+    quads : sequence of Quad
         What to draw; assigning redraws. Order matters only among translucent pixels: later
-        cards are drawn over earlier ones.
+        quads are drawn over earlier ones.
     clip_from_pivot : (4, 4) ndarray of float64
         From pivot space (towards, down, right, 1) in mm to clip space, column vectors; see
         `places.clip_from_pivot`. Places sprites and turns t into depths.
     cards_opacity : float
-        Of all cards together. A scene node's own `opacity` (napari sets it from the layer)
+        Of all quads together. A scene node's own `opacity` (napari sets it from the layer)
         is multiplied on.
     before_draw : callable, optional
         Called with this visual at the start of every draw, while vispy's transforms and the
         current GL context are those of the drawing canvas: the moment to set
-        `clip_from_pivot` and `cards` from the camera, or to run a `TintedCaster`.
+        `clip_from_pivot` and `quads` from the camera, or to run a `TintedCaster`.
     refused : callable, optional
-        Given the driver's log, once, where it does not accept the cards' shader; nothing is
+        Given the driver's log, once, where it does not accept the quads' shader; nothing is
         drawn then.
     draws : int
         How many times it was drawn.
@@ -372,13 +372,13 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     vispy's own render is not supported (nothing is drawn).
     """
 
-    def __init__(self, cards: Sequence[Quad] = ()) -> None:
+    def __init__(self, quads: Sequence[Quad] = ()) -> None:
         # Before Visual.__init__: scene nodes attach their filters during theirs.
         self._alpha_filter: Any = None
-        vertex, fragment = load("passes/card.vert"), load("passes/card.frag")
+        vertex, fragment = load("passes/quad.vert"), load("passes/quad.frag")
         Visual.__init__(self, vcode=vertex.code, fcode=fragment.code)
         self.unfreeze()
-        self._cards: tuple[Quad, ...] = tuple(cards)
+        self._cards: tuple[Quad, ...] = tuple(quads)
         self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
         self.cards_opacity = 1.0
         self.before_draw: Callable[[QuadsVisual], None] | None = None
@@ -390,13 +390,13 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         self.freeze()
 
     @property
-    def cards(self) -> tuple[Quad, ...]:
+    def quads(self) -> tuple[Quad, ...]:
         """What is drawn."""
         return self._cards
 
-    @cards.setter
-    def cards(self, cards: Sequence[Quad]) -> None:
-        self._cards = tuple(cards)
+    @quads.setter
+    def quads(self, quads: Sequence[Quad]) -> None:
+        self._cards = tuple(quads)
         self.update()
 
     @property
@@ -416,7 +416,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
             super().attach(filt, view)
 
     def draw(self) -> None:
-        """Draw all cards in the current context and viewport."""
+        """Draw all quads in the current context and viewport."""
         if self._broken or not self.visible or getattr(self, "picking", False):
             return
         if self.before_draw is not None:
@@ -425,9 +425,9 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         overall = self.cards_opacity * (
             1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
         )
-        wanted = [card for card in self._cards if card.opacity * overall > 0.0]
-        found = [(card, card.picture.textures()) for card in wanted]
-        shown = [(card, textures) for card, textures in found if textures is not None]
+        wanted = [quad for quad in self._cards if quad.opacity * overall > 0.0]
+        found = [(quad, quad.picture.textures()) for quad in wanted]
+        shown = [(quad, textures) for quad, textures in found if textures is not None]
         if not shown:
             return
         try:
@@ -452,44 +452,44 @@ class QuadsVisual(Visual):  # type: ignore[misc]
                 blend_equation="func_add",
                 blend_func=("one", "one_minus_src_alpha"),
             )
-            for card, textures in shown:
+            for quad, textures in shown:
                 if core or len(shown) > 1:
-                    self._set(program, card, textures, overall)
+                    self._set(program, quad, textures, overall)
                 program["u_core"] = float(core)
                 program.draw("triangle_strip")
         gloo.set_state(depth_mask=True, depth_func=depth_func)
 
     def _ready_program(self) -> gloo.Program:
         """Return the program of the current context, which may have replaced an earlier one."""
-        program = self._programs.here("card.frag", vertex="card.vert")
+        program = self._programs.here("quad.frag", vertex="quad.vert")
         if namespace() not in self._blanks:
             corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
-            program["a_corner"] = ledger().enter(TABLES, gloo.VertexBuffer(corners))
+            program["a_corner"] = memory_counter().enter(TABLES, gloo.VertexBuffer(corners))
             blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
-            self._blanks[namespace()] = ledger().enter(TABLES, blank)
+            self._blanks[namespace()] = memory_counter().enter(TABLES, blank)
         return program
 
     def _set(
         self,
         program: gloo.Program,
-        card: Quad,
+        quad: Quad,
         textures: tuple[gloo.Texture2D, gloo.Texture2D | None],
         overall: float,
     ) -> None:
         color, depth = textures
-        earlier = None if card.before is None else card.before.textures()
+        earlier = None if quad.before is None else quad.before.textures()
         before = color if earlier is None else earlier[0]
-        origin, right, down = card.place.frame(self._clip_from_pivot)
+        origin, right, down = quad.place.frame(self._clip_from_pivot)
         values: dict[str, Any] = {
-            "u_picture": color,
+            "u_image": color,
             "u_before": before,
-            "u_mix": 1.0 if earlier is None else card.mix,
+            "u_mix": 1.0 if earlier is None else quad.mix,
             "u_depth": self._blanks[namespace()] if depth is None else depth,
             "u_has_depth": float(depth is not None),
-            "u_t": card.place.t,
-            "u_t_origin": card.place.t_origin,
-            "u_z_of_t": depth_row(self._clip_from_pivot, card.place.ndc_depth),
-            "u_opacity": card.opacity * overall,
+            "u_t": quad.place.t,
+            "u_t_origin": quad.place.t_origin,
+            "u_z_of_t": depth_row(self._clip_from_pivot, quad.place.ndc_depth),
+            "u_opacity": quad.opacity * overall,
             "u_clip_origin": origin,
             "u_clip_right": right,
             "u_clip_down": down,
@@ -498,8 +498,8 @@ class QuadsVisual(Visual):  # type: ignore[misc]
             program[name] = value
 
     def _prepare_transforms(self, view: Any) -> None:
-        """Do nothing: cards are placed by `clip_from_pivot`."""
+        """Do nothing: quads are placed by `clip_from_pivot`."""
 
     def _compute_bounds(self, axis: int, view: Any) -> None:
-        """Have no extent: cards never change what a camera frames."""
+        """Have no extent: quads never change what a camera frames."""
         return

@@ -1,7 +1,7 @@
 """Float frame buffers that passes draw into, and how to leave no trace of having drawn.
 
-gloo's `FrameBuffer` knows one colour attachment; a tinted picture has two, colour and depth, so
-the second is attached here with plain GL. Row 0 of a target is row 0 of the picture, its top,
+gloo's `FrameBuffer` knows one colour attachment; a tinted image has two, colour and depth, so
+the second is attached here with plain GL. Row 0 of a target is row 0 of the image, its top,
 as in textures made from arrays.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 from vispy.gloo.context import GLContext, get_current_canvas
 
-from napari_unpack.rendering.gl.memory import TARGETS, ledger
+from napari_unpack.rendering.gl.memory import TARGETS, memory_counter
 
 NO_DEPTH = 1.0e30
 """Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl."""
@@ -98,7 +98,7 @@ class Target:
     def delete(self) -> None:
         """Free the frame buffer and its textures."""
         self.framebuffer.delete()
-        ledger().strike(*self.textures)
+        memory_counter().strike(*self.textures)
         for texture in self.textures:
             texture.delete()
 
@@ -109,7 +109,7 @@ class Target:
             internalformat="rgba32f" if channels == 4 else "r32f",
             interpolation="linear" if smooth else "nearest",
         )
-        return ledger().enter(TARGETS, made)
+        return memory_counter().enter(TARGETS, made)
 
 
 class Targets:

@@ -17,7 +17,7 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.uniforms import assign
 
 MOST_OBJECTS = 4096
-"""Objects of a picture; with more of them the tables outgrow what a driver likes to give."""
+"""Objects of an image; with more of them the tables outgrow what a driver likes to give."""
 
 
 class InterferencePass:
@@ -35,7 +35,7 @@ class InterferencePass:
         Parameters
         ----------
         target : Target
-            One channel, of the picture's size; what is drawn there means nothing.
+            One channel, of the image's size; what is drawn there means nothing.
         stack : (L, H, W) ndarray of int
             Object-ID layers, 0 is nothing; any IDs, at most 4096 of them.
         half_widths : (2 R + 1,) ndarray of int

@@ -1,4 +1,4 @@
-"""Straight lines among cards: thin rectangles along them, with the depths of the line."""
+"""Straight lines among quads: thin rectangles along them, with the depths of the line."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StrokePlace(ScreenPlace):
     across: tuple[float, float] = (0.0, 0.0)
 
     def frame(self, clip_from_pivot: Matrix) -> Frame:
-        """Return where the picture's corner and edges are in clip space."""
+        """Return where the image's corner and edges are in clip space."""
         return (
             np.array([*self.corner, 0.0, 1.0]),
             np.array([*self.along, 0.0, 0.0]),
@@ -59,17 +59,17 @@ class Stroke:
         self._width = width
         self._picture: ImageTexture | None = None
 
-    def card(
+    def quad(
         self, ends: NDArray[np.float64], camera: Camera, size: tuple[int, int], opacity: float
     ) -> Quad | None:
-        """Return the line's card.
+        """Return the line's quad.
 
         Parameters
         ----------
         ends : (2, 3) ndarray of float64
             In pivot space, mm.
         camera : Camera
-            Where one looks from.
+            The view.
         size : (int, int)
             Height and width of the view, pixels.
         opacity : float
@@ -78,7 +78,7 @@ class Stroke:
         Returns
         -------
         Quad or None
-            None where the line reaches behind the eye, or has no length in the picture.
+            None where the line reaches behind the eye, or has no length in the image.
         """
         if (ends[:, 0] >= 0.98 * camera.distance).any():
             return None

@@ -1,7 +1,7 @@
 """What our textures and buffers take on the graphics card, counted by ourselves: no driver says.
 
 Every texture and buffer of this room is entered where it is made and struck out where it is
-deleted, or when nobody knows it any more, as gloo then deletes it.
+deleted, or when no object knows it any more, as gloo then deletes it.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ TEXEL = {"r8": 1, "r16": 2, "r32f": 4, "rgba8": 4, "rgba32f": 16}
 """Bytes of a texel in the formats that we use."""
 
 DENSITY, LABELS, TARGETS, PICTURES, TABLES = "density", "labels", "targets", "pictures", "tables"
-"""What the bytes are for: the two volumes, frame buffers, pictures sent as arrays, all the rest."""
+"""What the bytes are for: the two volumes, frame buffers, images sent as arrays, all the rest."""
 
 
-class Ledger:
+class MemoryCounter:
     """The textures and buffers of a process, in all its contexts."""
 
     def __init__(self) -> None:
@@ -59,6 +59,6 @@ def size_of(thing: Any) -> int:
 
 
 @cache
-def ledger() -> Ledger:
+def memory_counter() -> MemoryCounter:
     """Return the process's ledger."""
-    return Ledger()
+    return MemoryCounter()

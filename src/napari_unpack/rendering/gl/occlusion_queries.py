@@ -1,7 +1,7 @@
 """Occlusion queries: the driver counts every object's blocked rays, a pass an object.
 
 The paper's first method. It needs nothing above OpenGL 1.5, so it is what old drivers and macOS
-have; each pass is confined to the object's rectangle of the picture and to its box along the ray.
+have; each pass is confined to the object's rectangle of the image and to its box along the ray.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def picture_window(
     Returns
     -------
     (int, int, int, int)
-        First column, first row, width and height, cut to the picture; at least one pixel.
+        First column, first row, width and height, cut to the image; at least one pixel.
     """
     corners = box_corners(low.astype(np.float64) - 0.5, high.astype(np.float64) - 0.5)
     columns = np.stack([rays.table[1], rays.table[2], rays.table[3]], axis=1)

@@ -18,7 +18,7 @@ import numpy as np
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context, namespace
-from napari_unpack.rendering.gl.memory import TABLES, ledger
+from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 STRIDE = 100_000
@@ -144,7 +144,7 @@ def compiled(
     if "a_position" in program:
         corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
         buffer = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
-        program["a_position"] = ledger().enter(TABLES, buffer)
+        program["a_position"] = memory_counter().enter(TABLES, buffer)
     return program
 
 

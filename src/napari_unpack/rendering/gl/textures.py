@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context
-from napari_unpack.rendering.gl.memory import DENSITY, LABELS, ledger
+from napari_unpack.rendering.gl.memory import DENSITY, LABELS, memory_counter
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer, serves_best
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
@@ -159,7 +159,7 @@ class VolumeTextures:
             old = self.labels
             self._waiting = deque(w for w in self._waiting if w[0] is not old)
             self._begin_labels(labels, most)
-            ledger().strike(old)
+            memory_counter().strike(old)
             old.delete()
             return
         # Pieces of the labels before that still wait are of these labels now.
@@ -177,7 +177,7 @@ class VolumeTextures:
         self._waiting.clear()
         for texture in (self.labels, self.density):
             if texture is not None:
-                ledger().strike(texture)
+                memory_counter().strike(texture)
                 texture.delete()
 
     def _everything(self) -> Box:
@@ -193,7 +193,7 @@ class VolumeTextures:
         texture = gloo.Texture3D(
             self.grid, format="red", internalformat=internal, interpolation=filtering
         )
-        return ledger().enter(purpose, texture)
+        return memory_counter().enter(purpose, texture)
 
     def _queue(self, texture: Held, source: NDArray[np.generic], box: Box) -> None:
         planes, rows, columns = box

@@ -1,4 +1,4 @@
-"""The tinted picture, drawn by shaders/passes/tinted_volume.frag into a frame buffer."""
+"""The tinted image, drawn by shaders/passes/tinted_volume.frag into a frame buffer."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RUN = 6.0
 Eight pixels go there in step, and wait where one goes on alone; on hardware they do not."""
 
 PixelWindow = tuple[int, int, int, int]
-"""First column, first row, width and height of a part of a picture, as GL's scissors take it."""
+"""First column, first row, width and height of a part of an image, as GL's scissors take it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class TintedPass:
         clipping: ArrayLike | None = None,
         window: PixelWindow | None = None,
     ) -> None:
-        """Cast one picture.
+        """Cast one image.
 
         Parameters
         ----------

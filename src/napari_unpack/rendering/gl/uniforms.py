@@ -10,7 +10,7 @@ from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.gl.memory import TABLES, ledger
+from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
 
 MAX_PLANES = 8
@@ -87,7 +87,7 @@ class Leaps:
         self._texture: gloo.Texture3D | None = None
         self._held: NDArray[np.bool_] | None = None
         none = gloo.Texture3D(np.zeros((1, 1, 1), np.float32), internalformat="r32f")
-        self._none = ledger().enter(TABLES, none)
+        self._none = memory_counter().enter(TABLES, none)
 
     def uniforms(self, occupied: NDArray[np.bool_] | None) -> Uniforms:
         """Return the uniforms of lib/skip_empty.glsl; None skips nothing.
@@ -105,7 +105,7 @@ class Leaps:
                 texture = gloo.Texture3D(
                     distances, format="red", internalformat="r8", interpolation="nearest"
                 )
-                self._texture = ledger().enter(TABLES, texture)
+                self._texture = memory_counter().enter(TABLES, texture)
             else:
                 self._texture.set_data(distances)
             self._held = occupied.copy()

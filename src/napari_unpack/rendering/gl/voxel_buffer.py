@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context, renderer
-from napari_unpack.rendering.gl.memory import DENSITY, ledger
+from napari_unpack.rendering.gl.memory import DENSITY, memory_counter
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 
 UNIT = 15
@@ -41,7 +41,7 @@ class VoxelBuffer:
         self.shape, self.kind = tuple(shape), kind
         self._buffer = gloo.VertexBuffer(np.empty(0, kind))
         self._buffer.resize_bytes(int(np.prod(shape)) * np.dtype(kind).itemsize)
-        ledger().enter(DENSITY, self._buffer)
+        memory_counter().enter(DENSITY, self._buffer)
 
     @property
     def glir(self) -> Any:
@@ -80,7 +80,7 @@ class VoxelBuffer:
 
     def delete(self) -> None:
         """Free it."""
-        ledger().strike(self._buffer)
+        memory_counter().strike(self._buffer)
         self._buffer.delete()
 
 

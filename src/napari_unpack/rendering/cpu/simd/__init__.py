@@ -1,7 +1,6 @@
 """The only code written in LLVM's own instructions; README.md says why and what it wins."""
 
-from napari_unpack.rendering.cpu.simd.bits import EIGHT, eight_bits, lowest_of, ones_of
-from napari_unpack.rendering.cpu.simd.vectors import (
+from napari_unpack.rendering.cpu.simd.arithmetic import (
     EDGE,
     LANES,
     blend_cell,
@@ -11,6 +10,7 @@ from napari_unpack.rendering.cpu.simd.vectors import (
     lay_over,
     look_up,
 )
+from napari_unpack.rendering.cpu.simd.masks import EIGHT, eight_bits, lowest_of, ones_of
 
 __all__ = [
     "EDGE",

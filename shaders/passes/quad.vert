@@ -1,10 +1,10 @@
-// A card: one textured rectangle, full screen, an object's box, or a sprite.
+// A quad: one textured rectangle, full screen, an object's box, or a sprite.
 //
 //   clip(u, v) = origin + u right + v down            (affine: a rectangle stays a parallelogram)
 //
-// in:  a_corner       corner of the quad, 0 or 1: right, down the picture
-//      u_clip_*       the picture's top left corner and its two edges, clip space
-// out: v_uv           texture coordinates, (0, 0) the picture's top left corner
+// in:  a_corner       corner of the quad, 0 or 1: right, down the image
+//      u_clip_*       the image's top left corner and its two edges, clip space
+// out: v_uv           texture coordinates, (0, 0) the image's top left corner
 // cpu twin: rendering/gl/depth_quads.py (Place.frame)
 // test:     tests/rendering/gl/test_depth_quads.py
 

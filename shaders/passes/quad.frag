@@ -1,24 +1,24 @@
-// A card's colour and depth, in two draws that share its pixels out between them:
-//   core (u_core = 1)  where the picture's alpha reached 1/2; these write depth
+// A quad's colour and depth, in two draws that share its pixels out between them:
+//   core (u_core = 1)  where the image's alpha reached 1/2; these write depth
 //   rest (u_core = 0)  all others; tested against depth, never writing it
 //
 //   z_ndc(t) = (a t + b) / (c t + d)     t: mm from the pivot plane, away from the viewer
 //
-// in:  v_uv           (0, 0) at the picture's top left corner, (1, 1) at its bottom right one
-//      u_picture      premultiplied RGBA
-//      u_before       the picture it comes from, same pixels;  u_mix  share of the new one
+// in:  v_uv           (0, 0) at the image's top left corner, (1, 1) at its bottom right one
+//      u_image      premultiplied RGBA
+//      u_before       the image it comes from, same pixels;  u_mix  share of the new one
 //      u_depth        red: t where alpha first reached 1/2, mm; NO_DEPTH or more where never
-//      u_has_depth    0 where the picture has no depths: alpha >= 1/2 is then core, at u_t
+//      u_has_depth    0 where the image has no depths: alpha >= 1/2 is then core, at u_t
 //      u_t            mm: plane of what has no depth;  u_t_origin mm: added to the depths read
 //      u_z_of_t       (a, b, c, d)
-//      u_opacity      of the card as a whole
+//      u_opacity      of the quad as a whole
 // out: premultiplied RGBA, window depth
 // cpu twin: rendering/gl/depth_quads.py (depth_row)
 // test:     tests/rendering/gl/test_depth_quads.py
 
 #include "lib/no_depth.glsl"
 
-uniform sampler2D u_picture;
+uniform sampler2D u_image;
 uniform sampler2D u_before;
 uniform float u_mix;
 uniform sampler2D u_depth;
@@ -32,7 +32,7 @@ uniform float u_opacity;
 varying vec2 v_uv;
 
 void main() {
-    vec4 color = texture2D(u_picture, v_uv);
+    vec4 color = texture2D(u_image, v_uv);
     if (u_mix < 1.0)
         color = mix(texture2D(u_before, v_uv), color, u_mix);
     float t = u_t;
