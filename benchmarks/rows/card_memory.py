@@ -12,7 +12,7 @@ _SCRIPT = """
 import sys
 from benchmarks.packing import pack
 from benchmarks.napari_window import opened_in_napari, unpack_at_once
-from napari_unpack.rendering.gl.memory import ledger
+from napari_unpack.rendering.gl.memory import memory_counter
 *shape, size = (int(n) for n in sys.argv[1:])
 bag = pack(tuple(shape), (4, 3, 5))
 viewer, controller = opened_in_napari(
@@ -22,7 +22,7 @@ unpack_at_once(controller, 20)
 controller.seconds = 600.0
 controller.unpack(5)
 controller.settle(300)
-held = ledger().bytes_held()
+held = memory_counter().bytes_held()
 texel = 1 if bag.count < 256 else 2
 volumes = bag.volume.nbytes + texel * bag.labels.size
 flying, sprites = len(controller.transition.shots), len(controller.sprites.sprites)

@@ -191,7 +191,7 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
     scene = replace(scene, packed=frozenset({2, 3}), poses={1: pose})
     casts: list[int] = []
     real = compose.cast_subvolume
-    monkeypatch.setattr(compose, "cast_crop", lambda *a: (casts.append(1), real(*a))[1])
+    monkeypatch.setattr(compose, "cast_subvolume", lambda *a: (casts.append(1), real(*a))[1])
     first = scene_image(scene, camera, SIZE)
     assert len(casts) == 2
     np.testing.assert_array_equal(scene_image(scene, camera, SIZE), first)
@@ -263,7 +263,7 @@ def test_a_session_makes_another_scene_only_after_a_change() -> None:
     session = Session(made.volume, made.label_data.labels)
     first = session.scene()
     assert session.scene() is first
-    session.appearance(replace(session.camera, height=99.0))
+    session.look(replace(session.camera, height=99.0))
     assert session.scene() is first
     session.unpack([1])
     second = session.scene()

@@ -184,7 +184,7 @@ class PackedLayer(PictureLayer):
         if self._shot is None:
             return ()
         if self._cards_for is not self.frame.camera:
-            card = self._shot.quad(frame.camera, self.dimming)
+            card = self._shot.card(frame.camera, self.dimming)
             self._cards = () if card is None else (card,)
             self._cards_for = self.frame.camera
         if self._before is None:

@@ -1,4 +1,4 @@
-"""Blocks of density and differences against numpy, and images that need more than there are."""
+"""BrickCache of density and differences against numpy, and images that need more than there are."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ray_scenes import VIEWS, along, patches, ramp
 
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering.cpu import Bricks, tinted
-from napari_unpack.rendering.cpu.brick_cache import BLOCK, CAPACITY, Blocks, fill
+from napari_unpack.rendering.cpu.brick_cache import BLOCK, CAPACITY, BrickCache, fill
 from napari_unpack.rendering.cpu.simd import EDGE
 
 SHAPE = (20, 29, 34)
@@ -17,7 +17,7 @@ SHAPE = (20, 29, 34)
 def filled(volume, labels, bricks, brick):
     """Return (10, 10, 10, 4) cells and (10, 10, 10) labels of one brick, in the third block."""
     grid = tuple(-(-n // 8) for n in volume.shape)
-    blocks = Blocks.of(volume, np.ones(grid, bool), bricks)
+    blocks = BrickCache.of(volume, np.ones(grid, bool), bricks)
     at = 2 * BLOCK
     number = int(np.ravel_multi_index(brick, grid))
     fill(

@@ -7,7 +7,7 @@ import pytest
 from ray_scenes import along
 
 from napari_unpack.rendering.cpu import ray_packets
-from napari_unpack.rendering.cpu.object_ids import outlook
+from napari_unpack.rendering.cpu.object_ids import bricks_ahead
 from napari_unpack.rendering.cpu.ray_sampling import octant_of, per_voxel, ray_numbers, ray_of
 from napari_unpack.rendering.cpu.space_skipping import DirectionalSkipping
 
@@ -64,7 +64,7 @@ def test_each_sees_what_it_sees_alone(direction, fov) -> None:
         n[: ray_packets.LANES] = np.array(grids) * grid.size
         ray_packets.look_ahead(looks, *grid.shape[1:], ahead.axis, step, f, n)
         for lane, i in enumerate(lanes):
-            own, free, brick = outlook(
+            own, free, brick = bricks_ahead(
                 grid, ahead.grids, grids[lane], ahead.axis, chosen[i], step, *numbers[i],
                 *paces[lane],
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Objects pulled out of a label volume: whom they meet, by hand and by brute force."""
+"""Objects moved out of a label volume: whom they meet, by hand and by brute force."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_bricks_save_looking_and_change_nothing(seed):
     assert plain[1].any()
     np.testing.assert_array_equal(found[1], plain[1])
     some = np.arange(9) % 2 == 0
-    part = sweep_blockers(labels, (1, 1, 1), direction, visible, pulled=some)
+    part = sweep_blockers(labels, (1, 1, 1), direction, visible, moved=some)
     np.testing.assert_array_equal(part[1], plain[1] & some[plain[0]])
 
 
