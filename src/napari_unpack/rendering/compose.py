@@ -215,7 +215,7 @@ def scene_image(
         Who casts.
     shading : Shading, optional
         The light; None for none.
-    decorations : Surroundings, optional
+    decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
 
     Returns

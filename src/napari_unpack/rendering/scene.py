@@ -103,7 +103,7 @@ class Scene:
         By ID; NaN where a density is not known.
     clipping : (N, 2, 3) ndarray of float64
         Planes (point, normal) that cut what is packed, voxels z y x.
-    decorations : Surroundings
+    decorations : Decorations
         Background, box and scale bar.
     largest_id : int
         Of the tables by ID; at least the largest of the labels.

@@ -22,7 +22,7 @@ class SessionEvents(SignalGroup):
     transfer_function = Signal(object, description="the new TransferFunction")
     queue = Signal(tuple, description="IDs that can leave, the next one first")
     view = Signal(object, description="the new Camera")
-    surroundings = Signal(object, description="the new Surroundings: background, box, scale")
+    surroundings = Signal(object, description="the new Decorations: background, box, scale")
     selected = Signal(frozenset, description="IDs selected")
     message = Signal(str, description="a sentence for the user")
 

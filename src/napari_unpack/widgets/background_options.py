@@ -16,7 +16,7 @@ from napari_unpack.widgets.workspace import Workspace
 if TYPE_CHECKING:
     from napari.utils.events import Event
 
-    from napari_unpack.appearance import Background, Surroundings
+    from napari_unpack.appearance import Background, Decorations
 
 DARK, NAPARIS, COLOR, IMAGE = "Dark", "napari's own", "A colour…", "A picture…"
 NAMED = {
@@ -25,7 +25,7 @@ NAMED = {
     "Light": "light",
     "Daylight, a gradient": "daylight",
 }
-"""Titles of the backgrounds that `Surroundings.of` knows by name."""
+"""Titles of the backgrounds that `Decorations.of` knows by name."""
 
 IMAGE_FILES = "Pictures (*.png *.jpg *.jpeg *.tif *.tiff *.bmp)"
 SUGGESTED_COLOR = "#20242c"
@@ -116,7 +116,7 @@ class BackgroundOptions(Collapsible):
     def _canvas_color(self) -> Background:
         from napari.utils.theme import get_theme
 
-        from napari_unpack.appearance import Background
+        from napari_unpack.appearance import Background, Decorations
 
         rgb = get_theme(self._workspace.viewer.theme).canvas.as_rgb_tuple()
         red, green, blue = (value / 255 for value in rgb[:3])

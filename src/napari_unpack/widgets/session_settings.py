@@ -9,7 +9,7 @@ from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
-    from napari_unpack.appearance import Surroundings, TransferFunction
+    from napari_unpack.appearance import Decorations, TransferFunction
     from napari_unpack.appearance.tints import Mode
     from napari_unpack.session import Session
     from napari_unpack.widgets.directions import Direction
@@ -102,7 +102,7 @@ class SessionSettings:
         if (controller := self._workspace.controller) is not None:
             controller.recolor_at_rest = on
 
-    def set_surroundings(self, make: Callable[[], Surroundings]) -> None:
+    def set_surroundings(self, make: Callable[[], Decorations]) -> None:
         """Set the background, the box and the scale bar.
 
         Parameters

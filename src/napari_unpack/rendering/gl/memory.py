@@ -60,5 +60,5 @@ def size_of(thing: Any) -> int:
 
 @cache
 def memory_counter() -> MemoryCounter:
-    """Return the process's ledger."""
+    """Return the memory counter of the process."""
     return MemoryCounter()
