@@ -116,7 +116,7 @@ class BackgroundOptions(Collapsible):
     def _canvas_color(self) -> Background:
         from napari.utils.theme import get_theme
 
-        from napari_unpack.appearance import Background, Decorations
+        from napari_unpack.appearance import Background
 
         rgb = get_theme(self._workspace.viewer.theme).canvas.as_rgb_tuple()
         red, green, blue = (value / 255 for value in rgb[:3])
