@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Color = tuple[float, float, float, float]
 
+# Names anyone can ask for, and their colours from the top down.
 NAMED: dict[str, tuple[str, ...]] = {
     "dark": ("#0e1014",),
     "dusk": ("#39424f", "#0c0e12"),
@@ -21,7 +22,6 @@ NAMED: dict[str, tuple[str, ...]] = {
     "black": ("#000000",),
     "white": ("#ffffff",),
 }
-"""Names anyone can ask for, and their colours from the top down."""
 
 
 @dataclass(frozen=True, eq=False)

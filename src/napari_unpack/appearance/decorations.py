@@ -14,14 +14,14 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
 
+# Pairs of the corners that `geometry.boxes.box_corners` lists.
 KINDS = ("box", "scale")
 EDGES = (
     (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7),
 )  # fmt: skip
-"""Pairs of the corners that `geometry.boxes.box_corners` lists."""
 
+# Width of the box's edges, pixels of an image 720 pixels high.
 LINE = 1.3
-"""Width of the box's edges, pixels of an image 720 pixels high."""
 
 
 @dataclass(frozen=True, eq=False)

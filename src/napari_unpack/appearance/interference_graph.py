@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+# From this ID on, IDs are renumbered for the time being.
 MOST_IDS = 65_536
-"""From this ID on, IDs are renumbered for the time being."""
 
 
 def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None) -> nx.Graph:

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.boxes import LabelBoxes
 
+# Opacity, through the middle of an object, below which it is hardly seen when it stands alone.
 HARDLY_SEEN = 0.2
-"""Opacity, through the middle of an object, below which it is hardly seen when it stands alone."""
-
+# The opacity through its middle that such an object is given.
 GIVEN_OPACITY = 0.35
-"""The opacity through its middle that such an object is given."""
 
 
 def visible_alone(

@@ -12,6 +12,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+# sRGB of the ring's colours: dark yellow sides go through red, dark blue ones through violet, so
+# that they are colourful to those who see all hues.
 _ANCHORS = (
     (0.84, 0.20, 0.12),
     (1.00, 0.58, 0.05),
@@ -22,8 +24,6 @@ _ANCHORS = (
     (0.30, 0.20, 0.78),
     (0.52, 0.12, 0.45),
 )
-"""sRGB of the ring's colours: dark yellow sides go through red, dark blue ones through violet,
-so that they are colourful to those who see all hues."""
 
 PROTANOPIA = (
     (0.152286, 1.052583, -0.204868),
@@ -151,14 +151,13 @@ def tints_of(
     return table
 
 
+# Straight RGBA of matter without a label: grey, and so thin that objects are seen through it.
 UNLABELLED_TINT = (0.8, 0.8, 0.8, 0.3)
-"""Straight RGBA of matter without a label: grey, and so thin that objects are seen through it."""
 
+# Opacity per voxel that an object alone has at its mean density at least.
 LEGIBLE_OPACITY = 0.2
-"""Opacity per voxel that an object alone has at its mean density at least."""
-
+# Above it noise inside a faint object would be as visible as the object.
 MOST_OPACITY_GAIN = 8.0
-"""Above it noise inside a faint object would be as visible as the object."""
 
 
 def packed_tints(

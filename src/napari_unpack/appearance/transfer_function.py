@@ -117,14 +117,14 @@ def _otsu(values: NDArray[np.float64]) -> float:
 Point = tuple[float, float]
 Color = tuple[float, tuple[float, float, float]]
 
+# Opacity points for CT, density being CT number + 1000: everything, cloth to water, solids,
+# metal.
 PRESETS: dict[str, tuple[Point, ...]] = {
     "all": ((0, 0.0), (150, 0.0), (550, 0.12), (1100, 0.35), (4000, 0.6)),
     "soft": ((0, 0.0), (150, 0.0), (450, 0.2), (1000, 0.45), (1300, 0.1), (4000, 0.05)),
     "dense": ((0, 0.0), (950, 0.0), (1400, 0.3), (4000, 0.7)),
     "metal": ((0, 0.0), (3000, 0.0), (4500, 0.6), (12000, 0.9)),
 }
-"""Opacity points for CT, density being CT number + 1000: everything, cloth to water, solids,
-metal."""
 
 
 @dataclass(frozen=True)

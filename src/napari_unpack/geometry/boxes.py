@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# A box of voxels, z y x.
 Box = tuple[slice, slice, slice]
-"""A box of voxels, z y x."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
 
+# Up in a CT scan as scanners lay it out: rows (y) grow downwards, towards the table.
 GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
-"""Up in a CT scan as scanners lay it out: rows (y) grow downwards, towards the table."""
 
+# Direction of looking into an open bag that lies on a table: a good first view.
 FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
-"""Direction of looking into an open bag that lies on a table: a good first view."""
 
+# Beyond this cosine between looking and gravity, up in the image is -z unless told.
 STEEPEST = 0.97
-"""Beyond this cosine between looking and gravity, up in the image is -z unless told."""
 
 
 @dataclass(frozen=True)

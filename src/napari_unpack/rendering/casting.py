@@ -21,11 +21,11 @@ from napari_unpack.rendering.backends import with_backend
 if TYPE_CHECKING:
     from napari_unpack.rendering.cpu import Bricks, Runs
 
+# Rows of the transfer function's table.
 TABLE_ENTRIES = 1024
-"""Rows of the transfer function's table."""
 
+# First row, first column, height and width of the part of an image to be cast.
 Window = tuple[int, int, int, int]
-"""First row, first column, height and width of the part of an image to be cast."""
 
 
 class TransferFunctionLike(Protocol):

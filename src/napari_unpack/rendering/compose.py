@@ -23,8 +23,8 @@ from napari_unpack.rendering.object_casting import cast_subvolume
 from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
 from napari_unpack.rendering.upsampling import upsampled
 
+# Samples a voxel edge of what stands still: a thin coin shows stripes with one.
 SAMPLES_AT_REST = 3
-"""Samples a voxel edge of what stands still: a thin coin shows stripes with one."""
 
 
 def packed_image(
@@ -183,11 +183,10 @@ def sprite_image(
     return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
 
 
+# Opacity of everything else while one object is inspected.
 DIMMED = 0.16
-"""Opacity of everything else while one object is inspected."""
-
+# How much of the image's shorter side an inspected object's bounding sphere fills.
 SHARE_OF_VIEW = 0.72
-"""How much of the image's shorter side an inspected object's bounding sphere fills."""
 
 
 def scene_image(

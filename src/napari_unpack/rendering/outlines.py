@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+# Standard deviation of the blur that takes the steps from a line, pixels.
 RGBA = tuple[float, float, float, float]
 SOFTNESS = 0.6
-"""Standard deviation of the blur that takes the steps from a line, pixels."""
 
 
 @dataclass(frozen=True)

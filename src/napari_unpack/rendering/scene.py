@@ -22,8 +22,8 @@ from napari_unpack.rendering.subvolumes import RenderCache, Subvolume, Subvolume
 from napari_unpack.rendering.upsampling import appearance_at
 from napari_unpack.unpacking import Flight
 
+# The light of every image unless another is asked for.
 LIGHT = Shading()
-"""The light of every image unless another is asked for."""
 
 _MASTER_STYLE = ObjectStyle()
 

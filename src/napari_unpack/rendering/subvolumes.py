@@ -27,11 +27,10 @@ from napari_unpack.rendering.validation import checked_volume
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
 
+# Voxels around an object's box: two of fringe, one for interpolation, one for the gradient.
 MARGIN = 4
-"""Voxels around an object's box: two of fringe, one for interpolation, one for the gradient."""
-
+# Subvolumes and images kept for one session.
 MEGABYTES = 512
-"""Subvolumes and images kept for one session."""
 
 
 @dataclass(frozen=True, eq=False)

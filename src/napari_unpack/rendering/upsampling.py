@@ -16,19 +16,18 @@ from napari_unpack.rendering.subvolumes import Subvolume
 
 Array = NDArray[np.float32]
 
+# Voxels along the longest side from which stairs are too small to be seen.
 LONG = 160
-"""Voxels along the longest side from which stairs are too small to be seen."""
 
 MOST_VOXELS = 1_200_000
 FINEST = 4
 
+# Coverage between which density rises from air's to the object's. The middle is below 1/2, or a
+# wire one voxel thick, whose smoothed coverage is 4/9 on its axis, would be lost.
 EDGE = 0.3, 0.55
-"""Coverage between which density rises from air's to the object's. The middle is below 1/2, or a
-wire one voxel thick, whose smoothed coverage is 4/9 on its axis, would be lost."""
-
+# Coverage from which labels are the object's: where density is still air's, so that the edge is
+# where density ends and not where labels do.
 REACH = 0.02
-"""Coverage from which labels are the object's: where density is still air's, so that the edge is
-where density ends and not where labels do."""
 
 
 def upsampled(

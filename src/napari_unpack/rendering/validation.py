@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.view import View
 
+# As many IDs as uint16 labels tell apart, the background among them.
 MOST_IDS = 65_536
-"""As many IDs as uint16 labels tell apart, the background among them."""
-
+# Differences of such densities, and differences of those, are still float32 numbers.
 MOST_DENSITY = 1e37
-"""Differences of such densities, and differences of those, are still float32 numbers."""
 
 
 @dataclass(frozen=True, eq=False)

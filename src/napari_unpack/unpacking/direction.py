@@ -10,6 +10,7 @@ from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.view import GRAVITY_UP, Camera
 from napari_unpack.unpacking.oriented_box import OrientedBox
 
+# The six axes by name, world z y x.
 AXES: dict[str, tuple[float, float, float]] = {
     "+z": (1.0, 0.0, 0.0),
     "-z": (-1.0, 0.0, 0.0),
@@ -18,7 +19,6 @@ AXES: dict[str, tuple[float, float, float]] = {
     "+x": (0.0, 0.0, 1.0),
     "-x": (0.0, 0.0, -1.0),
 }
-"""The six axes by name, world z y x."""
 
 
 def towards_viewer(camera: Camera) -> Vector:

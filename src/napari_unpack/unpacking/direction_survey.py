@@ -18,6 +18,7 @@ from napari_unpack.unpacking.occlusion import unpackable_ids
 Group = tuple[int, ...]
 Mask = NDArray[np.bool_]
 
+# (26, 3) unit vectors to the faces, edges and corners of a cube; k and 25 - k are opposite.
 DIRECTIONS_26: NDArray[np.float64] = np.array(
     [
         np.array(steps) / np.linalg.norm(steps)
@@ -25,7 +26,6 @@ DIRECTIONS_26: NDArray[np.float64] = np.array(
         if any(steps)
     ]
 )
-"""(26, 3) unit vectors to the faces, edges and corners of a cube; k and 25 - k are opposite."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,9 @@ from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 
+# Parts of the way: on along D until the first, round the bag from the second.
 STRAIGHT_UNTIL = 0.5
 TURNING_FROM = 0.2
-"""Parts of the way: on along D until the first, round the bag from the second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +99,11 @@ def _way_out(start: Vector, along: Vector, radius: float) -> float:
     return 0.0 if inside <= 0.0 else float(np.sqrt(towards**2 + inside)) - towards
 
 
+# Least and most of a flight's time spent on the way along D.
 SHARE_OF_FIRST_LEG = (0.22, 0.42)
-"""Least and most of a flight's time spent on the way along D."""
 
+# No object flies further towards the viewer than this fraction of the eye's distance.
 NEAREST_TO_EYE = 0.6
-"""No object flies further towards the viewer than this fraction of the eye's distance."""
 
 
 def clearance(

@@ -13,17 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import rotation_about
 
+# Hull faces tried; more are thinned out evenly by area.
 MOST_FACES = 400
-"""Hull faces tried; more are thinned out evenly by area."""
-
+# Of more points than these only the outermost along so many directions are looked at.
 MOST_POINTS = 500
-"""Of more points than these only the outermost along so many directions are looked at."""
-
+# Turns, over a right angle, by which faces are judged before the best are looked at closely.
 ANGLES = 16
-"""Turns, over a right angle, by which faces are judged before the best are looked at closely."""
-
+# Faces looked at closely.
 FINALISTS = 12
-"""Faces looked at closely."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,8 +231,8 @@ def _least_rectangle(points: NDArray[np.float64], normal: Vector) -> Matrix:
     return np.stack([normal, first, np.cross(normal, first)])
 
 
+# Degrees by which the top and a side are turned to the viewer, so that depth shows.
 SLANT = (18.0, -24.0)
-"""Degrees by which the top and a side are turned to the viewer, so that depth shows."""
 
 
 def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = SLANT) -> Matrix:

@@ -12,21 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+# Least length of a sprite's longer side, where the window has room for as many as there are.
 LEAST_PIXELS = 64
-"""Least length of a sprite's longer side, where the window has room for as many as there are."""
-
+# So many sprites stand in the window whatever its shape, if need be smaller than that.
 MOST_INSIDE = 256
-"""So many sprites stand in the window whatever its shape, if need be smaller than that."""
-
+# Least distance in pixels between sprites, from the bag and from the window's edge.
 GAP = 8
-"""Least distance in pixels between sprites, from the bag and from the window's edge."""
-
+# Least radius of the bag's circle, in the window's shorter side, for the sake of sprites.
 LEAST_BAG = 0.27
-"""Least radius of the bag's circle, in the window's shorter side, for the sake of sprites."""
 
 
+# How much more a larger bag counts than larger sprites.
 WEIGHT_OF_BAG = 1.5
-"""How much more a larger bag counts than larger sprites."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,14 +18,13 @@ from napari_unpack.rendering.cpu.bricks import Bricks, Density
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.simd import EDGE, copy_row, gather_row
 
+# Voxels from one block to the next: EDGE ** 3 and what the last row writes beyond its end.
 BLOCK = 1008
-"""Voxels from one block to the next: EDGE ** 3 and what the last row writes beyond its end."""
-
+# Blocks a thread keeps; when it wants more it begins afresh.
 CAPACITY = 512
-"""Blocks a thread keeps; when it wants more it begins afresh."""
 
+# Instead of a block's place: nothing can be seen in the brick; no object has asked for it.
 EMPTY, ABSENT = -2, -1
-"""Instead of a block's place: nothing can be seen in the brick; no object has asked for it."""
 
 _AROUND = BRICK + 4
 _LINE = 16

@@ -144,8 +144,8 @@ class Bricks:
         return out
 
 
+# The owner of bricks outside the volume, for `_stride`: it differs from no object.
 OUTSIDE = -2
-"""The owner of bricks outside the volume, for `_stride`: it differs from no object."""
 
 
 @dataclass(frozen=True, eq=False)

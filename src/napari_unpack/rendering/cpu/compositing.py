@@ -71,11 +71,10 @@ from napari_unpack.rendering.cpu.ray_sampling import (
 )
 from napari_unpack.rendering.cpu.simd import LANES, blend_cell, forward, lay_over, look_up
 
+# A ray ends once its alpha reaches this; the GLSL twin stops at the same.
 OPAQUE = 0.99
-"""A ray ends once its alpha reaches this; the GLSL twin stops at the same."""
-
+# Liberties the compiler may take with colours; never with positions, which all passes share.
 FLOAT = {"contract", "reassoc", "nsz", "arcp", "nnan"}
-"""Liberties the compiler may take with colours; never with positions, which all passes share."""
 
 # Rows of a chunk: the way from one entry of the transfer function to the next, light, highlight
 # without its power, the way from one entry of the power to the next; both entries.
@@ -188,14 +187,12 @@ def shade(  # type: ignore[no-untyped-def]
     return ended
 
 
+# Opacities tabulated for one length of step.
 ENTRIES = 2049
-"""Opacities tabulated for one length of step."""
-
+# Lengths of step closer than this share a table.
 RATIO = 1.001
-"""Lengths of step closer than this share a table."""
-
+# As many tables for an image; lengths that share one are farther apart where these are few.
 MOST_LENGTHS = 256
-"""As many tables for an image; lengths that share one are farther apart where these are few."""
 
 
 def correction(rays: Rays, spacing: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -256,8 +253,8 @@ def family_of(exponent, exponents):  # type: ignore[no-untyped-def]
     return np.uint64(min(max(n, 0.0), np.float64(last)))
 
 
+# Voxels across a tile, where TILE pixels would be more.
 BREADTH = 24.0
-"""Voxels across a tile, where TILE pixels would be more."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# A word has 2^6 bits.
 WORD = 6
-"""A word has 2^6 bits."""
-
+# Words of a line of the cache.
 LINE = 8
-"""Words of a line of the cache."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,14 +64,12 @@ from napari_unpack.rendering.cpu.ray_sampling import (
 from napari_unpack.rendering.cpu.simd import eight_bits, ones_of
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# Above this many objects there is no table of who blocks whom: it grows with their square.
 MOST_IN_TABLE = 4096
-"""Above this many objects there is no table of who blocks whom: it grows with their square."""
-
+# Samples of one run, at most; longer ones are written as several.
 LONGEST = 0xFFFF
-"""Samples of one run, at most; longer ones are written as several."""
-
+# Bits of a run below its object's ID.
 ABOVE = np.uint32(16)
-"""Bits of a run below its object's ID."""
 
 Counters = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
@@ -217,11 +215,11 @@ def _count_runs(runs, visible, slots, counts, stamps, seen, blocks):  # type: ig
                         blocks[slots[seen[earlier]], slots[label]] = True
 
 
+# The look of rays without bricks: labels have to be read.
 UNKNOWN = np.int32(-(2**31))
-"""The look of rays without bricks: labels have to be read."""
 
+# Runs that are kept, at least, before they are handed over.
 ROOM = 1 << 18
-"""Runs that are kept, at least, before they are handed over."""
 
 Scratch = tuple[NDArray[np.uint32], NDArray[np.uint32]]
 

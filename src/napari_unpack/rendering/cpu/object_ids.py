@@ -31,8 +31,8 @@ from napari_unpack.rendering.cpu.ray_sampling import (
 from napari_unpack.rendering.cpu.space_skipping import DirectionalSkipping
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# Labels that are read together: those of a brick, but for rays of very short steps.
 AHEAD = 16
-"""Labels that are read together: those of a brick, but for rays of very short steps."""
 
 
 def ground(

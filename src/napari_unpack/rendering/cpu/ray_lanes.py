@@ -12,8 +12,8 @@ from numba import njit
 
 from napari_unpack.rendering.cpu.simd import EDGE, LANES, lowest_of
 
+# Liberties the compiler may take with positions, which all passes share: none that moves one.
 ORDERED = {"nnan", "nsz"}
-"""Liberties the compiler may take with positions, which all passes share: none that moves one."""
 
 # Rows of the rays: origin and direction in voxels, `per_voxel`, the next sample, where in their
 # step samples lie, and the first sample that is not theirs.
@@ -32,7 +32,6 @@ PLACE_ROWS = 8
 
 # Rows of the samples: how far into the cell, and depth.
 SPOT_ROWS = 4
-
 # The queue of samples to be lit holds two chunks. Rows: how far into the cell, depth, and the
 # light's direction; the cell in the blocks, the label, the pixel and its ray's lane.
 QUEUE = 2 * LANES

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# Rays of a packet.
 LANES = 32
-"""Rays of a packet."""
 
 # Rows of the float scratch: a ray as `ray_of` and `per_voxel` give it, its sample, the first one
 # that may lie elsewhere, and from the ray's origin to the middle of the brick.
@@ -33,20 +33,19 @@ CURRENT, LENGTH = 3 * LANES, 4 * LANES
 FOUND, COUNT, EVENT = 5 * LANES, 6 * LANES, 7 * LANES
 INTEGER_ROWS = 8
 
+# Found: labels that have to be read one by one.
 SEVERAL = np.int32(-2)
-"""Found: labels that have to be read one by one."""
 
+# Events: the ray comes to another object, or to its end.
 TURNS, ENDS = np.int32(1), np.int32(2)
-"""Events: the ray comes to another object, or to its end."""
 
+# Samples of a mixed brick that are looked at together; `walking.AHEAD`.
 TOGETHER = 16.0
-"""Samples of a mixed brick that are looked at together; `walking.AHEAD`."""
-
+# Liberties the compiler may take: none that could move a sample, or a comparison of numbers.
 ORDERED = {"nnan", "nsz"}
-"""Liberties the compiler may take: none that could move a sample, or a comparison of numbers."""
 
+# The largest distance ahead; owners stand above it in a look.
 MOST = 255
-"""The largest distance ahead; owners stand above it in a look."""
 
 
 def looks_of(

@@ -37,14 +37,12 @@ def density_at(volume, z, y, x):  # type: ignore[no-untyped-def]
     return ez * near + fz * far
 
 
+# No ray has more samples than this on either side of the pivot plane.
 FAR = 1.0e9
-"""No ray has more samples than this on either side of the pivot plane."""
-
+# Voxels along the edge of a brick (bricks.py).
 BRICK = 8
-"""Voxels along the edge of a brick (bricks.py)."""
-
+# Pixels along the edge of a tile: the voxels behind one stay in the processor's cache.
 TILE = 32
-"""Pixels along the edge of a tile: the voxels behind one stay in the processor's cache."""
 
 
 def clipping_planes(clipping: ArrayLike | None) -> NDArray[np.float64]:
@@ -200,8 +198,8 @@ def leap_along(layers, at, k, phase, origin, pace):  # type: ignore[no-untyped-d
     return max(k + 1, int(np.floor(edge - phase + 0.999)))
 
 
+# Rows of the scratch: the first sample inside, the one after the last, and whether that is so.
 ENTRY, EXIT, SURE = 0, TILE, 2 * TILE
-"""Rows of the scratch: the first sample inside, the one after the last, and whether that is so."""
 
 ROWS = 3
 

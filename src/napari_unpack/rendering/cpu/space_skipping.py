@@ -16,14 +16,12 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.bricks import Strides
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# Layers of bricks that a path of bricks is followed.
 LONGEST = 96
-"""Layers of bricks that a path of bricks is followed."""
-
+# Bricks sideways a brick ahead, above which cubes serve as well.
 STEEPEST = 1.5
-"""Bricks sideways a brick ahead, above which cubes serve as well."""
-
+# Bricks that rounding may put a sample aside.
 SLACK = 1e-9
-"""Bricks that rounding may put a sample aside."""
 
 
 @dataclass(frozen=True, eq=False)

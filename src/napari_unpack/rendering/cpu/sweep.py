@@ -12,9 +12,9 @@ from napari_unpack.rendering.cpu.bricks import Bricks, strides
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# Looks per voxel edge on the way.
 MOST_IN_TABLE = 4096
 STEPS = 4
-"""Looks per voxel edge on the way."""
 
 
 def sweep_blockers(

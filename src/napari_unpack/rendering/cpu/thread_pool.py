@@ -19,8 +19,8 @@ from threading import Condition, Lock, get_ident
 from time import monotonic
 from typing import TypeVar
 
+# Seconds that one worker lets others go first in all: nothing waits for ever.
 PATIENCE = 0.25
-"""Seconds that one worker lets others go first in all: nothing waits for ever."""
 
 
 class InteractivePriority:
@@ -58,8 +58,8 @@ class InteractivePriority:
         return patience - (monotonic() - start)
 
 
+# Of this process, as its cores are.
 INTERACTIVE_PRIORITY = InteractivePriority()
-"""Of this process, as its cores are."""
 
 
 State = TypeVar("State")

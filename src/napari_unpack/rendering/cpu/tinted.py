@@ -17,8 +17,8 @@ from napari_unpack.rendering.cpu.compositing import correction, march
 from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_planes, ray_numbers
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# No light at all: the transfer function's colours as they are.
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
-"""No light at all: the transfer function's colours as they are."""
 
 
 def tinted(

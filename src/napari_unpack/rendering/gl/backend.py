@@ -279,8 +279,8 @@ def forget(array: NDArray[Any] | None = None) -> None:
 class Workspace:
     """Passes, targets and textures of the offscreen context."""
 
+    # Volumes whose textures stay.
     keep = 2
-    """Volumes whose textures stay."""
 
     def __init__(self) -> None:
         self.ids = ObjectIdPass()

@@ -135,8 +135,8 @@ def _checked(
     return color, depth
 
 
+# Top left corner, edge to the right, edge down, each (4,) in clip space (x, y, z, w).
 Frame = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Top left corner, edge to the right, edge down, each (4,) in clip space (x, y, z, w)."""
 
 
 @dataclass(frozen=True)

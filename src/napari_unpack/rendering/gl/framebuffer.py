@@ -18,11 +18,10 @@ from vispy.gloo.context import GLContext, get_current_canvas
 
 from napari_unpack.rendering.gl.memory import TARGETS, memory_counter
 
+# Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl.
 NO_DEPTH = 1.0e30
-"""Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl."""
-
+# A driver keeps a few errors; one that lost its context never runs out of them.
 MOST_COMPLAINTS = 8
-"""A driver keeps a few errors; one that lost its context never runs out of them."""
 
 
 class Target:

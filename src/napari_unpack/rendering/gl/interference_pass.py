@@ -16,8 +16,8 @@ from napari_unpack.rendering.gl.occlusion_atomics import (
 from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.uniforms import assign
 
+# Objects of an image; with more of them the tables outgrow what a driver likes to give.
 MOST_OBJECTS = 4096
-"""Objects of an image; with more of them the tables outgrow what a driver likes to give."""
 
 
 class InterferencePass:

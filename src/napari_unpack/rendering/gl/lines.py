@@ -11,11 +11,10 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.gl.depth_quads import Frame, ImageTexture, Quad, ScreenPlace
 
+# Depths along a line.
 STEPS = 256
-"""Depths along a line."""
-
+# Alpha across a line: texels that are interpolated, so its sides are soft.
 ACROSS = (0.0, 1.0, 1.0, 0.0)
-"""Alpha across a line: texels that are interpolated, so its sides are soft."""
 
 
 @dataclass(frozen=True)

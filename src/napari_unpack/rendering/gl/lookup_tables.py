@@ -8,8 +8,8 @@ from vispy import gloo
 
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 
+# Texels a row of an ID table; the twin of table_row in shaders/lib/label_lookup.glsl.
 WIDTH = 256
-"""Texels a row of an ID table; the twin of table_row in shaders/lib/label_lookup.glsl."""
 
 
 class IdTable:

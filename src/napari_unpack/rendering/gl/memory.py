@@ -11,11 +11,11 @@ from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
+# Bytes of a texel in the formats that we use.
 TEXEL = {"r8": 1, "r16": 2, "r32f": 4, "rgba8": 4, "rgba32f": 16}
-"""Bytes of a texel in the formats that we use."""
 
+# What the bytes are for: the two volumes, frame buffers, images sent as arrays, all the rest.
 DENSITY, LABELS, TARGETS, PICTURES, TABLES = "density", "labels", "targets", "pictures", "tables"
-"""What the bytes are for: the two volumes, frame buffers, images sent as arrays, all the rest."""
 
 
 class MemoryCounter:

@@ -15,9 +15,9 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 
+# Each pass reads all earlier ones; 7 beside the labels and tables fit any driver's 16 samplers.
 LAYERS_A_PASS = 4
 MOST_LAYERS = 32
-"""Each pass reads all earlier ones; 7 beside the labels and tables fit any driver's 16 samplers."""
 
 
 class ObjectIdPass:

@@ -19,8 +19,8 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 
+# OpenGL with shader storage buffers and their atomics.
 NEEDED = (4, 3)
-"""OpenGL with shader storage buffers and their atomics."""
 
 VERSION = "430 compatibility"
 

@@ -20,8 +20,8 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import assign, plane_uniforms, ray_uniforms
 
+# Above this many objects one pass for all of them is the better way.
 MOST_QUERIED = 256
-"""Above this many objects one pass for all of them is the better way."""
 
 
 @dataclass(frozen=True, eq=False)

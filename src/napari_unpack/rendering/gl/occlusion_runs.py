@@ -18,12 +18,12 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 
+# Where a ray that is done would resume; the twin of shaders/passes/label_runs.frag.
 RUNS_A_PASS = 6
 NO_MORE = 1.0e30
-"""Where a ray that is done would resume; the twin of shaders/passes/label_runs.frag."""
 
+# Above this many objects there is no table of who blocks whom, as on the CPU.
 MOST_IN_TABLE = 4096
-"""Above this many objects there is no table of who blocks whom, as on the CPU."""
 
 
 class OcclusionPass:
@@ -35,8 +35,8 @@ class OcclusionPass:
         How often it has walked rays.
     """
 
+    # Attachments of its targets: six runs, and where to resume.
     channels = (4, 4, 4, 1)
-    """Attachments of its targets: six runs, and where to resume."""
 
     def __init__(self) -> None:
         self.passes = 0

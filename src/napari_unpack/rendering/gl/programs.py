@@ -20,9 +20,9 @@ from vispy import gloo
 from napari_unpack.rendering.gl.framebuffer import current_context, namespace
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 
+# Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names.
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 STRIDE = 100_000
-"""Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names."""
 
 
 @dataclass(frozen=True)

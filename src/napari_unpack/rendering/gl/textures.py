@@ -19,11 +19,10 @@ Factor = tuple[int, int, int]
 Box = tuple[slice, slice, slice]
 Held: TypeAlias = "gloo.Texture3D | VoxelBuffer"
 
+# What is sent to the graphics card at one go, unless a single plane is more.
 SLAB_BYTES = 8 * 2**20
-"""What is sent to the graphics card at one go, unless a single plane is more."""
-
+# Texture format of each density type, and the density that a texel of 1.0 means.
 FORMATS = {"uint8": ("r8", 255.0), "uint16": ("r16", 65535.0), "float32": ("r32f", 1.0)}
-"""Texture format of each density type, and the density that a texel of 1.0 means."""
 
 
 class VolumeTextures:

@@ -20,16 +20,16 @@ from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
 
+# No light at all: the transfer function's colours as they are.
 UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
-"""No light at all: the transfer function's colours as they are."""
 
+# Samples that a software rasteriser takes before it asks for empty bricks again.
+#
+# Eight pixels go there in step, and wait where one goes on alone; on hardware they do not.
 RUN = 6.0
-"""Samples that a software rasteriser takes before it asks for empty bricks again.
 
-Eight pixels go there in step, and wait where one goes on alone; on hardware they do not."""
-
+# First column, first row, width and height of a part of an image, as GL's scissors take it.
 PixelWindow = tuple[int, int, int, int]
-"""First column, first row, width and height of a part of an image, as GL's scissors take it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +79,8 @@ class TintedPass:
         How often it has cast rays.
     """
 
+    # Attachments it draws into: premultiplied RGBA, and t where alpha first reached 1/2.
     channels = (4, 1)
-    """Attachments it draws into: premultiplied RGBA, and t where alpha first reached 1/2."""
 
     def __init__(self, programs: Programs | None = None) -> None:
         self.passes = 0

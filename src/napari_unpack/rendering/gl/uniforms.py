@@ -13,8 +13,8 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
 
+# Clipping planes a shader takes; the twin of shaders/lib/clip_planes.glsl.
 MAX_PLANES = 8
-"""Clipping planes a shader takes; the twin of shaders/lib/clip_planes.glsl."""
 
 Uniforms = dict[str, Any]
 
@@ -63,8 +63,8 @@ def plane_uniforms(clipping: ArrayLike | None) -> Uniforms:
     return uniforms | {"u_plane_count": float(len(planes))}
 
 
+# Share of bricks that may have become empty before distances are worked out anew.
 STALE = 1 / 8
-"""Share of bricks that may have become empty before distances are worked out anew."""
 
 
 class Leaps:

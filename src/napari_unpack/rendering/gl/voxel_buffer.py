@@ -14,11 +14,10 @@ from napari_unpack.rendering.gl.framebuffer import current_context, renderer
 from napari_unpack.rendering.gl.memory import DENSITY, memory_counter
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 
+# Texture unit of the volume: vispy counts those of its own from 0, and every driver has 16.
 UNIT = 15
-"""Texture unit of the volume: vispy counts those of its own from 0, and every driver has 16."""
-
+# What lib/voxel_buffer.glsl is written in, beyond GLSL 1.20.
 EXTENSIONS = ("GL_EXT_gpu_shader4", "GL_ARB_texture_buffer_object")
-"""What lib/voxel_buffer.glsl is written in, beyond GLSL 1.20."""
 
 
 class VoxelBuffer:

@@ -13,11 +13,10 @@ from numba.extending import intrinsic
 
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 
+# Rays side by side, and samples of a chunk; at most 64.
 LANES = 32
-"""Rays side by side, and samples of a chunk; at most 64."""
-
+# Voxels along the edge of a cached brick: a voxel of its neighbours on either side.
 EDGE = BRICK + 2
-"""Voxels along the edge of a cached brick: a voxel of its neighbours on either side."""
 
 _FLOAT = ir.FloatType()
 _MAY = ("contract", "reassoc", "nsz", "nnan")
@@ -107,12 +106,12 @@ def _row_of_cells(
     return types.void(flat, at, line, plane, cells, to), generate
 
 
+# gather_row(flat, at, line, plane, cells, to): density and its differences along z, y, x of the
+# voxels flat[at : at + 12], to cells[4 to : 4 to + 48].
+#
+# Voxels are `line` and `plane` apart along y and z. Sixteen are read, so two too many on either
+# side may be; of float32, or of uint16 into float32 or, if all differences fit, int16.
 gather_row: Any = intrinsic(_row_of_cells)
-"""gather_row(flat, at, line, plane, cells, to): density and its differences along z, y, x of the
-voxels flat[at : at + 12], to cells[4 to : 4 to + 48].
-
-Voxels are `line` and `plane` apart along y and z. Sixteen are read, so two too many on either
-side may be; of float32, or of uint16 into float32 or, if all differences fit, int16."""
 
 
 def _row_of_eight(typingctx: Any, source: Any, at: Any, target: Any, to: Any) -> Any:
@@ -127,8 +126,8 @@ def _row_of_eight(typingctx: Any, source: Any, at: Any, target: Any, to: Any) ->
     return types.void(source, at, target, to), generate
 
 
+# copy_row(source, at, target, to): target[to : to + 8] = source[at : at + 8], of one dtype.
 copy_row: Any = intrinsic(_row_of_eight)
-"""copy_row(source, at, target, to): target[to : to + 8] = source[at : at + 8], of one dtype."""
 
 
 def _blend(
@@ -158,9 +157,9 @@ def _blend(
     return types.void(cells, at, fz, fy, fx, out, to), generate
 
 
+# blend_cell(cells, at, fz, fy, fx, out, to): interpolate density and differences in the cell of a
+# block whose first voxel is `at`, to out[4 to : 4 to + 4]; float32.
 blend_cell: Any = intrinsic(_blend)
-"""blend_cell(cells, at, fz, fy, fx, out, to): interpolate density and differences in the cell of
-a block whose first voxel is `at`, to out[4 to : 4 to + 4]; float32."""
 
 
 def _look_up(
@@ -182,9 +181,9 @@ def _look_up(
     return types.void(table, row, part, tints, label, out, to), generate
 
 
+# look_up(table, row, part, tints, label, out, to): the colour and opacity `part` of the way from
+# one row of the table to the next, times the tint, to out[4 to : 4 to + 4]; float32.
 look_up: Any = intrinsic(_look_up)
-"""look_up(table, row, part, tints, label, out, to): the colour and opacity `part` of the way from
-one row of the table to the next, times the tint, to out[4 to : 4 to + 4]; float32."""
 
 
 def _lay_over(
@@ -218,9 +217,9 @@ def _lay_over(
     return types.void(image, pixel, weight, colors, at, light, gloss), generate
 
 
+# lay_over(image, pixel, weight, colors, at, light, gloss): add colour number `at`, lit, at most 1
+# and weighted, to a pixel, and the weight itself to its alpha; float32.
 lay_over: Any = intrinsic(_lay_over)
-"""lay_over(image, pixel, weight, colors, at, light, gloss): add colour number `at`, lit, at most
-1 and weighted, to a pixel, and the weight itself to its alpha; float32."""
 
 
 def _forward(typingctx: Any, rays: Any, k: Any, end: Any, places: Any, slot: Any) -> Any:
@@ -245,8 +244,8 @@ def _forward(typingctx: Any, rays: Any, k: Any, end: Any, places: Any, slot: Any
     return types.UniTuple(types.uint64, 2)(rays, k, end, places, slot), generate
 
 
+# forward(rays, k, end, places, slot): lanes whose number in row `slot` of `places` is not
+# negative go on by a sample, 1 in row `k` of `rays`.
+#
+# Returns two masks, a bit a lane: those lanes, and those that have come to their end.
 forward: Any = intrinsic(_forward)
-"""forward(rays, k, end, places, slot): lanes whose number in row `slot` of `places` is not
-negative go on by a sample, 1 in row `k` of `rays`.
-
-Returns two masks, a bit a lane: those lanes, and those that have come to their end."""

@@ -12,8 +12,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+# Samples that are looked up together.
 EIGHT = 8
-"""Samples that are looked up together."""
 
 
 def _eight_bits(typingctx: Any, words: Any, place: Any, k: Any, step: Any, *ray: Any) -> Any:
@@ -66,11 +66,11 @@ def _typed(
     return _eight_bits(typingctx, words, place, k, step, pz, py, px, dz, dy, dx)
 
 
+# eight_bits(words, place, k, step, pz, py, px, dz, dy, dx): bit i is that of sample k + i.
+#
+# The brick's eight words begin at `place` (uint64); k is a float. Samples outside the brick have
+# some bit of it.
 eight_bits: Any = intrinsic(_typed)
-"""eight_bits(words, place, k, step, pz, py, px, dz, dy, dx): bit i is that of sample k + i.
-
-The brick's eight words begin at `place` (uint64); k is a float. Samples outside the brick have
-some bit of it."""
 
 
 def _ones(typingctx: Any, bits: Any) -> Any:
@@ -83,8 +83,8 @@ def _ones(typingctx: Any, bits: Any) -> Any:
     return types.uint64(bits), generate
 
 
+# ones_of(bits): how many bits are set.
 ones_of: Any = intrinsic(_ones)
-"""ones_of(bits): how many bits are set."""
 
 
 def _lowest(typingctx: Any, bits: Any) -> Any:
@@ -97,5 +97,5 @@ def _lowest(typingctx: Any, bits: Any) -> Any:
     return types.uint64(bits), generate
 
 
+# lowest_of(bits): which is the lowest bit set, of a mask that is not 0.
 lowest_of: Any = intrinsic(_lowest)
-"""lowest_of(bits): which is the lowest bit set, of a mask that is not 0."""
