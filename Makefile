@@ -9,6 +9,8 @@ OUTPUT ?= demo-output
 
 # Two tests run at a time; make test WORKERS= runs them one after another.
 WORKERS ?= -n 2 --dist worksteal
+# The plugin's tests wait much of their time: for flights, for idle moments, for frames.
+PLUGIN_WORKERS ?= $(subst -n 2,-n 3,$(WORKERS))
 
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
@@ -46,7 +48,7 @@ test-plain: $(READY)
 
 test-plugin: $(READY)
 	@echo "[test 2/2] the plugin in a real viewer on a virtual screen"
-	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(WORKERS) tests/plugin
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(PLUGIN_WORKERS) tests/plugin
 
 lint: $(READY)
 	@$(BIN)/ruff format --check .
