@@ -65,6 +65,6 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     session.rule = "first_hit"
     controller.unpack(1)
     # Coming to rest may ask the same meanwhile.
-    assert asked[0] == [(True, "Looking for what can leave…")]
+    assert asked[0] == [(True, "Looking for unpackable objects…")]
     assert [looking for looking, _ in said] == [True, False]
     panel.end()

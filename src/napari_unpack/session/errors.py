@@ -21,7 +21,7 @@ class NoTableError(ValueError):
         """Make the error for a bag with so many packed objects."""
         return cls(
             "reveal needs to know which objects block which, and only the rule 'exact' finds that, "
-            f"up to 4,096 objects; {packed} are packed: choose that rule, or hide or unpack some first"
+            f"up to 4,096 objects; {packed} are packed: choose that rule, or hide or unpack some"
         )
 
 
