@@ -14,9 +14,10 @@ from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.rendering.compose import object_image, packed_image
-from napari_unpack.rendering.object_style import ObjectStyle, cut_open, facts_of
+from napari_unpack.rendering.object_style import ObjectStyle, cut_open
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.containers import opened, parts_by_density, surrounded
+from napari_unpack.session.object_facts import facts_of
 from tin import tin
 
 SPACING = (2.0, 1.0, 1.0)
@@ -167,7 +168,9 @@ def test_the_cut_takes_what_is_nearest_on_mirrored_and_stretched_bags_too(
     stretch = mirror * stretch / np.cbrt(np.linalg.det(stretch))
     session.look(Camera.looking((0.4, 0.7, -0.3), None, session.bag.center, 50.0, 0.0, stretch))
     camera = session.camera
-    point, normal = cut_open(session, 1, camera.rotation, 0.3)
+    point, normal = cut_open(
+        session.boxes, 1, session.spacing, camera.rotation[0] @ camera.stretch, 0.3
+    )
     voxels = np.argwhere(tin()[1] == 1) * SPACING
     gone = (voxels - point) @ normal < 0
     nearness = transform_points(camera.pivot_from_world(), voxels)[:, 0]

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations
-from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
@@ -33,6 +32,8 @@ from napari_unpack.rendering.casting import (
     rays_for,
 )
 from napari_unpack.rendering.cpu import by_contribution, contributions
+from napari_unpack.rendering.decorated_image import box_patch, on_background
+from napari_unpack.rendering.image_patch import ImagePatch, compose
 from napari_unpack.rendering.validation import (
     Labels,
     checked_labels,
@@ -233,17 +234,11 @@ def render(
     )  # fmt: skip
     boxes = label_boxes(given.array) if around.box else None
     if boxes is not None and len(boxes.ids):
-        lower, upper = boxes.lower.min(axis=0) - 0.5, boxes.upper.max(axis=0) - 0.5
-        edges, there = draw_edges(
-            box_edges(lower * mm, upper * mm, camera), camera, pixels, around.ink
-        )
-        middle = transform_points(camera.pivot_from_world(), (lower + upper) / 2 * mm)[0]
-        shown_at = np.where(depth < np.inf, depth, np.float32(-middle))
-        before = there < shown_at
-        image = np.where(before[..., None], _over(edges, image), _over(image, edges))
-    if around.scale:
-        image = _over(draw_scale(camera, pixels, around.ink), image)
-    return image if background is None else _over(image, around.background.paint(pixels))
+        middle = (boxes.lower.min(axis=0) + boxes.upper.max(axis=0) - 1) / 2 * mm
+        plane = -float(transform_points(camera.pivot_from_world(), middle)[0])
+        bag = ImagePatch(image, depth, 0, 0, plane)
+        image = compose(pixels, [bag, box_patch(boxes, mm, camera, pixels, around)])
+    return on_background(image, camera, around)
 
 
 def pick(
@@ -300,10 +295,6 @@ def pick(
         given.tints(tints, hidden), clipping=clipping,
     )  # fmt: skip
     return [(given.name(label), share) for label, share in by_contribution(shares)]
-
-
-def _over(front: NDArray[np.float32], back: NDArray[np.float32]) -> NDArray[np.float32]:
-    return front + (1 - front[..., 3:]) * back
 
 
 def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFunctionLike:

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from napari_unpack.appearance import Decorations
-from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
+from napari_unpack.rendering.decorated_image import box_patch, on_background
 from napari_unpack.rendering.image_patch import Image, ImagePatch, compose, nothing
 from napari_unpack.rendering.object_casting import cast_subvolume
 from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
@@ -233,7 +233,7 @@ def scene_image(
     patches = [cache.keep(key, lambda: packed_image(scene, camera, size, 1.0, backend, shading))]
     around = scene.decorations if decorations is None else decorations
     if around.box:
-        patches.append(_box_patch(scene, camera, size, around))
+        patches.append(box_patch(scene.boxes, scene.spacing, camera, size, around))
     inspected = scene.inspected
     for object_id, pose in scene.poses.items():
         if object_id not in scene.flights and object_id not in inspected:
@@ -243,7 +243,7 @@ def scene_image(
             pose = flight.pose(time, camera)
             patches.append(object_image(scene, i, pose, camera, size, 1.0, backend, shading))
     if not inspected:
-        return _surrounded(compose(size, patches), camera, around)
+        return on_background(compose(size, patches), camera, around)
     dimmed = ImagePatch(
         DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
     )
@@ -253,27 +253,7 @@ def scene_image(
         object_image(scene, i, pose, camera, size, fine, backend, shading, smooth=True)
         for i, pose in zip(inspected, posed, strict=True)
     ]
-    return _surrounded(compose(size, [dimmed, *alone]), camera, around)
-
-
-def _box_patch(
-    scene: Scene, camera: Camera, size: tuple[int, int], around: Decorations
-) -> ImagePatch:
-    boxes, spacing = scene.boxes, scene.spacing
-    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
-    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
-    rgba, depth = draw_edges(box_edges(lower, upper, camera), camera, size, around.ink)
-    return ImagePatch(rgba, depth, 0, 0)
-
-
-def _surrounded(image: Image, camera: Camera, around: Decorations) -> Image:
-    """Lay an image over the background, and the scale bar over both."""
-    size = image.shape[0], image.shape[1]
-    far = np.full(size, np.inf, np.float32)
-    patches = [ImagePatch(image, far, 0, 0)]
-    if around.scale:
-        patches.append(ImagePatch(draw_scale(camera, size, around.ink), far, 0, 0))
-    return compose(size, patches, around.background)
+    return on_background(compose(size, [dimmed, *alone]), camera, around)
 
 
 def _inspected_pose(scene: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:

@@ -22,8 +22,8 @@ from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.axes import Vector
-    from napari_unpack.rendering.object_style import Facts
     from napari_unpack.session import Session
+    from napari_unpack.session.object_facts import Facts
 
 SLOT = "facts of the inspected object"
 
@@ -81,7 +81,7 @@ class InspectionBox(QWidget):
             self._load(session, inspected)
 
     def _load(self, session: Session, object_id: int) -> None:
-        from napari_unpack.rendering.object_style import facts_of
+        from napari_unpack.session.object_facts import facts_of
 
         self.facts.setText("…")
         task = Task(object(), lambda _: facts_of(session, object_id))
@@ -130,8 +130,9 @@ class InspectionBox(QWidget):
         controller, depth = self._workspace.controller, self.cut.value() / 100
         if depth == 0 or controller is None:
             return None
-        rotation = controller.rotation_of(self._inspected)
-        return cut_open(controller.session, self._inspected, rotation, depth)
+        session, held = controller.session, controller.rotation_of(self._inspected)
+        towards = held[0] @ session.camera.stretch
+        return cut_open(session.boxes, self._inspected, session.spacing, towards, depth)
 
     def _reset(self) -> None:
         session = self._workspace.session
