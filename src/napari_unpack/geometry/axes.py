@@ -1,7 +1,6 @@
-"""Axis order and homogeneous coordinates.
+"""Vectors, voxel sizes and homogeneous matrices, in z, y, x order (see CONVENTIONS.md).
 
-Everything inside the package is z, y, x (see CONVENTIONS.md). The other order exists only at
-the doors to vispy and to file formats, and is converted here.
+x, y, z exists only towards vispy and file formats, and `flip` converts it there.
 """
 
 from __future__ import annotations
@@ -72,6 +71,27 @@ def unit(vector: ArrayLike, name: str = "vector") -> Vector:
     if length == 0.0:
         raise ValueError(f"{name} must not be zero, got {vector!r}")
     return v / length
+
+
+def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.float64]:
+    """Check a voxel size.
+
+    Parameters
+    ----------
+    spacing : (3,) array_like
+        Millimetres, z y x.
+    name : str
+        What to call it in the error.
+
+    Raises
+    ------
+    ValueError
+        If it is not three positive finite numbers.
+    """
+    mm = np.asarray(spacing, dtype=np.float64)
+    if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
+        raise ValueError(f"{name} must be three positive numbers of mm (z, y, x), got {spacing!r}")
+    return mm
 
 
 def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:

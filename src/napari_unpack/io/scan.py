@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry import axes
+
 Spacing = tuple[float, float, float]
 
 
@@ -127,10 +129,5 @@ def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
     ValueError
         If it is not three positive finite numbers.
     """
-    mm = np.asarray(spacing, dtype=np.float64)
-    if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
-        raise ValueError(
-            f"the voxel size in {source} must be three positive numbers of mm (z, y, x), "
-            f"got {spacing!r}"
-        )
-    return float(mm[0]), float(mm[1]), float(mm[2])
+    z, y, x = (float(mm) for mm in axes.checked_spacing(spacing, f"the voxel size in {source}"))
+    return z, y, x

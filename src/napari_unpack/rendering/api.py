@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.interference_graph import checked_layers
-from napari_unpack.geometry.axes import transform_points, unit
+from napari_unpack.geometry.axes import checked_spacing, transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.shading import Shading
@@ -38,7 +38,6 @@ from napari_unpack.rendering.validation import (
     Labels,
     checked_labels,
     checked_size,
-    checked_spacing,
     checked_view,
     checked_volume,
 )

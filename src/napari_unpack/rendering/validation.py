@@ -162,14 +162,6 @@ def checked_volume(
     return np.clip(known, -MOST_DENSITY, MOST_DENSITY, out=known)
 
 
-def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:
-    """Check a voxel size: (3,) positive finite mm, z y x; raise ValueError otherwise."""
-    mm = np.asarray(spacing, dtype=np.float64)
-    if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
-        raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
-    return mm
-
-
 def checked_view(view: View | None) -> View:
     """Check a view, the default one for None; raise TypeError otherwise."""
     if view is None:

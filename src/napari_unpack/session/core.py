@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction, golden_hue
 from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.axes import checked_spacing
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -24,7 +25,6 @@ from napari_unpack.session.state import ObjectState, Placement, SessionState
 from napari_unpack.session.validation import (
     checked_labels,
     checked_planes,
-    checked_spacing,
     checked_volume,
 )
 from napari_unpack.unpacking import Flight, Slots, arrange

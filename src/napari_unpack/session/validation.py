@@ -74,20 +74,6 @@ def checked_labels(
     return np.ascontiguousarray(array, dtype=np.uint16), None
 
 
-def checked_spacing(spacing: ArrayLike) -> NDArray[np.float64]:
-    """Return a voxel size.
-
-    Raises
-    ------
-    ValueError
-        If it is not three positive numbers.
-    """
-    mm = np.asarray(spacing, dtype=np.float64)
-    if mm.shape != (3,) or not (np.isfinite(mm).all() and (mm > 0).all()):
-        raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
-    return mm
-
-
 def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids") -> list[int]:
     """Return IDs as a list without repeats, in the order given.
 

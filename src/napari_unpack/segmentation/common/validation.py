@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry import axes
+
 Spacing = tuple[float, float, float]
 
 
@@ -129,10 +131,8 @@ def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
     ValueError
         If it is not three positive finite numbers.
     """
-    sizes = np.asarray(spacing, dtype=np.float64)
-    if sizes.shape != (3,) or not np.isfinite(sizes).all() or (sizes <= 0).any():
-        raise ValueError(f"spacing must be three positive numbers of mm (z, y, x), got {spacing!r}")
-    return (float(sizes[0]), float(sizes[1]), float(sizes[2]))
+    z, y, x = (float(size) for size in axes.checked_spacing(spacing))
+    return z, y, x
 
 
 def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:

@@ -1,0 +1,84 @@
+"""What is known of one object: its size, its densities and its neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from napari_unpack.session.session import Session
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of an object.
+
+    Parameters
+    ----------
+    name : str
+    size_mm : (float, float, float)
+        Edges of its tightest box, the longest first.
+    volume_mm3 : float
+    mean, spread : float
+        Of its densities: mean and standard deviation; NaN where none is finite.
+    confidence : float
+        NaN where it is not known.
+    neighbours : tuple of int
+        Objects that share a voxel's face with it, the most faces first.
+    """
+
+    name: str
+    size_mm: tuple[float, float, float]
+    volume_mm3: float
+    mean: float
+    spread: float
+    confidence: float
+    neighbours: tuple[int, ...]
+
+
+def facts_of(session: Session, object_id: int) -> Facts:
+    """Measure an object; tenths of a second for a large one, on any thread.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+
+    Raises
+    ------
+    KeyError
+        If there is no such object.
+    """
+    window = session.boxes.slices(object_id, margin=1)
+    labels = session.labels[window]
+    mine = labels == object_id
+    densities = np.asarray(session.volume[window])[mine].astype(np.float64)
+    densities = densities[np.isfinite(densities)]
+    row = session.objects.loc[object_id]
+    long, middle, short = (float(v) for v in session.bag.oriented(object_id).size)
+    return Facts(
+        str(row["name"]),
+        (long, middle, short),
+        float(row["volume_mm3"]),
+        float(densities.mean()) if densities.size else float("nan"),
+        float(densities.std()) if densities.size else float("nan"),
+        float(row["confidence"]),
+        _neighbours(labels, mine),
+    )
+
+
+def _neighbours(labels: NDArray[np.uint16], mine: NDArray[np.bool_]) -> tuple[int, ...]:
+    counts: dict[int, int] = {}
+    for axis in range(3):
+        here, there = np.moveaxis(mine, axis, 0), np.moveaxis(labels, axis, 0)
+        for own, other in ((here[1:], there[:-1]), (here[:-1], there[1:])):
+            for label, faces in zip(
+                *np.unique(other[own & (other > 0)], return_counts=True), strict=True
+            ):
+                counts[int(label)] = counts.get(int(label), 0) + int(faces)
+    own_label = {int(i) for i in np.unique(labels[mine])}
+    others = [i for i in counts if i not in own_label]
+    return tuple(sorted(others, key=lambda i: (-counts[i], i)))
