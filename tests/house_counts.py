@@ -121,3 +121,35 @@ def private_reads(tree: ast.AST) -> list[int]:
         if name.startswith("_") and not name.startswith("__"):
             lines.append(node.lineno)
     return lines
+
+
+THEIRS = frozenset({"canvas", "scene_canvas", "context", "window", "qt_viewer", "native"})
+"""Names of objects of napari and vispy whose methods a program may want to replace."""
+
+THEIR_DATA = frozenset({"background_color_override"})
+"""Public attributes of theirs that are there to be set."""
+
+
+def replacements(tree: ast.Module) -> Iterator[int]:
+    """Return the lines that set or delete an attribute of an object or class of napari or vispy."""
+    imported = {
+        (alias.asname or alias.name).split(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+        if (getattr(node, "module", None) or alias.name).split(".")[0] in {"napari", "vispy"}
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and not isinstance(node.ctx, ast.Load):
+            held, name = node.value, node.attr
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") in {"setattr", "delattr"}:
+            held, name = node.args[0], getattr(node.args[1], "value", "")
+        else:
+            continue
+        last = getattr(held, "attr", getattr(held, "id", "")).lstrip("_")
+        root = held
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        theirs = last in THEIRS or getattr(root, "id", None) in imported
+        if theirs and name not in THEIR_DATA:
+            yield node.lineno

@@ -11,6 +11,7 @@ from house_counts import (
     comments,
     methods,
     private_reads,
+    replacements,
     undocumented,
     untyped,
 )
@@ -66,6 +67,31 @@ def test_private_napari_and_vispy_names_live_in_compat_alone() -> None:
         if PRIVATE_NAPARI.search(line)
     ]
     assert offenders == []
+
+
+def test_methods_of_napari_and_vispy_are_replaced_in_compat_alone() -> None:
+    offenders = [
+        f"{path}:{line}"
+        for path, tree in _trees(SOURCES).items()
+        if not path.endswith("layers/compat.py")
+        for line in replacements(tree)
+    ]
+    assert offenders == []
+
+
+def test_a_replaced_method_would_be_seen() -> None:
+    seen = (
+        "canvas.update = mine",
+        "self._canvas.update = mine",
+        "canvas.context.finish = mine",
+        "setattr(context, 'finish', mine)",
+        "del viewer.window.add_dock_widget",
+        "from napari.layers import Layer\nLayer.refresh = mine",
+        "import vispy\nvispy.app.use_app = mine",
+    )
+    assert [list(replacements(ast.parse(code))) != [] for code in seen] == [True] * len(seen)
+    fine = "viewer.canvas.background_color_override = red\nviewer.dims.ndisplay = 3"
+    assert list(replacements(ast.parse(fine))) == []
 
 
 def test_no_file_is_longer_than_700_lines() -> None:

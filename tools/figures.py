@@ -130,15 +130,14 @@ def studied(session: Any) -> Image:
 def revealed(session: Any) -> Image:
     """Return a buried object shown through what must leave for it, and the bag after that."""
     from napari_unpack.layers.view_camera import Frame
-    from napari_unpack.viewer.overlays import LEAVING
-    from napari_unpack.viewer.overlays import draw as draw_marks
+    from napari_unpack.viewer.overlays import LEAVING_FIRST, draw_outlines
 
     target, found = _buried(session)
     camera, packed = session.camera, frozenset(session.ids)
     frame = Frame(camera, PANEL, np.eye(4))
-    inks = dict.fromkeys(found.first, LEAVING)
+    inks = dict.fromkeys(found.first, LEAVING_FIRST)
     picture = _scene(session)
-    shot = draw_marks(session, packed, inks, target, frame)
+    shot = draw_outlines(session, packed, inks, target, frame)
     if shot is not None:
         patch = shot.patch
         rows = slice(patch.row, patch.row + patch.size[0])

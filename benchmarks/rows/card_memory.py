@@ -25,7 +25,7 @@ controller.settle(300)
 held = memory_counter().bytes_held()
 texel = 1 if bag.count < 256 else 2
 volumes = bag.volume.nbytes + texel * bag.labels.size
-flying, sprites = len(controller.transition.shots), len(controller.sprites.sprites)
+flying, sprites = len(controller.transition.images), len(controller.sprites.sprites)
 print("held", sum(held.values()), volumes, flying, sprites)
 controller.finish()
 controller.close()

@@ -20,7 +20,7 @@ viewer, controller = opened_in_napari(
 )
 unpack_at_once(controller, 20)
 drawn = []
-native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.shot))
+native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.image))
 start = time.perf_counter()
 while time.perf_counter() - start < 6:
     angles = viewer.camera.angles

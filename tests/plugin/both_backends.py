@@ -18,8 +18,8 @@ def pictures_of_both(viewer: Any, controller: Any) -> dict[str, np.ndarray]:
         for _ in range(3):
             controller.step(20)
         assert controller.casts_with == backend
-        assert isinstance(controller.packed.shot, CanvasImage) == (backend == "gl")
-        assert sorted(controller.transition.shots) == sorted(controller.session.flights)
+        assert isinstance(controller.packed.image, CanvasImage) == (backend == "gl")
+        assert sorted(controller.transition.images) == sorted(controller.session.flights)
         pictures[backend] = canvas(viewer)
     assert pictures["cpu"].std() > 10
     return pictures

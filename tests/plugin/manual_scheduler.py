@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 from napari_unpack.tasks import TaskResult
-from napari_unpack.viewer.scheduler import Job, Scheduler, Timer, Worker
+from napari_unpack.viewer.scheduler import Job, Scheduler, Worker
 
 
 class ManualTimer:
@@ -35,7 +35,7 @@ class ManualTimers:
         self.ms = 0.0
         self._made: list[ManualTimer] = []
 
-    def make(self, call: Callable[[], None], repeating: bool = False) -> Timer:
+    def make(self, call: Callable[[], None], repeating: bool = False) -> ManualTimer:
         self._made.append(ManualTimer(self, call, repeating))
         return self._made[-1]
 
@@ -105,6 +105,15 @@ class ManualWorkers:
         job, result = next((j, r) for j, r in self._running if j.worker is worker)
         self._running.remove((job, result))
         job.owner.deliver(job, result)
+
+    def startable(self) -> list[tuple[Worker, Hashable]]:
+        """List the worker and slot of all jobs that could begin now."""
+        busy = self.running()
+        return [(job.worker, job.slot) for job in self._waiting if job.worker not in busy]
+
+    def running(self) -> list[Worker]:
+        """List the workers that have begun a job."""
+        return [job.worker for job, _ in self._running]
 
     def step(self) -> None:
         """Make what was posted, and begin and finish one job a worker."""

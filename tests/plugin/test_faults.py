@@ -46,7 +46,7 @@ def flying(make_napari_viewer_proxy, bag, qtbot, calm) -> Iterator[Any]:
 
 def in_sight(controller: Any, count: int, qtbot: Any) -> None:
     """Wait until so many objects in the air are drawn."""
-    qtbot.waitUntil(lambda: len(controller.transition.shots) == count, timeout=60000)
+    qtbot.waitUntil(lambda: len(controller.transition.images) == count, timeout=60000)
     assert controller.flying
 
 

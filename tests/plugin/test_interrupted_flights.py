@@ -40,7 +40,7 @@ def seen(controller: Any) -> dict[int, int]:
     session = controller.session
     packed = {i for i, s in session.states.items() if s is IN}
     return {
-        i: (i in packed) + (i in controller.transition.shots) + (i in controller.sprites.sprites)
+        i: (i in packed) + (i in controller.transition.images) + (i in controller.sprites.sprites)
         for i in session.states
     }
 
@@ -89,13 +89,13 @@ def test_turned_in_mid_flight_they_still_land_at_their_slots(paced, session) -> 
     flown = controller.unpack(3)
     slots = {i: session.poses.get(i, session.flights[i].target).center for i in flown}
     tell(0.3 * LONG)
-    assert set(controller.transition.shots) == set(flown)
+    assert set(controller.transition.images) == set(flown)
     before = {i: place(controller, i) for i in flown}
     viewer.scene.camera.angles = (20, 60, 100)
     assert controller.step(30)
     # The camera reads whole and turned: those near the bag went round with it.
     assert any(np.linalg.norm(place(controller, i) - before[i]) > 1.0 for i in flown)
-    assert set(controller.transition.shots) == set(flown)
+    assert set(controller.transition.images) == set(flown)
     viewer.scene.camera.zoom *= 1.3
     tell(0.3 * LONG)
     tell(2 * LONG)
@@ -118,7 +118,7 @@ def test_many_commands_in_the_air_at_once(paced, session) -> None:
     assert session.states[second[0]] is ObjectState.HIDDEN
     assert second[0] not in session.flights
     assert controller.step(30)
-    assert second[0] not in controller.transition.shots
+    assert second[0] not in controller.transition.images
     session.show([second[0]])
     assert session.states[second[0]] is OUT
     controller.inspect(first[1])
@@ -156,13 +156,13 @@ def test_sent_home_while_a_hand_holds_it_it_flies_and_is_seen_once(paced, sessio
     (one,) = controller.unpack(1)
     tell(1.1 * LONG)
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    controller.turn(one, quarter)
+    controller.renderer.turn(one, quarter)
     controller.restore(1)
     tell(0.5 * LONG)
-    shown = controller._renderer._animator.moving(session.clock(), controller.frame)
+    shown = controller.renderer.animator.moving(session.clock(), controller.frame)
     np.testing.assert_allclose(shown[one].pose.center, place(controller, one), atol=1e-6)
     tell(0.6 * LONG)
-    controller.turned(one)
+    controller.renderer.turned(one)
     assert controller.settle(30)
     assert session.states[one] is IN
     assert set(seen(controller).values()) == {1}

@@ -8,7 +8,7 @@ import pytest
 from conftest import canvas
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.viewer.controller import SessionController
-from napari_unpack.viewer.overlays import FREE, LEAST, TOGETHER, Marks
+from napari_unpack.viewer.overlays import INTERLOCKED, LEAST_OCCLUDED, UNPACKABLE, Outlined
 
 
 def knot() -> tuple[np.ndarray, np.ndarray]:
@@ -42,10 +42,10 @@ def staged(viewer: Any, session: Session) -> SessionController:
 def drawn(viewer: Any, controller: SessionController, ink: tuple[float, ...]) -> int:
     """Count the pixels that the marks draw in the direction of an ink's colour."""
     with_marks = canvas(viewer)
-    controller.overlays.mark_free = False
+    controller.overlays.outlines_unpackable = False
     assert controller.settle(30)
     added = with_marks - canvas(viewer)
-    controller.overlays.mark_free = True
+    controller.overlays.outlines_unpackable = True
     assert controller.settle(30)
     drawn = np.abs(added).max(axis=-1) > 12
     seen = with_marks[drawn]
@@ -59,20 +59,20 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
     viewer, session = shown
     controller = staged(viewer, session)
     assert set(session.unpackable_groups()) == {(1, 2), (3,)}
-    assert drawn(viewer, controller, TOGETHER.line) > 100
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
     controller.close()
 
     # The answer is known now, and nobody asks again.
     assert session.occlusion_question() is None
     controller = staged(viewer, session)
-    assert drawn(viewer, controller, TOGETHER.line) > 100
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
 
     # With the block gone the queue is what it was, and the knot is marked still.
     controller.unpack([3])
     controller.finish()
     assert controller.settle(30)
     assert session.unpackable_groups() == ((1, 2),)
-    assert drawn(viewer, controller, TOGETHER.line) > 100
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
     controller.unpack(1)
     controller.finish()
     assert controller.settle(30)
@@ -82,9 +82,9 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
 
 
 def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
-    packed, marks = frozenset({1, 2, 3}), Marks(free=True)
-    assert marks.inks(packed, [], 2) == {2: LEAST}
-    assert marks.inks(packed, [(1,)], 2) == {1: FREE}
-    assert marks.inks(packed, [(1, 3)]) == {1: TOGETHER, 3: TOGETHER}
+    packed, marks = frozenset({1, 2, 3}), Outlined(unpackable=True)
+    assert marks.inks(packed, [], 2) == {2: LEAST_OCCLUDED}
+    assert marks.inks(packed, [(1,)], 2) == {1: UNPACKABLE}
+    assert marks.inks(packed, [(1, 3)]) == {1: INTERLOCKED, 3: INTERLOCKED}
     assert marks.inks(packed, []) == {}
-    assert Marks().inks(packed, [], 2) == {}
+    assert Outlined().inks(packed, [], 2) == {}

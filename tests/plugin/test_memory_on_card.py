@@ -83,11 +83,11 @@ def fresh(viewer: Any, before: dict[tuple[str, int], int]) -> dict[tuple[str, in
 def test_all_three_layers_share_one_density_and_one_label_volume(shown, bag, qtbot) -> None:
     viewer, controller, before, held = shown
     controller.unpack(2)
-    qtbot.waitUntil(lambda: len(controller.transition.shots) == 2, timeout=60000)
+    qtbot.waitUntil(lambda: len(controller.transition.images) == 2, timeout=60000)
     controller.finish()
     assert controller.settle(60)
     controller.unpack(1)
-    qtbot.waitUntil(lambda: len(controller.transition.shots) == 1, timeout=60000)
+    qtbot.waitUntil(lambda: len(controller.transition.images) == 1, timeout=60000)
     volume, labels = bag
     ours = memory_counter().bytes_held() - held
     assert len(controller.sprites.sprites) == 2

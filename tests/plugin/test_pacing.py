@@ -10,9 +10,7 @@ from qtpy.QtWidgets import QApplication
 
 from napari_unpack.layers.compat import native_canvas
 from napari_unpack.layers.view_camera import same_camera
-from napari_unpack.viewer import redraw_throttle
-from napari_unpack.viewer.jobs import Jobs
-from napari_unpack.viewer.packed_renderer import PackedRenderer
+from napari_unpack.viewer import packed_renderer, redraw_throttle
 
 
 @pytest.fixture
@@ -21,15 +19,15 @@ def casting(staged, monkeypatch):
     viewer, controller = staged
     controller.recolor_at_rest = False
     assert controller.settle(30)
-    allowed, cast, drawn = Event(), PackedRenderer._cast, []
+    allowed, cast, drawn = Event(), packed_renderer.cast_packed, []
 
-    def wait(self, frame, size, step):
+    def wait(*arguments):
         assert allowed.wait(30)
-        return cast(self, frame, size, step)
+        return cast(*arguments)
 
-    monkeypatch.setattr(PackedRenderer, "_cast", wait)
+    monkeypatch.setattr(packed_renderer, "cast_packed", wait)
     monkeypatch.setattr(redraw_throttle, "LONGEST_MS", 20_000)
-    native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.shot))
+    native_canvas(viewer).events.draw.connect(lambda _: drawn.append(controller.packed.image))
     yield viewer, controller, allowed, drawn
     allowed.set()
 
@@ -48,11 +46,11 @@ def test_turned_on_it_waits_for_the_picture_which_is_of_the_newest_camera(castin
     for _ in range(6):
         turn(viewer, 5)
     assert len(drawn) == 1
-    before = controller.packed.shot
+    before = controller.packed.image
     allowed.set()
     assert controller.settle(30)
-    assert drawn[-1] is controller.packed.shot is not before
-    assert same_camera(controller.packed.shot.camera, controller.packed.frame_now().camera)
+    assert drawn[-1] is controller.packed.image is not before
+    assert same_camera(controller.packed.image.camera, controller.packed.frame_now().camera)
 
 
 def test_the_picture_after_next_is_begun_without_a_redraw(casting, qtbot, monkeypatch) -> None:
@@ -104,17 +102,3 @@ def test_a_closed_controller_leaves_the_canvas_its_own_redraws(casting) -> None:
     allowed.set()
     controller.close()
     assert "update" not in vars(native_canvas(viewer))
-
-
-def test_a_lane_goes_on_while_results_wait_for_the_main_thread(qtbot) -> None:
-    jobs = Jobs(("one",), lambda text: None)
-    second, results = Event(), []
-    jobs.ask("one", "a", lambda: 1, results.append)
-    jobs.ask("one", "b", lambda: second.set() or 2, results.append)
-    # No events are handled here: nobody has taken the first result.
-    assert second.wait(10)
-    assert results == []
-    assert jobs.has("a")
-    qtbot.waitUntil(lambda: results == [1, 2], timeout=10_000)
-    assert not jobs.busy
-    jobs.close()

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from manual_scheduler import ManualScheduler
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.viewer.animation import GLIDE_SECONDS, Glides
@@ -15,11 +16,9 @@ EYE = np.eye(3)
 
 @pytest.fixture
 def glides(qapp):
-    """Return (Glides, time): a list of one number, s."""
-    time = [10.0]
-    made = Glides(lambda: None, lambda: True, lambda: time[0])
-    yield made, time
-    made.close()
+    """Return (Glides, its scheduler)."""
+    scheduler = ManualScheduler()
+    return Glides(scheduler, lambda: None, lambda: True), scheduler
 
 
 def at(*center: float) -> dict[int, Pose]:
@@ -31,34 +30,34 @@ def center(poses: dict[int, Pose]) -> list[float]:
 
 
 def test_a_new_plan_is_glided_to_from_wherever_the_sprite_is(glides) -> None:
-    made, time = glides
+    made, scheduler = glides
     first, second, third = object(), object(), object()
     assert center(made.follow(at(0, 0, 0), first)) == [0, 0, 0]
     assert made.settled
     assert center(made.follow(at(0, 8, 0), second)) == [0, 0, 0]
-    time[0] += GLIDE_SECONDS / 4
+    scheduler.advance(1000 * GLIDE_SECONDS / 4)
     # Smoothstep at a quarter: 3/16 - 2/64 = 5/32.
     assert center(made.follow(at(0, 8, 0), second)) == pytest.approx([0, 1.25, 0])
     assert center(made.follow(at(0, 8, 4), third)) == pytest.approx([0, 1.25, 0])
-    time[0] += GLIDE_SECONDS / 2
+    scheduler.advance(1000 * GLIDE_SECONDS / 2)
     assert center(made.follow(at(0, 8, 4), third)) == pytest.approx([0, 4.625, 2])
     assert not made.settled
-    time[0] += GLIDE_SECONDS
+    scheduler.advance(1000 * GLIDE_SECONDS)
     assert center(made.follow(at(0, 8, 4), third)) == [0, 8, 4]
     assert made.settled
 
 
 def test_a_hand_a_landing_and_reduced_motion_jump(glides) -> None:
-    made, time = glides
+    made, scheduler = glides
     plan = object()
     made.follow({}, plan)
     assert center(made.follow(at(0, 1, 0), plan)) == [0, 1, 0]
     assert center(made.follow(at(0, 5, 0), plan)) == [0, 5, 0]
     other = object()
     made.follow(at(0, 9, 0), other)
-    time[0] += GLIDE_SECONDS / 2
+    scheduler.advance(1000 * GLIDE_SECONDS / 2)
     assert center(made.follow(at(0, 2, 0), other)) == [0, 2, 0]
-    still = Glides(lambda: None, lambda: False, lambda: time[0])
+    still = Glides(scheduler, lambda: None, lambda: False)
     still.follow(at(0, 0, 0), plan)
     assert center(still.follow(at(0, 3, 0), other)) == [0, 3, 0]
     assert still.settled
@@ -81,10 +80,10 @@ def test_sprites_glide_when_the_window_takes_another_shape(
         shown.append({i: sprite.pose.center.copy() for i, sprite in sprites.items()})
         show(sprites)
 
-    monkeypatch.setattr(controller._renderer._small, "_show", watched)
+    monkeypatch.setattr(controller.renderer.sprite_renderer, "show", watched)
     # Every look at the clock is a twentieth of a glide later, however slow the machine.
     looks = itertools.count()
-    clock = controller._renderer._glides._clock
+    clock = controller.renderer.glides.animation
     monkeypatch.setattr(clock, "now", lambda: next(looks) * GLIDE_SECONDS / 20)
     width = session.canvas_size[1]
     viewer.window.resize(1060, 560)

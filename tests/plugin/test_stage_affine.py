@@ -42,7 +42,7 @@ def placed(request, make_napari_viewer_proxy, bag):
     heard: list[str] = []
     controller.events.message.connect(heard.append)
     controller.seconds = 0.2
-    controller.overlays.mark_free = controller.recolor_at_rest = False
+    controller.overlays.outlines_unpackable = controller.recolor_at_rest = False
     controller.open()
     yield viewer, controller, labels
     controller.close()
@@ -86,7 +86,7 @@ def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
         # napari's surface runs through the outermost voxels' middles or around them, ours between.
         assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
     # The mouse finds what napari finds, and a click to split lands under it.
-    found = [(controller.packed_at(pixel) or [0])[0] for pixel in pixels]
+    found = [(controller.interaction.packed_at(pixel) or [0])[0] for pixel in pixels]
     for pixel, object_id in zip(pixels, found, strict=True):
         voxel = surface_voxel(controller, pixel, object_id)
         assert session.labels[voxel] == object_id
@@ -118,7 +118,7 @@ def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wi
     level = linear.T @ [0.0, -1.0, 0.0]
     np.testing.assert_allclose(session.away_from_table, level / np.linalg.norm(level), atol=1e-9)
     session.direction = tuple(session.camera.in_world((0.0, 0.6, -0.8)))
-    start, end = controller.overlays.arrow._ends(controller.frame)
+    start, end = controller.overlays.arrow.ends(controller.frame)
     boxes = [session.boxes.corners(i, session.spacing) for i in session.ids]
     reach = np.linalg.norm((np.vstack(boxes) - session.bag.center) @ linear.T, axis=1).max()
     reach /= np.cbrt(abs(np.linalg.det(linear)))
@@ -131,7 +131,7 @@ def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(plac
     assert controller.settle(60)
     session, frame = controller.session, controller.frame
     packed = canvas(viewer)
-    controller.drawn(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
+    controller.interaction.set_direction(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
     ends = np.stack([session.bag.center, session.bag.center + 10 * session.unpack_direction])
     way = np.diff(naparis_pixels(viewer, labels, ends / session.spacing), axis=0)[0]
     np.testing.assert_allclose(way / np.linalg.norm(way), np.array([-60, 130]) / 143.18, atol=1e-3)
@@ -142,7 +142,7 @@ def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(plac
     controller.finish()
     assert controller.settle(60)
     pose = session.poses[left]
-    assert controller.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
+    assert controller.interaction.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
     # A sprite is turned, not bent or mirrored: its map is the bag's and a turn.
     of_bag, of_sprite = frame.camera.linear, pose.rotation @ pose.stretch
     np.testing.assert_allclose(of_sprite.T @ of_sprite, of_bag.T @ of_bag, atol=1e-9)
@@ -152,7 +152,7 @@ def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(plac
     session.direction = None
     assert set(session.states.values()) == {ObjectState.PACKED}
     assert controller.settle(60)
-    qtbot.waitUntil(lambda: not controller.transition.shots, timeout=60000)
+    qtbot.waitUntil(lambda: not controller.transition.images, timeout=60000)
     assert (np.abs(canvas(viewer) - packed).max(axis=2) > 3).mean() < 0.001
 
 
@@ -207,8 +207,8 @@ def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     towards = np.linalg.inv(pose.rotation @ pose.stretch) @ [5.0, 0.0, 0.0]
     from napari_unpack.viewer.interaction import drag_rotation
 
-    controller.turn(left, drag_rotation(np.array([0.0, 30.0])))
-    controller.turned(left)
+    controller.renderer.turn(left, drag_rotation(np.array([0.0, 30.0])))
+    controller.renderer.turned(left)
     pose = session.poses[left]
     # What faced the viewer has followed the mouse to the right.
     assert (pose.rotation @ pose.stretch @ towards)[2] > 0.5

@@ -12,54 +12,55 @@ from napari_unpack.viewer import animation, canvas_backend
 
 @pytest.fixture
 def slow(staged, monkeypatch):
-    """Return (viewer, stage) whose transitions stand still at `hue_fade` parts we choose."""
+    """Return (viewer, stage) and the time of its transitions, a list of one number, s."""
     viewer, controller = staged
     controller.recolor_at_rest = False
     assert controller.settle(30)
-    monkeypatch.setattr(animation, "FADE_SECONDS", 1e9)
+    time = [100.0]
+    monkeypatch.setattr(controller.fade.animation, "now", lambda: time[0])
     controller.fade.allowed = True
-    yield viewer, controller
+    yield viewer, controller, time
     monkeypatch.undo()
 
 
-def set_part(controller, part: float) -> None:
-    """Put a running transition where its smooth step gives a part, 0.5 in the middle."""
-    controller.fade._began = controller.fade._clock.now() - animation.FADE_SECONDS * part
-    controller.fade._tick(controller.fade._clock.now())
+def move_on(controller, time: list[float], part: float) -> None:
+    """Let a part of a transition's time go by."""
+    time[0] += animation.FADE_SECONDS * part
+    controller.fade.animation.tick(time[0])
 
 
-def finished(controller, qtbot) -> None:
-    set_part(controller, 1.1)
+def finished(controller, time: list[float]) -> None:
+    move_on(controller, time, 1.1)
     assert not controller.fade.running
     assert controller.settle(30)
 
 
 def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session, qtbot) -> None:
-    viewer, controller = slow
-    passes, before = controller.packed_passes, canvas(viewer)
+    viewer, controller, time = slow
+    passes, before = controller.statistics.packed_passes, canvas(viewer)
     session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
-    set_part(controller, 0.5)
+    move_on(controller, time, 0.5)
     half = canvas(viewer)
-    finished(controller, qtbot)
+    finished(controller, time)
     after = canvas(viewer)
-    assert controller.packed_passes == passes + 1
+    assert controller.statistics.packed_passes == passes + 1
     assert np.abs(after - before).max() > 80
     assert np.abs(half - (before + after) / 2).max() <= 3
 
 
 def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
-    viewer, controller = slow
+    viewer, controller, time = slow
     hues = session.hues
     session.accept_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
-    set_part(controller, 0.5)
-    half, passes = canvas(viewer), controller.packed_passes
+    move_on(controller, time, 0.5)
+    half, passes = canvas(viewer), controller.statistics.packed_passes
     session.accept_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
-    qtbot.waitUntil(controller._renderer.bag._is_fine, timeout=10000)
+    qtbot.waitUntil(lambda: controller.renderer.packed_renderer.is_full, timeout=10000)
     assert np.abs(canvas(viewer) - half).max() <= 3
-    finished(controller, qtbot)
-    assert controller.packed_passes == passes + 1
+    finished(controller, time)
+    assert controller.statistics.packed_passes == passes + 1
     # The picture under the hand, coarser, comes as soon as this is told.
     shown = canvas(viewer)
     session.events.transfer_function.emit(session.transfer_function)
@@ -68,7 +69,7 @@ def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> Non
 
 
 def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> None:
-    viewer, controller = slow
+    viewer, controller, _ = slow
     controller.fade.allowed = False
     before = canvas(viewer)
     session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
@@ -78,11 +79,11 @@ def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> 
 
 
 def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeypatch) -> None:
-    _, controller = slow
+    _, controller, time = slow
     monkeypatch.setattr("napari_unpack.viewer.packed_renderer.FADING_SECONDS", 60.0)
     controller.backend = "gl"
     assert controller.settle(60)
-    uploads = controller._renderer.studio.uploads
+    uploads = controller.statistics.uploads
     seen = []
     tints = canvas_backend.CanvasBackend._packed_tints
 
@@ -93,20 +94,20 @@ def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeyp
     monkeypatch.setattr(canvas_backend.CanvasBackend, "_packed_tints", watched)
     session.accept_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
-    set_part(controller, 0.5)
+    move_on(controller, time, 0.5)
     qtbot.waitUntil(lambda: len(seen) > 1, timeout=10000)
-    finished(controller, qtbot)
+    finished(controller, time)
     np.testing.assert_allclose(seen[-1], session.packed_tints()[7, :3])
     assert any(np.abs(tint - seen[-1]).max() > 0.05 for tint in seen)
-    assert controller._renderer.studio.uploads == uploads
-    assert not controller._renderer.studio.hues_on_the_way
+    assert controller.statistics.uploads == uploads
+    assert not controller.renderer.canvas_backend.hues_on_the_way
 
 
 def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot) -> None:
     viewer, controller = staged
     controller.recolor_at_rest = False
     assert controller.settle(30)
-    passes, plain = controller.packed_passes, canvas(viewer)
+    passes, plain = controller.statistics.packed_passes, canvas(viewer)
     bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
     session.surroundings = Decorations.of("#ffffff,#000000")
     gradient = canvas(viewer)
@@ -121,7 +122,7 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     light = canvas(viewer)
     np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
     assert controller.settle(30)
-    assert controller.packed_passes == passes
+    assert controller.statistics.packed_passes == passes
 
 
 def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:

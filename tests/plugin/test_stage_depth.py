@@ -7,6 +7,7 @@ import pytest
 
 from conftest import canvas
 from napari_unpack.viewer import packed_renderer
+from napari_unpack.viewer.scheduler import IdlePhase
 
 
 def greenness(viewer, controller, world) -> float:
@@ -63,29 +64,27 @@ def test_the_picture_under_the_hand_differs_little_from_the_one_at_rest(
     monkeypatch.setattr(packed_renderer, "GL_FRAME_SECONDS", 0.0)
     viewer.window.resize(1000, 900)
     assert controller.settle(60)
-    bag = controller._renderer.bag
-    bag._rays = packed_renderer.FEWEST_RAYS
-    interval = bag._rest.interval()
-    # Casting on the canvas sets the interval again.
-    monkeypatch.setattr(packed_renderer, "REST_MS", 60_000)
-    bag._rest.setInterval(60_000)
+    # Begin anew with the fewest rays.
+    controller.renderer.packed_renderer.backend_changed()
+    assert controller.settle(60)
+    held = [True]
+    controller.scheduler.hold_idle("test", lambda: held[0], IdlePhase.IMAGE)
     viewer.scene.camera.angles = (12, -35, 70)
     qtbot.waitUntil(
         lambda: (
-            controller.packed.shot is not None
-            and controller.packed.shot.camera is controller.frame.camera
-            and controller.packed.shot.size != controller.frame.size
+            controller.packed.image is not None
+            and controller.packed.image.camera is controller.frame.camera
+            and controller.packed.image.size != controller.frame.size
         ),
         timeout=20000,
     )
-    assert min(controller.packed.shot.size) >= 384
+    assert min(controller.packed.image.size) >= 384
     coarse = canvas(viewer)
     assert controller.casts_with == backend
     monkeypatch.undo()
-    bag._rest.setInterval(interval)
-    bag._rest.start()
+    held[0] = False
     assert controller.settle(60)
-    assert controller.packed.shot.size == controller.frame.size
+    assert controller.packed.image.size == controller.frame.size
     fine = canvas(viewer)
     assert fine.std() > 10
     difference = np.abs(coarse - fine)

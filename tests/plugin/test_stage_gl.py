@@ -78,7 +78,7 @@ def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
     viewer.layers["Points"].visible = False
     controller.packed.visible = False
     controller.packed.visible = True
-    controller.point_at(3)
+    controller.interaction.point_at(3)
     canvas(viewer)
     assert settled_passes(controller) == passes
     assert_camera_hue_and_transfer_function_each_cast_anew(viewer, controller)
@@ -92,13 +92,13 @@ def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> Non
     _, controller = by_gl
     (out,) = controller.unpack(1)
     qtbot.waitUntil(
-        lambda: isinstance(controller.transition.shots.get(out), CanvasImage), timeout=20000
+        lambda: isinstance(controller.transition.images.get(out), CanvasImage), timeout=20000
     )
     qtbot.waitUntil(lambda: not controller.flying, timeout=20000)
     assert controller.settle(30)
     assert set(controller.sprites.sprites) == {out}
     assert session.states[out] is ObjectState.UNPACKED
-    assert controller._renderer.studio.uploads == 2
+    assert controller.statistics.uploads == 2
 
 
 def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session, qtbot) -> None:
@@ -109,11 +109,11 @@ def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session
     pictures = []
     for backend in ("gl", "cpu"):
         controller.backend = backend
-        qtbot.waitUntil(lambda: not controller._renderer._clock.running, timeout=20000)
+        qtbot.waitUntil(lambda: not controller.renderer.flight_animation.running, timeout=20000)
         assert controller.settle(30)
-        assert isinstance(controller.transition.shots[out], RenderedImage)
+        assert isinstance(controller.transition.images[out], RenderedImage)
         # The bag behind it is dimmed, and cast by either.
-        pictures.append(controller.transition.shots[out].patch.rgba)
+        pictures.append(controller.transition.images[out].patch.rgba)
     np.testing.assert_array_equal(*pictures)
     session.leave()
     controller.finish()
@@ -122,7 +122,7 @@ def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session
 
 def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:
     viewer, controller = by_gl
-    caster = controller._renderer.studio._casters["packed"]
+    caster = controller.renderer.canvas_backend._casters["packed"]
     cast, (height, width) = caster.rays_cast, caster.picture.size
     controller.unpack(1)
     controller.finish()
@@ -130,7 +130,7 @@ def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> N
     assert 0 < caster.rays_cast - cast < 0.7 * height * width
     partly = canvas(viewer)
     caster.mark_dirty()
-    controller._renderer.bag.recast()
+    controller.renderer.packed_renderer.recast()
     assert controller.settle(30)
     assert caster.rays_cast - cast > height * width
     np.testing.assert_array_equal(canvas(viewer), partly)
@@ -142,7 +142,7 @@ def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbo
     viewer.window.resize(620, 500)
     qtbot.waitUntil(lambda: controller.frame.size != size, timeout=20000)
     assert controller.settle(30)
-    assert controller.packed.shot.size == controller.frame.size
+    assert controller.packed.image.size == controller.frame.size
     controller.frame_bag()
     assert controller.settle(30)
     before = canvas(viewer)
@@ -278,7 +278,7 @@ def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
     wanted = canvas(viewer)
     monkeypatch.setattr(canvas_backend, "BYTES_A_FRAME", 20_000)
     monkeypatch.setattr(textures, "SLAB_BYTES", 20_000)
-    casting = controller._renderer.studio
+    casting = controller.renderer.canvas_backend
     sent = []
     controller.packed.on_draw, send = (
         lambda: (send(), sent.append(casting.bytes_sent)),
@@ -289,7 +289,9 @@ def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
     assert controller.settle(60)
     assert controller.casts_with == "gl"
     session = controller.session
-    whole = session.labels.size * (1 + controller._renderer.bag.known_crop().volume.itemsize)
+    whole = session.labels.size * (
+        1 + controller.renderer.packed_renderer.known_subvolume().volume.itemsize
+    )
     assert casting.bytes_sent == whole
     assert np.diff([0, *sent]).max() <= 20_000
     assert np.abs(canvas(viewer) - wanted).mean() < 1.0
@@ -297,7 +299,7 @@ def test_a_large_volume_goes_to_the_graphics_card_in_pieces_while_the_cpu_casts(
 
 def test_a_repair_sends_the_box_it_touched_and_keeps_the_picture_till_then(by_gl, session) -> None:
     viewer, controller = by_gl
-    casting = controller._renderer.studio
+    casting = controller.renderer.canvas_backend
     sent, uploads = casting.bytes_sent, casting.uploads
     before, labels = canvas(viewer), session.display_labels
     gone = session.boxes.ids[0]

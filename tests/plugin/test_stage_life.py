@@ -140,7 +140,7 @@ def test_a_layer_in_finer_units_beside_it_changes_nothing(
     viewer.dims.ndisplay = 2
     middle = (session.boxes.lower[5] + session.boxes.upper[5] - 1) // 2
     np.testing.assert_allclose(viewer.dims.point, middle * 1500, atol=1)
-    assert controller.in_slice(viewer.dims.point) == 6
+    assert controller.interaction.in_slice(viewer.dims.point) == 6
     controller.close()
 
 
@@ -151,7 +151,7 @@ def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session,
     controller.settle(30)
     controller.seconds = 600.0
     controller.unpack(2)
-    qtbot.waitUntil(lambda: len(controller.transition.shots) == 2, timeout=60000)
+    qtbot.waitUntil(lambda: len(controller.transition.images) == 2, timeout=60000)
     viewer.close()
     qtbot.wait(100)
     controller.close()

@@ -113,7 +113,7 @@ def test_alt_clicks_at_one_place_step_through_all_objects_there(
     assert controller.settle(30)
     widget = native(viewer)
     rows = [packed_point(controller, session, i) for i in session.ids]
-    there = {(p.x(), p.y()): controller._renderer.packed_at(p.y(), p.x()) for p in rows}
+    there = {(p.x(), p.y()): controller.renderer.packed_at(p.y(), p.x()) for p in rows}
     (x, y), wanted = max(there.items(), key=lambda item: len(item[1]))
     assert len(wanted) >= 3
     # Clicks in a row are to be clicks.
@@ -185,7 +185,7 @@ def sliced(make_napari_viewer_proxy, bag, session):
     """Return (viewer, stage, time) looking at slices long after the last scroll; time is [s]."""
     viewer, controller, _ = on_slices(make_napari_viewer_proxy(show=True), bag, session, 30)
     time = [monotonic() + 1.0]
-    controller._steps._clock = lambda: time[0]
+    controller.slice_steps.clock = lambda: time[0]
     yield viewer, controller, time
     controller.close()
 

@@ -51,9 +51,9 @@ def test_nothing_is_cast_for_mouse_sprites_or_other_layers(staged, qtbot) -> Non
     controller.packed.visible = False
     controller.packed.visible = True
     sprite = next(iter(controller.sprites.sprites))
-    controller.point_at(sprite)
-    controller.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
-    controller.turned(sprite)
+    controller.interaction.point_at(sprite)
+    controller.renderer.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
+    controller.renderer.turned(sprite)
     assert settled_passes(controller) == passes
 
 
@@ -70,10 +70,10 @@ def test_an_object_that_leaves_recasts_its_window_to_the_same_picture(staged) ->
     controller.unpack(1)
     controller.finish()
     passes = settled_passes(controller)
-    patched = controller.packed.shot.patch
+    patched = controller.packed.image.patch
     controller.session.events.transfer_function.emit(controller.session.transfer_function)
     assert settled_passes(controller) > passes
-    np.testing.assert_allclose(controller.packed.shot.patch.rgba, patched.rgba, atol=2e-3)
+    np.testing.assert_allclose(controller.packed.image.patch.rgba, patched.rgba, atol=2e-3)
 
 
 @pytest.mark.parametrize("fov", [0, 30])
@@ -102,7 +102,7 @@ def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbo
     at_rest = canvas(viewer)
     landed, frames = [], []
     controller.events.landed.connect(landed.append)
-    controller.events.frame.connect(lambda: frames.append(sorted(controller.transition.shots)))
+    controller.events.frame.connect(lambda: frames.append(sorted(controller.transition.images)))
     (out,) = controller.unpack(1)
     assert session.states[out] is ObjectState.FLYING_OUT
     qtbot.waitUntil(lambda: bool(frames), timeout=10000)
@@ -113,7 +113,7 @@ def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbo
     assert controller.settle(30)
     assert set(controller.sprites.sprites) == {out}
     # The sprite has taken over: nothing is in the air any more, not for a moment.
-    assert not controller.transition.shots
+    assert not controller.transition.images
     unpacked = canvas(viewer)
     assert moved(at_rest, unpacked)
     controller.restore(1)
@@ -122,16 +122,21 @@ def test_a_flight_is_seen_on_its_way_and_lands_as_a_sprite(staged, session, qtbo
     assert not controller.sprites.sprites
 
 
-def test_settled_is_when_nothing_is_in_the_air_for_a_moment_more(staged, session, qtbot) -> None:
+def test_settled_is_when_nothing_is_in_the_air_for_a_moment_more(
+    staged, session, qtbot, monkeypatch
+) -> None:
     _, controller = staged
     controller.recolor_at_rest = False
     controller.unpack(1)
-    qtbot.waitUntil(lambda: bool(controller.transition.shots), timeout=20000)
+    qtbot.waitUntil(lambda: bool(controller.transition.images), timeout=20000)
     # A slow machine: the next look at what has landed comes long after all pictures are there.
-    controller._renderer._clock._timer.setInterval(1500)
+    animation = controller.renderer.flight_animation
+    animation.stop()
+    monkeypatch.setattr("napari_unpack.viewer.scheduler.FRAME_MS", 1500)
+    animation.start()
     controller.finish()
     assert controller.settle(30)
-    assert not controller.transition.shots
+    assert not controller.transition.images
 
 
 def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
@@ -145,11 +150,11 @@ def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
     controller.inspect(out)
     assert controller.inspected == out
     at_rest(controller, qtbot)
-    height = controller.transition.shots[out].patch.rgba.shape[0]
+    height = controller.transition.images[out].patch.rgba.shape[0]
     assert height > 0.35 * min(controller.frame.size)
     quarter = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])
-    controller.turn(out, quarter)
-    controller.turned(out)
+    controller.renderer.turn(out, quarter)
+    controller.renderer.turned(out)
     controller.leave()
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=10000)
     np.testing.assert_allclose(session.poses[out].rotation, quarter @ before, atol=1e-9)

@@ -62,7 +62,7 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     workspace, commands = panel.workspace, panel.commands
     hue = mine.colormap.map(np.array([1, 2]))
     at_rest(workspace.controller, qtbot)
-    workspace.controller.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
+    workspace.controller.renderer.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
     held = workspace.controller.rotation_of(1).copy()
     press(qtbot, panel.unpack.inspection.open)
     assert workspace.is_inside
@@ -75,7 +75,7 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     inner.recolor()
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
-    assert workspace.controller.in_slice((10, 10, 10)) == 0
+    assert workspace.controller.interaction.in_slice((10, 10, 10)) == 0
     assert workspace.controller.settle(60)
 
     qtbot.waitUntil(panel.unpack.next.isEnabled, timeout=10000)
@@ -97,7 +97,7 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
         np.testing.assert_allclose(getattr(viewer.scene.camera, name), value, atol=1e-4)
     assert not workspace.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
-    assert workspace.controller.in_slice((10, 10, 10)) == 1
+    assert workspace.controller.interaction.in_slice((10, 10, 10)) == 1
 
 
 def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(

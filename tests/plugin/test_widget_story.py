@@ -298,7 +298,7 @@ def test_table_and_slices_select_the_same(
     expert.visible = True
     viewer.reset_view()
     # Slices are the user's for a moment after a scroll; here the last one was long ago.
-    panel.workspace.controller._steps._clock = lambda: monotonic() + 60.0
+    panel.workspace.controller.slice_steps.clock = lambda: monotonic() + 60.0
     table = panel.objects.table
     rows = [table.model().index(row, 1) for row in range(table.model().rowCount())]
     table.selectRow(next(row for row, at in enumerate(rows) if at.data(ID) == 3))

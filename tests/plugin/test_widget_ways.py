@@ -56,15 +56,15 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     box = panel.unpack.reveal_box
     qtbot.waitUntil(box.isVisible, timeout=60000)
     assert "Object 2 must leave first or with it, towards you and up." in box.sentence.text()
-    assert controller.overlays._marks.buried == 1
-    assert controller.overlays._marks.leaving == {2}
+    assert controller.overlays.outlines.outlined.buried == 1
+    assert controller.overlays.outlines.outlined.leaving == {2}
     row = panel.objects.model.row_of(2)
     state = panel.objects.model.index(row, 3)
     qtbot.waitUntil(lambda: state.data() == "next", timeout=10000)
     qtbot.waitUntil(
-        lambda: len(controller.overlays.painter.cards_at(controller.frame)) == 1, timeout=60000
+        lambda: len(controller.overlays.outlines.quads_at(controller.frame)) == 1, timeout=60000
     )
-    assert len(controller.overlays.painter.cards_at(controller.frame)) == 1
+    assert len(controller.overlays.outlines.quads_at(controller.frame)) == 1
     press(qtbot, box.take)
     qtbot.waitUntil(lambda: not controller.flying, timeout=60000)
     assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
@@ -82,27 +82,27 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     widget = compat.native_canvas(viewer).native
     angles = viewer.scene.camera.angles
     panel.unpack.draw.setChecked(True)
-    assert controller.drawing
-    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 0
+    assert controller.interaction.drawing
+    assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
     start = QPoint(200, 200)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
     for part in (20, 50, 90):
         move(widget, start + QPoint(part, 0), LEFT)
         qtbot.wait(20)
-    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 6
+    assert len(controller.overlays.arrow.quads_at(controller.frame)) == 6
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=start + QPoint(90, 0))
     qtbot.waitUntil(lambda: session.direction is not None, timeout=10000)
     np.testing.assert_allclose(session.unpack_direction, session.camera.right, atol=1e-6)
     assert viewer.scene.camera.angles == angles
     assert not panel.unpack.draw.isChecked()
-    assert not controller.drawing
+    assert not controller.interaction.drawing
     qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along arrow", timeout=10000)
     panel.unpack.direction.setCurrentText("Towards me")
     assert session.direction is None
-    assert len(controller.overlays.arrow.cards_at(controller.frame)) == 0
+    assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
 
     # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
-    depth = controller._renderer.depth
+    depth = controller.renderer.depth
     qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
     panel.unpack.draw.setChecked(True)
     height, width = viewer.canvas.size
@@ -118,9 +118,8 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     session = panel.workspace.session
-    # Somebody is free in this bag: the watch must not say so in between.
-    panel._watch.end()
-    panel._watch.known.disconnect()
+    # Somebody is free in this bag: the queries must not say so in between.
+    panel.workspace.unpackable.disconnect()
     panel.unpack.show_unpackable(frozenset())
     qtbot.waitUntil(panel.unpack.use_best.isVisible, timeout=60000)
     best = session.best_direction()
@@ -148,16 +147,16 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     move(widget, at + QPoint(1, 1))
     move(widget, at)
     qtbot.waitUntil(
-        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 3, timeout=100000
+        lambda: len(controller.overlays.ghost.quads_at(controller.frame)) == 3, timeout=100000
     )
     assert QToolTip.text().startswith(str(session.objects["name"][out]))
     home = session.camera.project(session.boxes.center(out, session.spacing), controller.frame.size)
-    patch = controller.overlays.ghost._seen.shot.patch
+    patch = controller.overlays.ghost.image.patch
     assert patch.row < home[0] < patch.row + patch.size[0]
     assert patch.col < home[1] < patch.col + patch.size[1]
     assert patch.rgba[..., 3].max() < 0.5
 
-    angles, casts = controller.viewer.scene.camera.angles, controller._renderer._small.casts
+    angles, casts = controller.viewer.scene.camera.angles, controller.statistics.sprites_cast
     shift = Qt.KeyboardModifier.ShiftModifier
     drag(widget, at, QPoint(-30, 40), qtbot, shift)
     qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
@@ -165,24 +164,24 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
     assert session._situation.out[out].slot == slot
     assert controller.viewer.scene.camera.angles == angles
-    assert controller._renderer._small.casts == casts
+    assert controller.statistics.sprites_cast == casts
     panel.commands.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
     move(widget, QPoint(3, 3))
     qtbot.waitUntil(
-        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 0, timeout=100000
+        lambda: len(controller.overlays.ghost.quads_at(controller.frame)) == 0, timeout=100000
     )
     qtbot.waitUntil(lambda: not QToolTip.isVisible(), timeout=20000)
 
     move(widget, at)
     qtbot.waitUntil(
-        lambda: len(controller.overlays.ghost.cards_at(controller.frame)) == 3, timeout=100000
+        lambda: len(controller.overlays.ghost.quads_at(controller.frame)) == 3, timeout=100000
     )
     # Sent home by a key while the mouse lies still: nothing is left of the ghost.
     panel.commands.restore()
     assert controller.settle(60)
     assert session.states[out].name == "PACKED"
-    assert not controller.overlays.ghost.cards_at(controller.frame)
+    assert not controller.overlays.ghost.quads_at(controller.frame)
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def controller_with(panel: UnpackingWidget, qtbot: QtBot, labels: Any = None) ->
 
 def at_rest(controller: Any, qtbot: QtBot) -> None:
     """Wait until nothing moves by itself any more and every picture is right."""
-    qtbot.waitUntil(lambda: not controller._renderer._clock.running, timeout=60000)
+    qtbot.waitUntil(lambda: not controller.renderer.flight_animation.running, timeout=60000)
     assert controller.settle(120)
 
 

@@ -1,1 +1,1 @@
-"""The three stage layers of napari and their vispy adapters."""
+"""The three layers of napari that show a session, their adapter, and what is private of napari."""

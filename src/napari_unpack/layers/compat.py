@@ -15,13 +15,21 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 import numpy as np
 from napari.layers import Layer
 from numpy.typing import ArrayLike, NDArray
 from psygnal import Signal
+from vispy.gloo.context import get_current_canvas
+
+if TYPE_CHECKING:
+    import napari
+    from vispy.scene import SceneCanvas
+
+    from napari_unpack.layers.view_camera import Frame
+    from napari_unpack.rendering.gl.depth_quads import Quad
 
 try:
     from napari._qt.layer_controls.qt_layer_controls_base import QtLayerControls
@@ -40,13 +48,8 @@ except ImportError as error:
     )
 
 
-def supported() -> bool:
-    """Return whether this napari can show the three picture layers."""
-    return not _PROBLEM
-
-
 def problem() -> str:
-    """Return why it cannot, as a sentence to show; empty where it can."""
+    """Return why this napari cannot show our layers, a sentence to show; empty where it can."""
     return _PROBLEM
 
 
@@ -62,7 +65,7 @@ def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:
     sentence : str
         What the controls say about the layer.
     """
-    if supported():
+    if not problem():
         layer_to_visual[layer] = adapter
         layer_to_controls[layer] = _controls(sentence)
         with contextlib.suppress(ImportError):
@@ -76,14 +79,14 @@ def unwrap(proxy: Any) -> Any:
     return getattr(proxy, "__wrapped__", proxy)
 
 
-def repaint(viewer: Any) -> None:
+def repaint(viewer: napari.Viewer) -> None:
     """Ask for the canvas to be drawn again soon."""
     canvas = native_canvas(viewer)
     if canvas is not None:
         canvas.update()
 
 
-def native_canvas(viewer: Any) -> Any | None:
+def native_canvas(viewer: napari.Viewer) -> SceneCanvas | None:
     """Return the vispy canvas of a viewer, or None where it has no window any more."""
     window = getattr(unwrap(viewer), "window", None)
     qt_viewer = getattr(window, "_qt_viewer", None)
@@ -91,9 +94,94 @@ def native_canvas(viewer: Any) -> Any | None:
     return getattr(canvas, "_scene_canvas", None)
 
 
-def is_drawing(canvas: Any) -> bool:
-    """Return whether a vispy canvas is being drawn, during which it asks for no redraw."""
-    return bool(getattr(canvas, "_drawing", False))
+class RedrawHook:
+    """Takes a canvas's requests for a redraw, by replacing its `update`.
+
+    Parameters
+    ----------
+    canvas : vispy.scene.SceneCanvas or None
+        None, a viewer without a window, asks for nothing.
+    """
+
+    def __init__(self, canvas: SceneCanvas | None) -> None:
+        self._canvas = canvas
+        self._asked: Callable[[], None] = lambda: None
+
+    @property
+    def is_drawing(self) -> bool:
+        """Whether the canvas is being drawn, during which it asks for no redraw."""
+        return bool(getattr(self._canvas, "_drawing", False))
+
+    def install(self, asked: Callable[[], None]) -> None:
+        """Call in place of every redraw that is asked for."""
+        if self._canvas is not None:
+            self._asked, self._update = asked, self._canvas.update
+            self._canvas.update = self._on_update
+
+    def redraw(self) -> None:
+        """Have the canvas drawn."""
+        if self._canvas is not None:
+            self._update()
+
+    def remove(self) -> None:
+        """Give the canvas its own method back."""
+        if self._canvas is not None and vars(self._canvas).get("update") == self._on_update:
+            del self._canvas.update
+
+    def _on_update(self, node: Any = None) -> None:
+        self._asked()
+
+
+_GUARDED = "finishes_in_own_context"
+
+
+def finish_in_own_context(canvas: SceneCanvas | None) -> None:
+    """Make `finish` of a canvas's context run in that context; once is enough.
+
+    Parameters
+    ----------
+    canvas : vispy.scene.SceneCanvas or None
+        With a Qt backend. None, a viewer without a window, is left alone.
+
+    Notes
+    -----
+    When layers go, napari calls `context.finish()` on their canvas so that the driver lets go of
+    them before the scene is rebuilt. It does not make the canvas current first. With two viewers
+    open the current context may be the other one's, and GL names are only numbers: the programs
+    and textures deleted there are the ones the other canvas draws with, which then stays empty.
+
+    It stays for the canvas's life: napari takes the layers of a closing window down last of all.
+    Before the context is made, and after it went with its window, nothing runs: what is queued
+    waits for the first draw, or has gone with the context. The canvas that was current is so
+    again afterwards.
+    """
+    context = getattr(canvas, "context", None)
+    if canvas is None or context is None or getattr(context, _GUARDED, False):
+        return
+    finish = context.finish
+
+    def finish_here() -> None:
+        if not _has_context(canvas):
+            return
+        previous = get_current_canvas()
+        canvas.set_current()
+        try:
+            finish()
+        finally:
+            if previous is not None and previous is not canvas and _has_context(previous):
+                previous.set_current()
+
+    context.finish = finish_here
+    setattr(context, _GUARDED, True)
+
+
+def _has_context(canvas: SceneCanvas) -> bool:
+    """Return whether a canvas's widget lives and has been shown; other backends always have."""
+    # Qt deletes a widget while Python still holds it: any call raises RuntimeError then.
+    with suppress(RuntimeError):
+        valid = getattr(canvas.native, "isValid", None)
+        return valid is None or bool(valid())
+    return False
 
 
 def forget_objects(context: Any) -> None:
@@ -108,8 +196,14 @@ def forget_objects(context: Any) -> None:
     context.shared.parser = after
 
 
-def build_anew(viewer: Any, layers: Sequence[Any]) -> bool:
-    """Give layers new visuals in place of those they have; return whether all got theirs."""
+def build_anew(viewer: napari.Viewer, layers: Sequence[Layer]) -> bool:
+    """Give layers new visuals in place of those they have; return whether all got theirs.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    layers : sequence of napari layers
+    """
     qt_viewer: Any = getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
     # Other versions of napari do this elsewhere; layers then stay as they are.
     try:
@@ -125,15 +219,23 @@ def build_anew(viewer: Any, layers: Sequence[Any]) -> bool:
     return True
 
 
-def pixel_scale(viewer: Any) -> float:
+def pixel_scale(viewer: napari.Viewer) -> float:
     """Return the device pixels of a logical pixel of a viewer's canvas."""
     return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
 
 
-def when_window_closes(viewer: Any, callback: Callable[[], None]) -> Callable[[], None]:
+def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> Callable[[], None]:
     """Call back when the viewer's window is taken down; return what calls that off.
 
-    The window keeps whoever owns the callback alive until then.
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    callback : callable
+
+
+    Notes
+    -----
+    The window keeps the owner of the callback alive until then.
     """
     window = getattr(unwrap(viewer), "window", None)
     qt_window = getattr(window, "_qt_window", None)
@@ -144,7 +246,7 @@ def when_window_closes(viewer: Any, callback: Callable[[], None]) -> Callable[[]
         callback()
 
     qt_window.destroyed.connect(destroyed)
-    # Whoever keeps what calls it off must not keep the window.
+    # What calls it off must not keep the window alive.
     known = ref(qt_window)
 
     def call_off() -> None:
@@ -165,7 +267,7 @@ class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
 
 
 class PictureLayer(Layer):
-    """A napari layer that is a picture of a session: nothing to slice, nothing to pick by voxel.
+    """A napari layer that is an image of a session: nothing to slice, nothing to pick by voxel.
 
     Parameters
     ----------
@@ -189,7 +291,7 @@ class PictureLayer(Layer):
     frame_changed = Signal(object)
     refused = Signal(str)
     words = ""
-    frame_now: Callable[[], Any] = staticmethod(lambda: None)
+    frame_now: Callable[[], Frame | None] = staticmethod(lambda: None)
     """Returns what the canvas would show if it were drawn now, a `view_camera.Frame` or None."""
 
     def __init__(
@@ -200,7 +302,7 @@ class PictureLayer(Layer):
         **placement: Any,
     ) -> None:
         self.spacing = np.asarray(spacing, dtype=np.float64)
-        self._frame: Any = None
+        self._frame: Frame | None = None
         self._drawing = False
         self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
         self._points = np.zeros((0, 3))
@@ -210,12 +312,12 @@ class PictureLayer(Layer):
         self.refresh()
 
     @property
-    def frame(self) -> Any:
+    def frame(self) -> Frame | None:
         """What the canvas showed when the layer was last drawn, a `view_camera.Frame` or None."""
         return self._frame
 
-    def cards_at(self, frame: Any) -> Sequence[Any]:
-        """Return the cards to draw, called at every draw; see `rendering.visuals.cards`."""
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the quads to draw, called at every draw."""
         if not frame.same_as(self._frame):
             self._frame, self._drawing = frame, True
             try:

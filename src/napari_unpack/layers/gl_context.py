@@ -1,29 +1,26 @@
-"""When a canvas's GL context is replaced: nothing of the old one is spoken to any more.
+"""When a canvas's GL context is replaced: nothing of the old one is used any more.
 
 Qt makes a new context when its widget moves to another window, and takes the old one away with
 all that was in it. vispy knows nothing of that: it would go on with names of programs and textures
 that mean nothing now, or something else, and raise an error at every paint.
-
-A canvas's GL commands run in its own GL context, also when napari flushes them unasked.
-
-When layers go, napari calls `context.finish()` on their canvas so that the driver lets go of them
-before the scene is rebuilt. It does not make the canvas current first. With two viewers open the
-current context may be the other one's, and GL names are only numbers: the programs and textures
-deleted there are the ones the other canvas draws with, which then stays empty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from qtpy.QtCore import QTimer
-from vispy.gloo.context import get_current_canvas
+from napari.layers import Layer
 
 from napari_unpack.layers import compat
 
-WAIT_MS = 50
+if TYPE_CHECKING:
+    import napari
+    from vispy.scene import SceneCanvas
+
+POLL_MS = 50
+"""How often a canvas without a context is looked at; it has none while its widget is hidden."""
 
 
 class ContextWatch:
@@ -35,6 +32,8 @@ class ContextWatch:
         With a Qt backend. None, a viewer without a window, is never called back for.
     replaced : callable
         Called when the canvas can be drawn again.
+    later : callable
+        Given milliseconds and what to call then.
 
     Notes
     -----
@@ -44,8 +43,13 @@ class ContextWatch:
     (`compat.build_anew`).
     """
 
-    def __init__(self, canvas: Any, replaced: Callable[[], None]) -> None:
-        self._canvas, self._replaced = canvas, replaced
+    def __init__(
+        self,
+        canvas: SceneCanvas | None,
+        replaced: Callable[[], None],
+        later: Callable[[int, Callable[[], None]], None],
+    ) -> None:
+        self._canvas, self._replaced, self._later = canvas, replaced, later
         self._context: Any = None
         self._follow()
 
@@ -71,7 +75,7 @@ class ContextWatch:
             return
         compat.forget_objects(canvas.context)
         self._context = None
-        QTimer.singleShot(0, self._look)
+        self._later(0, self._look)
 
     def _look(self) -> None:
         """Wait for the new context; there is none while the widget is hidden, or if it is going."""
@@ -83,64 +87,24 @@ class ContextWatch:
         except RuntimeError:
             return
         if not there:
-            QTimer.singleShot(WAIT_MS, self._look)
+            self._later(POLL_MS, self._look)
             return
         self._follow()
         self._replaced()
         canvas.update()
 
 
-def drawn_anew(viewer: Any, ours: Sequence[Any]) -> str:
-    """Have all layers but ours made anew, after a context was replaced; return what to say."""
+def rebuild_layers(viewer: napari.Viewer, ours: Sequence[Layer]) -> str:
+    """Have all layers but ours made anew, after a context was replaced; return what to say.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    ours : sequence of napari layers
+        They rebuild themselves.
+    """
     others = [layer for layer in viewer.layers if layer not in ours]
     lost = "The graphics card lost the contents of the window; "
     if compat.build_anew(viewer, others):
         return lost + "everything is drawn again."
     return lost + "add your own layers once more to see them."
-
-
-GUARDED = "finishes_in_own_context"
-
-
-def guard(canvas: Any) -> None:
-    """Make `finish` of a canvas's context run in that context; once is enough.
-
-    Parameters
-    ----------
-    canvas : vispy.app.Canvas or None
-        With a Qt backend. None, a viewer without a window, is left alone.
-
-    Notes
-    -----
-    It stays for the canvas's life: napari takes the layers of a closing window down last of all.
-    Before the context is made, and after it went with its window, nothing runs: what is queued
-    waits for the first draw, or has gone with the context. The canvas that was current is so
-    again afterwards.
-    """
-    context = getattr(canvas, "context", None)
-    if context is None or getattr(context, GUARDED, False):
-        return
-    finish = context.finish
-
-    def finish_here() -> None:
-        if not _has_context(canvas):
-            return
-        previous = get_current_canvas()
-        canvas.set_current()
-        try:
-            finish()
-        finally:
-            if previous is not None and previous is not canvas and _has_context(previous):
-                previous.set_current()
-
-    context.finish = finish_here
-    setattr(context, GUARDED, True)
-
-
-def _has_context(canvas: Any) -> bool:
-    """Return whether a canvas's widget lives and has been shown; other backends always have."""
-    # Qt deletes a widget while Python still holds it: any call raises RuntimeError then.
-    with suppress(RuntimeError):
-        valid = getattr(canvas.native, "isValid", None)
-        return valid is None or bool(valid())
-    return False

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from napari.utils.colormaps import CyclicLabelColormap, DirectLabelColormap
 from numpy.typing import ArrayLike, NDArray
+
+LabelColormap: TypeAlias = CyclicLabelColormap | DirectLabelColormap
 
 MOST_DIRECT = 1000
 """Beyond so many colours a `DirectLabelColormap` takes seconds to set, on the main thread."""
@@ -16,7 +18,7 @@ MOST_ROWS = 65_535
 """Rows a cyclic colormap can have; where it has one for every ID it cycles nowhere."""
 
 
-def label_colormap(colors: Mapping[int, ArrayLike], other: ArrayLike) -> Any:
+def label_colormap(colors: Mapping[int, ArrayLike], other: ArrayLike) -> LabelColormap:
     """Return a napari colormap that shows every ID in its colour.
 
     Parameters

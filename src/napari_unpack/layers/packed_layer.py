@@ -1,6 +1,6 @@
-"""The layer of all that is still packed: the paper's first layer, cached.
+"""The layer of all that is still packed, with its background and the bag's box.
 
-The packed layer's background and the bag's box, as cards of the canvas.
+The paper's first layer: its image is kept, and drawing it again casts no ray.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.vispy_adapter import QuadsAdapter
 from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
 from napari_unpack.rendering.gl.lines import Stroke
+
+if TYPE_CHECKING:
+    import napari
 
 OWN = "napari"
 """Name of the background that is napari's own canvas colour."""
@@ -46,21 +49,13 @@ class Backdrop:
     _strokes: list[Stroke] = field(default_factory=list)
     _edges: tuple[Frame, list[Quad]] | None = None
 
-    @classmethod
-    def of(cls, session: Any) -> Backdrop:
-        """Return the backdrop of a session's bag."""
-        boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
-        lower = (boxes.lower.min(axis=0) - 0.5) * spacing
-        upper = (boxes.upper.max(axis=0) - 0.5) * spacing
-        return cls(lower, upper, session.surroundings)
-
     def show(self, around: Decorations) -> None:
         """Show other surroundings."""
         self.around, self._ground, self._edges = around, None, None
         self._strokes = []
 
     def behind(self, frame: Frame) -> list[Quad]:
-        """Return the background's card; none where one colour of the canvas will do."""
+        """Return the background's quad; none where one colour of the canvas will do."""
         ground = self.around.background
         if ground.is_plain:
             return []
@@ -70,7 +65,7 @@ class Backdrop:
         return [Quad(self._ground[1], FARTHEST)]
 
     def edges(self, frame: Frame, opacity: float) -> list[Quad]:
-        """Return the cards of the box's edges."""
+        """Return the quads of the box's edges."""
         if not self.around.box:
             return []
         if self._edges is None or self._edges[0] is not frame:
@@ -79,12 +74,18 @@ class Backdrop:
                 self._strokes = [Stroke(self.around.ink) for _ in ends]
             pairs = zip(self._strokes, ends, strict=True)
             drawn = [stroke.quad(pair, frame.camera, frame.size, opacity) for stroke, pair in pairs]
-            self._edges = frame, [card for card in drawn if card is not None]
+            self._edges = frame, [quad for quad in drawn if quad is not None]
         return self._edges[1]
 
 
-def dress(viewer: Any, around: Decorations) -> None:
-    """Give a viewer's canvas the colour and the scale bar that surroundings ask for."""
+def decorate_canvas(viewer: napari.Viewer, around: Decorations) -> None:
+    """Give a viewer's canvas the colour and the scale bar that decorations ask for.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    around : Decorations
+    """
     ground = around.background
     plain = None if ground.name == OWN else (*ground.colors[0][:3], 1.0)
     viewer.canvas.background_color_override = plain
@@ -96,7 +97,7 @@ def dress(viewer: Any, around: Decorations) -> None:
 
 
 class PackedLayer(PictureLayer):
-    """The picture of the packed bag. It is kept; drawing it again casts no ray.
+    """The image of the packed bag. It is kept; drawing it again casts no ray.
 
     Parameters
     ----------
@@ -114,86 +115,94 @@ class PackedLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shot: RenderedImage | CanvasImage | None = None
+        self._image: RenderedImage | CanvasImage | None = None
         self._before: RenderedImage | None = None
         self._mix = 1.0
         self.drawn, self.drawn_at = False, 0.0
         self.backdrop: Backdrop | None = None
-        self._cards: tuple[Quad, ...] = ()
-        self._cards_for: Camera | None = None
+        self._quads: tuple[Quad, ...] = ()
+        self._quads_for: Camera | None = None
         self.dimming = 1.0
-        self.on_draw: Callable[[], None] = _nothing
+        self.on_draw: Callable[[], None] = do_nothing
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shot(self) -> RenderedImage | CanvasImage | None:
+    def image(self) -> RenderedImage | CanvasImage | None:
         """What is shown."""
-        return self._shot
+        return self._image
 
     def show(
         self,
-        shot: RenderedImage | CanvasImage | None,
+        image: RenderedImage | CanvasImage | None,
         before: RenderedImage | None = None,
-        resting: bool = True,
+        with_thumbnail: bool = True,
     ) -> None:
-        """Show another picture, at once or with `mix` from one that it covers.
+        """Show another image.
 
-        While the bag is turned, not `resting`, the small picture in the layer list waits: it
-        costs half a redraw.
+        Parameters
+        ----------
+        image : RenderedImage or CanvasImage or None
+        before : RenderedImage, optional
+            What it covers, and replaces by `mix`; by default it is shown at once.
+        with_thumbnail : bool, optional
+            Show it in the layer list too. While the bag is turned that waits: it costs half a
+            redraw.
         """
-        self._shot, self._cards_for, self.drawn = shot, None, False
+        self._image, self._quads_for, self.drawn = image, None, False
         self._before, self._mix = before, 1.0 if before is None else 0.0
-        if resting:
-            self.come_to_rest()
+        if with_thumbnail:
+            self.update_thumbnail()
         self.repaint()
 
-    def come_to_rest(self) -> None:
+    def update_thumbnail(self) -> None:
         """Show what is shown in the layer list too."""
-        shot = self._shot
-        if shot is not None and self.frame is not None and shot.size == self.frame.size:
-            self.set_picture(shot.thumbnail)
+        image = self._image
+        if image is not None and self.frame is not None and image.size == self.frame.size:
+            self.set_picture(image.thumbnail)
 
     def mix(self, part: float) -> None:
-        """Show so much of the new picture, the rest of the one before; 1 forgets that one."""
+        """Show so much of the new image, the rest of the one before; 1 forgets that one."""
         if self._before is not None:
             self._mix = part
             if part >= 1.0:
-                self._before, self._cards_for = None, None
+                self._before, self._quads_for = None, None
             self.repaint()
 
     def dim(self, factor: float) -> None:
         """Multiply the layer's opacity, for the time something else is looked at."""
-        self.dimming, self._cards_for = factor, None
+        self.dimming, self._quads_for = factor, None
         self.repaint()
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return the picture's card and what is around it.
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the image's quad and what is around it.
 
-        The picture moves with the camera while a new one is cast.
+        The image moves with the camera while a new one is cast.
         """
-        super().cards_at(frame)
+        super().quads_at(frame)
         self.on_draw()
         self.drawn, self.drawn_at = True, monotonic()
-        cards = self._bag_cards(frame)
+        quads = self._bag_quads(frame)
         if self.backdrop is None:
-            return cards
-        edges = self.backdrop.edges(self.frame, self.dimming)
-        return [*self.backdrop.behind(frame), *cards, *edges]
+            return quads
+        edges = self.backdrop.edges(self.frame or frame, self.dimming)
+        return [*self.backdrop.behind(frame), *quads, *edges]
 
-    def _bag_cards(self, frame: Frame) -> Sequence[Quad]:
-        if self._shot is None:
+    def _bag_quads(self, frame: Frame) -> Sequence[Quad]:
+        if self._image is None:
             return ()
-        if self._cards_for is not self.frame.camera:
-            card = self._shot.card(frame.camera, self.dimming)
-            self._cards = () if card is None else (card,)
-            self._cards_for = self.frame.camera
+        # A frame that shows the same as the last one is another object.
+        camera = frame.camera if self.frame is None else self.frame.camera
+        if self._quads_for is not camera:
+            quad = self._image.quad(frame.camera, self.dimming)
+            self._quads = () if quad is None else (quad,)
+            self._quads_for = camera
         if self._before is None:
-            return self._cards
-        return [replace(c, before=self._before.picture, mix=self._mix) for c in self._cards]
+            return self._quads
+        return [replace(c, before=self._before.texture, mix=self._mix) for c in self._quads]
 
 
-def _nothing() -> None:
-    """Do nothing."""
+def do_nothing() -> None:
+    """Do nothing: what `on_draw` is where nothing is to be sent."""
 
 
 register(

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from napari.layers import Layer
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.rays import voxel_from_world
 
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.layers.compat import PictureLayer
+
 FIELDS = ("scale", "translate", "rotate", "shear", "affine", "units")
 
 
-def placement_of(sources: Sequence[Any], spacing: NDArray[np.float64]) -> dict[str, Any]:
+def placement_of(sources: Sequence[Layer], spacing: NDArray[np.float64]) -> dict[str, Any]:
     """Return where our layers stand: on the user's own layer.
 
     Parameters
@@ -35,13 +41,13 @@ def placement_of(sources: Sequence[Any], spacing: NDArray[np.float64]) -> dict[s
     return {name: getattr(layer, name) for name in FIELDS}
 
 
-def units_of(viewer: Any) -> Sequence[Any] | None:
+def units_of(viewer: napari.Viewer) -> Sequence[Any] | None:
     """Return the units a viewer draws in, the finest of its layers'; None where they clash."""
     units: Sequence[Any] | None = viewer.layers.extent.units
     return units
 
 
-def data_to_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
+def data_to_world(layer: Layer, units: Sequence[Any] | None = None) -> Matrix:
     """Return a 3D layer's (4, 4) map from its data to napari's world, z y x.
 
     Parameters
@@ -59,20 +65,35 @@ def data_to_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
     return matrix
 
 
-def unit_ratios(layer: Any, units: Sequence[Any] | None) -> NDArray[np.float64]:
-    """Return how many units of a world each unit of a layer's is, along its axes."""
+def unit_ratios(layer: Layer, units: Sequence[Any] | None) -> NDArray[np.float64]:
+    """Return how many units of a world each unit of a layer's is, along its axes.
+
+    Parameters
+    ----------
+    layer : napari layer
+    units : sequence of pint.Unit or None
+        Of the world; None where units clash: ones.
+    """
     if units is None or len(units) < layer.ndim:
         return np.ones(layer.ndim)
     pairs = zip(layer.units, units[-layer.ndim :], strict=True)
     return np.array([float((1.0 * own).to(other).magnitude) for own, other in pairs])
 
 
-def napari_from_world(layer: Any, units: Sequence[Any] | None = None) -> Matrix:
-    """Return the map from the session's world, mm, to napari's for one of our layers."""
+def napari_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -> Matrix:
+    """Return the map from the session's world, mm, to napari's.
+
+    Parameters
+    ----------
+    layer : PictureLayer
+        One of ours.
+    units : sequence of pint.Unit, optional
+        Of napari's world; by default the layer's own.
+    """
     return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
 
 
-def standing(layer: Any, spacing: ArrayLike) -> Matrix:
+def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
     """Return the map from a session's world, mm, to napari's in mm as well.
 
     Parameters
@@ -98,9 +119,18 @@ def standing(layer: Any, spacing: ArrayLike) -> Matrix:
 
 
 def voxel_at(
-    layer: Any, position: ArrayLike, units: Sequence[Any] | None = None
+    layer: Layer, position: ArrayLike, units: Sequence[Any] | None = None
 ) -> NDArray[np.int64]:
-    """Return the voxel nearest to a point of napari's world, whose last three axes count."""
+    """Return the voxel nearest to a point of napari's world.
+
+    Parameters
+    ----------
+    layer : napari layer
+    position : (N,) array_like
+        The last three axes count.
+    units : sequence of pint.Unit, optional
+        Of that world; by default the layer's own.
+    """
     there = np.asarray(position, dtype=np.float64)[-3:]
     data_from_world: Matrix = np.linalg.inv(data_to_world(layer, units)).astype(np.float64)
     return np.rint(transform_points(data_from_world, there)).astype(np.int64)

@@ -1,8 +1,6 @@
-"""Patches on their way to cards: a picture, and the camera it was cast for.
+"""Images on their way to the canvas: cast by a worker, or by the canvas's own GL when drawn.
 
-Where a picture made for one camera stands when another camera looks.
-
-Pictures that the canvas's own GL casts at the moment they are drawn.
+An image knows the camera it was cast for, and so where it stands when another camera looks.
 """
 
 from __future__ import annotations
@@ -22,15 +20,15 @@ from napari_unpack.rendering.outlines import Silhouette, decorated
 
 
 @dataclass(frozen=True)
-class PicturePlace(PivotPlace):
-    """A rectangle in the pivot plane of the camera that a picture was cast for.
+class ImagePlace(PivotPlace):
+    """A rectangle in the pivot plane of the camera that an image was cast for.
 
     Parameters
     ----------
     center, half, ndc_depth
         As for `PivotPlace`, in the pivot space of the camera that looks now.
     plane : float
-        Where pixels stand that have no depth of their own, mm behind the picture's own pivot
+        Where pixels stand that have no depth of their own, mm behind the image's own pivot
         plane.
     """
 
@@ -43,20 +41,20 @@ class PicturePlace(PivotPlace):
 
     @property
     def t_origin(self) -> float:
-        """What to add to the picture's depths, mm."""
+        """What to add to the image's depths, mm."""
         return -float(self.center[0])
 
 
 class Placed(Protocol):
-    """A rectangle of a picture: a `ImagePatch`, or one that is still to be cast."""
+    """A rectangle of an image: a `ImagePatch`, or one that is still to be cast."""
 
     @property
     def row(self) -> int:
-        """First row of the whole picture."""
+        """First row of the whole image."""
 
     @property
     def col(self) -> int:
-        """First column of the whole picture."""
+        """First column of the whole image."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -67,35 +65,35 @@ class Placed(Protocol):
         """Depth t of what has none of its own, mm."""
 
 
-def picture_place(
+def image_place(
     patch: Placed, made_for: Camera, size: tuple[int, int], seen_by: Camera
-) -> PicturePlace:
-    """Place a patch of a picture where it belongs under the camera that looks now.
+) -> ImagePlace:
+    """Place a patch of an image where it belongs under the camera that looks now.
 
     Parameters
     ----------
     patch : ImagePatch or Window
-        Where the pixels are in the whole picture.
+        Where the pixels are in the whole image.
     made_for : Camera
-        The camera the picture was cast for.
+        The camera the image was cast for.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     seen_by : Camera
         The camera that looks now.
 
     Returns
     -------
-    PicturePlace
+    ImagePlace
 
     Notes
     -----
     Under the same camera this is the patch's window, exactly; after a zoom or a pan the old
-    picture follows at once, while the new one is being cast. A turn it cannot follow.
+    image follows at once, while the new one is being cast. A turn it cannot follow.
     """
     mm = made_for.height / size[0]
     height, width = patch.size
     towards, down, right = seen_by.linear @ (made_for.center - seen_by.center)
-    return PicturePlace(
+    return ImagePlace(
         center=(
             float(towards),
             float(down) + (patch.row + (height - size[0]) / 2) * mm,
@@ -112,7 +110,7 @@ def sprite_place(patch: ImagePatch, center: tuple[float, float, float], mm: floa
     Parameters
     ----------
     patch : ImagePatch
-        Of `session.pictures.sprite_patch`: row and col count from the object's centre.
+        Of `rendering.compose.sprite_patch`: row and col count from the object's centre.
     center : (float, float, float)
         Where that centre is, pivot space mm.
     mm : float
@@ -148,31 +146,31 @@ FRONT = -0.999
 
 @dataclass(frozen=True, eq=False)
 class RenderedImage:
-    """A patch of a picture cast for one camera.
+    """A patch of an image cast for one camera.
 
     Parameters
     ----------
     patch : ImagePatch
         Pixels, depths, window.
-    picture : ImageTexture
-        The same, for the graphics card.
+    texture : ImageTexture
+        The same, for the graphics quad.
     camera : Camera
         The camera it was cast for.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     in_front : bool
         Draw it before everything else instead of where it is.
     """
 
     patch: ImagePatch
-    picture: ImageTexture
+    texture: ImageTexture
     camera: Camera
     size: tuple[int, int]
     in_front: bool = False
 
     @classmethod
     def of(cls, patch: ImagePatch, camera: Camera, size: tuple[int, int]) -> RenderedImage | None:
-        """Return the shot of a patch; None where it has no pixels. For worker threads too."""
+        """Return the image of a patch; None where it has no pixels. For worker threads too."""
         if patch.is_empty:
             return None
         return cls(patch, ImageTexture(to_bytes(patch.rgba), patch.depth), camera, size)
@@ -198,39 +196,39 @@ class RenderedImage:
         )
 
     def mixed(self, before: RenderedImage, part: float) -> RenderedImage:
-        """Return the shot that is so far on the way from another, which it must cover."""
+        """Return the image that is so far on the way from another, which it must cover."""
         rgba = before.patch.rgba + np.float32(part) * (self.patch.rgba - before.patch.rgba)
         patch = replace(self.patch, rgba=rgba)
-        return replace(self, patch=patch, picture=ImageTexture(to_bytes(rgba), patch.depth))
+        return replace(self, patch=patch, texture=ImageTexture(to_bytes(rgba), patch.depth))
 
-    def card(self, seen_by: Camera, opacity: float = 1.0) -> Quad:
-        """Return the card that shows it where it belongs under a camera."""
-        place = picture_place(self.patch, self.camera, self.size, seen_by)
+    def quad(self, seen_by: Camera, opacity: float = 1.0) -> Quad:
+        """Return the quad that shows it where it belongs under a camera."""
+        place = image_place(self.patch, self.camera, self.size, seen_by)
         if self.in_front:
             place = replace(place, ndc_depth=FRONT)
-        return Quad(self.picture, place, opacity)
+        return Quad(self.texture, place, opacity)
 
 
 @dataclass(frozen=True, eq=False)
 class Sprite:
-    """The small picture of an unpacked object, in pivot space.
+    """The small image of an unpacked object, in pivot space.
 
     Parameters
     ----------
     patch : ImagePatch
-        Of `session.pictures.sprite_patch`, its colours as float16.
+        Of `rendering.compose.sprite_patch`, its colours as float16.
     pose : Pose
         Where it waits and how it is turned.
     mm : float
         Size of a pixel, mm.
-    pictures : dict
-        The same for the graphics card, by the silhouette laid under it.
+    textures : dict
+        The same for the graphics quad, by the silhouette laid under it.
     """
 
     patch: ImagePatch
     pose: Pose
     mm: float
-    pictures: dict[Silhouette, ImageTexture] = field(default_factory=dict)
+    textures: dict[Silhouette, ImageTexture] = field(default_factory=dict)
 
     @classmethod
     def of(cls, patch: ImagePatch, pose: Pose, mm: float) -> Sprite | None:
@@ -240,35 +238,35 @@ class Sprite:
         # Half precision, since it is kept for as long as the object is out.
         slim: Any = patch.rgba.astype(np.float16)
         sprite = cls(replace(patch, rgba=slim), pose, mm)
-        sprite.picture(RESTING)
+        sprite.texture(RESTING)
         return sprite
 
     @property
     def nbytes(self) -> int:
         """Memory of its pixels, bytes: as cast, and four of colour and of depth as textures."""
-        drawn = sum(8 * p.size[0] * p.size[1] for p in self.pictures.values())
+        drawn = sum(8 * p.size[0] * p.size[1] for p in self.textures.values())
         return self.patch.rgba.nbytes + self.patch.depth.nbytes + drawn
 
     def moved(self, pose: Pose) -> Sprite:
-        """Return the same picture elsewhere."""
+        """Return the same image elsewhere."""
         return replace(self, pose=pose)
 
-    def picture(self, silhouette: Silhouette) -> ImageTexture:
-        """Return its picture with a silhouette, made at the first call (some milliseconds)."""
-        if silhouette not in self.pictures:
+    def texture(self, silhouette: Silhouette) -> ImageTexture:
+        """Return its image with a silhouette, made at the first call (some milliseconds)."""
+        if silhouette not in self.textures:
             m = silhouette.margin
             depth = np.pad(self.patch.depth, m, constant_values=np.inf)
             rgba = to_bytes(decorated(self.patch.rgba.astype(np.float32), silhouette))
-            self.pictures[silhouette] = ImageTexture(rgba, depth)
-        return self.pictures[silhouette]
+            self.textures[silhouette] = ImageTexture(rgba, depth)
+        return self.textures[silhouette]
 
-    def card(self, silhouette: Silhouette, opacity: float = 1.0) -> Quad:
-        """Return its card."""
+    def quad(self, silhouette: Silhouette, opacity: float = 1.0) -> Quad:
+        """Return its quad."""
         z, y, x = (float(v) for v in self.pose.center)
         place = sprite_place(self.patch, (z, y, x), self.mm)
         margin = silhouette.margin * self.mm
         half = place.half[0] + margin, place.half[1] + margin
-        return Quad(self.picture(silhouette), replace(place, half=half), opacity)
+        return Quad(self.texture(silhouette), replace(place, half=half), opacity)
 
     def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Return whether a point of its plane lies on its rectangle, widened by mm."""
@@ -282,13 +280,13 @@ def to_bytes(rgba: NDArray[np.float32]) -> NDArray[np.uint8]:
     return (np.clip(rgba, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-WIDEN = 64
-"""Windows are widened to multiples of so many pixels, so that few frame buffers serve all."""
+WIDEN_PIXELS = 64
+"""Windows are widened to multiples of this, so that few frame buffers serve all."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of a picture, placed as a `ImagePatch` is.
+    """A rectangle of an image, placed as a `ImagePatch` is.
 
     Parameters
     ----------
@@ -309,21 +307,26 @@ class Window:
     def around(cls, window: tuple[int, int, int, int], plane: float) -> Window:
         """Return (row, col, height, width) widened to the right and down."""
         row, col, height, width = window
-        return cls(row, col, (-(-height // WIDEN) * WIDEN, -(-width // WIDEN) * WIDEN), plane)
+        return cls(
+            row,
+            col,
+            (-(-height // WIDEN_PIXELS) * WIDEN_PIXELS, -(-width // WIDEN_PIXELS) * WIDEN_PIXELS),
+            plane,
+        )
 
 
 @dataclass(eq=False)
 class CanvasImage:
-    """A picture for one camera, cast when it is first drawn.
+    """An image for one camera, cast when it is first drawn.
 
     Parameters
     ----------
     window : Window
-        The part of the picture that is cast.
+        The part of the image that is cast.
     camera : Camera
         The camera it is for.
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     develop : callable
         Casts it; called once, with the canvas's context current. None: it could not be cast.
     in_front : bool
@@ -336,18 +339,18 @@ class CanvasImage:
     develop: Callable[[], ImageTexture | None]
     in_front: bool = False
     ready: bool = field(default=False, init=False)
-    _picture: ImageTexture | None = field(default=None, init=False)
+    _texture: ImageTexture | None = field(default=None, init=False)
 
     thumbnail: None = field(default=None, init=False)
-    """Nothing is read back from the graphics card for the layer list."""
+    """Nothing is read back from the graphics quad for the layer list."""
 
-    def card(self, seen_by: Camera, opacity: float = 1.0) -> Quad | None:
-        """Return the card that shows it under a camera; None where it could not be cast."""
+    def quad(self, seen_by: Camera, opacity: float = 1.0) -> Quad | None:
+        """Return the quad that shows it under a camera; None where it could not be cast."""
         if not self.ready:
-            self._picture, self.ready = self.develop(), True
-        if self._picture is None:
+            self._texture, self.ready = self.develop(), True
+        if self._texture is None:
             return None
-        place = picture_place(self.window, self.camera, self.size, seen_by)
+        place = image_place(self.window, self.camera, self.size, seen_by)
         if self.in_front:
             place = replace(place, ndc_depth=FRONT)
-        return Quad(self._picture, place, opacity)
+        return Quad(self._texture, place, opacity)

@@ -31,7 +31,7 @@ class SpriteLayer(PictureLayer):
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._sprites: dict[int, Sprite] = {}
-        self._cards: dict[int, Quad] = {}
+        self._quads: dict[int, Quad] = {}
         self._chosen: frozenset[int] = frozenset()
         self.dimming = 1.0
         self._edges = RESTING, CHOSEN
@@ -48,11 +48,11 @@ class SpriteLayer(PictureLayer):
         return sum(sprite.nbytes for sprite in self._sprites.values())
 
     def show(self, sprites: Mapping[int, Sprite]) -> None:
-        """Show these and nothing else; a sprite that stays the same keeps its card."""
-        same = [i for i, s in sprites.items() if i in self._cards and self._sprites.get(i) is s]
+        """Show these and nothing else; a sprite that stays the same keeps its quad."""
+        same = [i for i, s in sprites.items() if i in self._quads and self._sprites.get(i) is s]
         if len(same) == len(self._sprites) == len(sprites):
             return
-        self._sprites, self._cards = dict(sprites), {i: self._cards[i] for i in same}
+        self._sprites, self._quads = dict(sprites), {i: self._quads[i] for i in same}
         if sprites:
             self.set_picture(next(reversed(self._sprites.values())).patch.rgba)
         self.repaint()
@@ -61,20 +61,20 @@ class SpriteLayer(PictureLayer):
         """Mark some objects with a brighter outline."""
         if ids != self._chosen:
             for object_id in ids ^ self._chosen:
-                self._cards.pop(object_id, None)
+                self._quads.pop(object_id, None)
             self._chosen = ids
             self.repaint()
 
     def on_light(self, light: bool) -> None:
         """Draw outlines that stand out from a light background, or from a dark one."""
         self._edges = (RESTING_ON_LIGHT, CHOSEN_ON_LIGHT) if light else (RESTING, CHOSEN)
-        self._cards.clear()
+        self._quads.clear()
         self.repaint()
 
     def dim(self, factor: float) -> None:
         """Multiply the layer's opacity, for the time something else is looked at."""
         self.dimming = factor
-        self._cards.clear()
+        self._quads.clear()
         self.repaint()
 
     def at_pixel(self, row: float, col: float, size: tuple[int, int], camera: Camera) -> int:
@@ -104,14 +104,14 @@ class SpriteLayer(PictureLayer):
                 return object_id
         return 0
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return a card for each sprite."""
-        super().cards_at(frame)
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return a quad for each sprite."""
+        super().quads_at(frame)
         for object_id, sprite in self._sprites.items():
-            if object_id not in self._cards:
+            if object_id not in self._quads:
                 edge = self._edges[object_id in self._chosen]
-                self._cards[object_id] = sprite.card(edge, self.dimming)
-        return [self._cards[object_id] for object_id in self._sprites]
+                self._quads[object_id] = sprite.quad(edge, self.dimming)
+        return [self._quads[object_id] for object_id in self._sprites]
 
 
 register(

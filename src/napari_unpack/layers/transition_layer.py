@@ -12,7 +12,7 @@ from napari_unpack.rendering.gl.depth_quads import Quad
 
 
 class TransitionLayer(PictureLayer):
-    """Objects between the bag and their places, each in a card of its own.
+    """Objects between the bag and their places, each in a quad of its own.
 
     Parameters
     ----------
@@ -21,29 +21,29 @@ class TransitionLayer(PictureLayer):
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
-        self._shots: dict[int, RenderedImage | CanvasImage] = {}
+        self._images: dict[int, RenderedImage | CanvasImage] = {}
         self.overlays: Callable[[Frame], Sequence[Quad]] | None = None
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
-    def shots(self) -> dict[int, RenderedImage | CanvasImage]:
+    def images(self) -> dict[int, RenderedImage | CanvasImage]:
         """What is shown, by object."""
-        return dict(self._shots)
+        return dict(self._images)
 
-    def show(self, shots: Mapping[int, RenderedImage | CanvasImage]) -> None:
+    def show(self, images: Mapping[int, RenderedImage | CanvasImage]) -> None:
         """Show these and nothing else."""
-        fresh = shots.keys() - self._shots.keys()
-        self._shots = dict(shots)
+        fresh = images.keys() - self._images.keys()
+        self._images = dict(images)
         for object_id in list(fresh)[:1]:
-            self.set_picture(shots[object_id].thumbnail)
+            self.set_picture(images[object_id].thumbnail)
         self.repaint()
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return a card for each object in the air, over what is drawn upon the bag."""
-        super().cards_at(frame)
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return a quad for each object in the air, over what is drawn upon the bag."""
+        super().quads_at(frame)
         under = () if self.overlays is None else self.overlays(frame)
-        cards = (shot.card(frame.camera) for shot in self._shots.values())
-        return [*under, *(card for card in cards if card is not None)]
+        quads = (image.quad(frame.camera) for image in self._images.values())
+        return [*under, *(quad for quad in quads if quad is not None)]
 
 
 register(

@@ -1,4 +1,4 @@
-"""The one vispy adapter of the three layers: reads the canvas's matrices, hands cards over."""
+"""The one vispy adapter of the three layers: reads the canvas's matrices, hands quads over."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from napari_unpack.rendering.gl.matrices import matrix_of
 
 
 class QuadsNode(create_visual_node(QuadsVisual)):  # type: ignore[misc]
-    """Cards in a napari canvas, whose depth function is not GL's default."""
+    """Quads in a napari canvas, whose depth function is not GL's default."""
 
     def draw(self) -> None:
         """Draw, and leave the canvas as napari set it up."""
@@ -26,12 +26,12 @@ class QuadsNode(create_visual_node(QuadsVisual)):  # type: ignore[misc]
 
 
 class QuadsAdapter(PictureAdapter):
-    """Draws a picture layer as cards and tells the layer what the canvas showed.
+    """Draws a layer as quads and tells the layer what the canvas showed.
 
     Parameters
     ----------
     layer : PictureLayer
-        Its `cards_at` says what to draw, at every draw.
+        Its `quads_at` says what to draw, at every draw.
     **kwargs
         From napari, handed on.
     """
@@ -43,12 +43,12 @@ class QuadsAdapter(PictureAdapter):
         layer.frame_now = self._frame
         self.when_closed(self._let_go)
 
-    def _before_draw(self, visual: Any) -> None:
+    def _before_draw(self, visual: QuadsVisual) -> None:
         frame = self._frame()
-        cards = () if frame is None else tuple(self.layer.cards_at(frame))
+        quads = () if frame is None else tuple(self.layer.quads_at(frame))
         # Assigning asks for another draw; this one shows them already.
         with visual.events.update.blocker():
-            visual.quads = cards
+            visual.quads = quads
             if frame is not None:
                 visual.clip_from_pivot = frame.clip_from_pivot
 

@@ -1,20 +1,13 @@
-"""Who moves now, and how: flights, an object under the hand, an object inspected.
+"""What moves, and how: flights, an object under the hand or inspected, sprites, colours.
 
-The short transition from one set of colours to the next.
-
-One object studied alone: framed large, turned by hand, back to its place at the end.
-
-What a picture of a moving object is asked with.
-
-Sprites on their way to new slots, after the window was given another shape.
+Every motion is a pure function of time. What shows it asks at each tick where things are now.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from qtpy.QtWidgets import QApplication, QStyle
@@ -24,56 +17,61 @@ from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.viewer.jobs import Clock
+from napari_unpack.viewer.scheduler import Scheduler
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 FADE_SECONDS = 0.3
 
 
 class HueFade:
-    """Tells, some sixty times a second, how far a change of colours has come.
+    """The short transition from one set of colours to the next.
 
     Parameters
     ----------
+    scheduler : Scheduler
     step : callable
-        Given the part of the way, in [0, 1] and smooth at both ends; 1 is the last.
+        Given, some sixty times a second, the part of the way, in [0, 1] and smooth at both ends;
+        1 is the last.
 
     Attributes
     ----------
     allowed : bool
-        False jumps to the end: for who asks for reduced motion.
+        False jumps to the end, where the desktop asks for reduced motion.
     """
 
-    def __init__(self, step: Callable[[float], None]) -> None:
+    def __init__(self, scheduler: Scheduler, step: Callable[[float], None]) -> None:
         self.allowed = not motion_reduced()
         self._step = step
         self._began = 0.0
-        self._clock = Clock(self._tick, perf_counter)
+        self.animation = scheduler.animate(self._tick)
 
     @property
     def running(self) -> bool:
-        """Whether colours are on their way."""
-        return self._clock.running
+        """Whether a transition is under way."""
+        return self.animation.running
 
     @property
     def part(self) -> float:
-        """How far they have come; 1 where none are on their way."""
+        """How far it has come; 1 where none is under way."""
         if not self.running:
             return 1.0
-        return ease((self._clock.now() - self._began) / FADE_SECONDS)
+        return ease((self.animation.now() - self._began) / FADE_SECONDS)
 
     def begin(self) -> None:
         """Set out from the beginning."""
-        self._began = self._clock.now()
-        self._clock.start()
+        self._began = self.animation.now()
+        self.animation.start()
 
     def stop(self) -> None:
-        """Leave colours where they are."""
-        self._clock.stop()
+        """Leave the transition where it is."""
+        self.animation.stop()
 
     def _tick(self, _now: float) -> None:
         part = self.part
         if part >= 1.0:
-            self._clock.stop()
+            self.animation.stop()
         self._step(part)
 
 
@@ -86,7 +84,7 @@ def motion_reduced() -> bool:
 
 FRAMING_SECONDS = 0.35
 SHARE_OF_VIEW = 0.72
-"""How much of the view's shorter side the object's bounding sphere fills."""
+"""How much of the view's shorter side the bounding sphere fills; sprites stay in view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +154,19 @@ class Inspection:
 def inspection_of(
     object_id: int, home: Pose, diameter: float, camera: Camera, now: float
 ) -> Inspection:
-    """Begin an inspection: the object keeps its turn, the view of now is to be filled."""
+    """Begin an inspection: the object keeps its turn, the view of now is to be filled.
+
+    Parameters
+    ----------
+    object_id : int
+    home : Pose
+        Where it waits otherwise, pivot space.
+    diameter : float
+        Diagonal of its box, mm.
+    camera : Camera
+    now : float
+        The time, s.
+    """
     return Inspection(object_id, home, diameter, home.rotation, now, camera.height)
 
 
@@ -185,19 +195,18 @@ class Animator:
     Parameters
     ----------
     session : Session
-        With its flights.
     has_sprite, is_repacked : callable
-        Given an ID: whether its sprite is there, whether the packed picture shows it again.
+        Given an ID: whether its sprite is there, whether the packed image shows it again.
 
     Notes
     -----
-    An object that has landed stays in the transition layer until its next picture is there, so
+    An object that has landed stays in the transition layer until its next image is there, so
     that it is never missing for a moment.
     """
 
     def __init__(
         self,
-        session: Any,
+        session: Session,
         has_sprite: Callable[[int], bool],
         is_repacked: Callable[[int], bool],
     ) -> None:
@@ -214,7 +223,7 @@ class Animator:
         return bool(self._session.flights)
 
     def active(self, now: float) -> bool:
-        """Whether anything moves by itself or waits for its next picture."""
+        """Whether anything moves by itself or waits for its next image."""
         going = self.inspection is not None and not self.inspection.still(now)
         return self.flying or going or bool(self._landed)
 
@@ -223,11 +232,26 @@ class Animator:
         return [i for i, flight in self._session.flights.items() if flight.done(now)]
 
     def landed(self, object_id: int, target: Pose | None) -> None:
-        """Keep showing a landed object, at its slot or (None) at its packed place."""
+        """Keep showing a landed object.
+
+        Parameters
+        ----------
+        object_id : int
+        target : Pose or None
+            Its slot; None for its packed place.
+        """
         self._landed[object_id] = target
 
     def moving(self, now: float, frame: Frame) -> dict[int, Moving]:
-        """Return where everything is now."""
+        """Return where everything is now.
+
+        Parameters
+        ----------
+        now : float
+            s, on the session's clock.
+        frame : Frame
+            What the canvas shows.
+        """
         session, camera = self._session, frame.camera
         self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i, p)}
         objects: dict[int, Moving] = {}
@@ -239,7 +263,7 @@ class Animator:
                 pose = packed_pose(center, camera)
             objects.setdefault(object_id, Moving(pose))
         for object_id, pose in self.turning.items():
-            # One that a command sends away is out of the hand, if not yet let go.
+            # A command may send it away while the mouse button is still down.
             if object_id in session.poses:
                 objects[object_id] = Moving(pose)
         if self.inspection is not None:
@@ -250,7 +274,14 @@ class Animator:
         return objects
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
-        """Turn an object under the hand."""
+        """Turn an object under the hand.
+
+        Parameters
+        ----------
+        object_id : int
+        rotation : (3, 3) ndarray of float64
+            Of pivot space.
+        """
         if self.inspection is not None and self.inspection.object_id == object_id:
             self.inspection = self.inspection.turned(rotation)
         elif object_id in self._session.poses:
@@ -258,7 +289,16 @@ class Animator:
             self.turning[object_id] = self._session.pose_turned(object_id, rotation @ pose.rotation)
 
     def begin_inspection(self, object_id: int, frame: Frame, now: float) -> None:
-        """Bring an object to the middle of the view."""
+        """Bring an object to the middle of the view.
+
+        Parameters
+        ----------
+        object_id : int
+        frame : Frame
+            What the canvas shows.
+        now : float
+            s, on the session's clock.
+        """
         session = self._session
         spacing = np.asarray(session.spacing, dtype=np.float64)
         home = session.poses.get(object_id)
@@ -308,26 +348,22 @@ class Glides:
 
     Parameters
     ----------
+    scheduler : Scheduler
     moved : callable
         Called at every moment of a glide.
     allowed : callable
-        Returns False for who asks for reduced motion: all jump.
-    now : callable, optional
-        Returns the time, s.
+        Returns False where the desktop asks for reduced motion: all jump.
 
     Notes
     -----
-    The cards of sprites lie in pivot space, so that nothing is cast and nothing uploaded.
+    The quads of sprites lie in pivot space, so that nothing is cast and nothing uploaded.
     """
 
     def __init__(
-        self,
-        moved: Callable[[], None],
-        allowed: Callable[[], bool],
-        now: Callable[[], float] = perf_counter,
+        self, scheduler: Scheduler, moved: Callable[[], None], allowed: Callable[[], bool]
     ) -> None:
         self._moved, self._allowed = moved, allowed
-        self._clock = Clock(self._tick, now)
+        self.animation = scheduler.animate(self._tick)
         self._plan: object = None
         self._poses: dict[int, Pose] = {}
         self._glides: dict[int, Glide] = {}
@@ -345,10 +381,10 @@ class Glides:
         poses : {id: Pose}
             Where they belong.
         plan : object
-            Of the slots; another one lets those glide whose slots have moved. Who moves under
-            the same plan was moved by hand.
+            Of the slots; another one lets those glide whose slots have moved. A sprite that
+            moves under the same plan was moved by hand.
         """
-        now = self._clock.now()
+        now = self.animation.now()
         planned_anew = self._plan is not None and plan is not self._plan and self._allowed()
         glides = {}
         for object_id, pose in poses.items():
@@ -361,17 +397,17 @@ class Glides:
                 glides[object_id] = glide
         self._plan, self._poses, self._glides = plan, dict(poses), glides
         if glides:
-            self._clock.start()
+            self.animation.start()
         return dict(poses) | {
             i: replace(poses[i], center=glide.center(now)) for i, glide in glides.items()
         }
 
     def close(self) -> None:
         """Move nothing more."""
-        self._clock.stop()
+        self.animation.stop()
         self._glides = {}
 
     def _tick(self, now: float) -> None:
         self._moved()
         if not self._glides:
-            self._clock.stop()
+            self.animation.stop()

@@ -1,138 +1,164 @@
-"""What is computed when the camera has come to rest: hues, and who can leave next.
+"""What is asked once nothing moves: what can leave next, and which hues suit the view.
 
-What the next flight will need, made ready while nobody waits for it.
+What the next flight needs is then made ready, while nobody waits for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import object_image, sprite_image
-from napari_unpack.tasks import Task, no_progress
-from napari_unpack.viewer.jobs import Jobs, single_shot, stop
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
-REST_MS = 250
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+OCCLUSION = "occlusion"
+"""Slot of the question what can leave; commands that need the answer wait for it."""
+
+PREFETCHED = 3
+"""How many of those next to leave are made ready; a click may unpack several."""
+
+PREFETCH_SIZE = 48, 48
+"""Pixels of the images that are only cast to load kernels; enough for every code path."""
 
 
-class AtRest:
-    """Asks the session's questions a quarter of a second after the last movement.
+class BackgroundQueries:
+    """Asks a session's questions a quarter of a second after the last movement.
 
     Parameters
     ----------
     session : Session
-        Whose hues and queue.
-    jobs : Jobs
-        With the lanes "rest" and "queue".
+    scheduler : Scheduler
     recolors : callable
         Returns whether to choose hues now.
-    warm : callable
-        Called once it is known who can leave next.
+    unpackable : callable
+        Given the frozenset of the IDs that can leave now, empty where everything is blocked;
+        None as soon as that is out of date.
 
     Notes
     -----
-    Questions are put on the main thread, answered in the lane, and the answers accepted on the
-    main thread; hues that come after another movement are thrown away, and the session itself
-    refuses a queue that is out of date.
+    Tasks are made and their results stored on the main thread. Hues that come after another
+    movement are not used, and the session refuses results that are out of date.
     """
 
     def __init__(
-        self, session: Any, jobs: Jobs, recolors: Callable[[], bool], warm: Callable[[], None]
+        self,
+        session: Session,
+        scheduler: Scheduler,
+        recolors: Callable[[], bool],
+        unpackable: Callable[[frozenset[int] | None], None],
     ) -> None:
-        self._session, self._jobs = session, jobs
-        self._recolors, self._warm = recolors, warm
-        self._state = 0
-        self._timer = single_shot(self._ask, REST_MS)
+        self._session, self._scheduler = session, scheduler
+        self._recolors, self._unpackable = recolors, unpackable
+        self._revision = 0
+        self._direction = session.direction
+        self._storing = False
+        self._prefetched: set[int] = set()
+        scheduler.on_idle(IdlePhase.QUERIES, self._ask)
+        scheduler.hold_idle("flights", lambda: bool(session.flights), IdlePhase.QUERIES)
 
     @property
-    def waiting(self) -> bool:
-        """Whether questions are about to be put."""
-        return bool(self._timer.isActive())
+    def pending(self) -> bool:
+        """Whether questions are about to be asked."""
+        return self._scheduler.idle_pending(IdlePhase.QUERIES)
 
     def moved(self) -> None:
         """Take note that the camera has moved, or objects have left or come back."""
-        self._state += 1
-        self._timer.start()
+        self._revision += 1
+        self._begin_anew()
 
-    def close(self) -> None:
-        """Ask nothing more."""
-        stop(self._timer)
+    def queue_changed(self) -> None:
+        """Take note that the direction or the rules may be others."""
+        # Our own result changes the queue too, and is no reason to ask again.
+        if not self._storing:
+            self._begin_anew()
+
+    def labels_changed(self, ids: Iterable[int]) -> None:
+        """Take note that objects are not what was made ready."""
+        for object_id in ids:
+            self._prefetched.discard(object_id)
+            self._scheduler.cancel(("prefetch", object_id))
+        self.moved()
+
+    def _begin_anew(self) -> None:
+        if self._session.direction != self._direction:
+            self._direction = self._session.direction
+            self._unpackable(None)
+        self._scheduler.touch(IdlePhase.QUERIES)
 
     def _ask(self) -> None:
-        state = self._state
-        if self._session.flights or self._jobs.turning:
-            self._timer.start()
-            return
-        queries = self._session.queries
-        leaving = queries.occlusion_task()
-        if leaving is not None:
-            run = partial(leaving.run, no_progress)
-            self._jobs.ask("queue", "queue", run, partial(self._accept, leaving))
-        if self._recolors():
-            hues = queries.hues_task()
-            if hues is not None:
-                run = partial(hues.run, no_progress)
-                self._jobs.ask("rest", "hues", run, partial(self._take, state, hues))
+        queries, revision = self._session.queries, self._revision
+        occlusion = queries.occlusion_task()
+        if occlusion is None:
+            self._known()
+        else:
+            done = partial(self._store_occlusion, occlusion)
+            self._scheduler.submit(occlusion, Worker.QUERY, done, slot=OCCLUSION)
+        hues = queries.hues_task() if self._recolors() else None
+        if hues is not None:
+            done = partial(self._store_hues, revision, hues)
+            self._scheduler.submit(hues, Worker.BACKGROUND, done, slot="hues")
 
-        if leaving is None:
-            self._warm()
+    def _store_occlusion(self, task: Task[Any], result: Any) -> None:
+        self._storing = True
+        try:
+            stored = self._session.queries.store(task, result)
+        finally:
+            self._storing = False
+        if stored:
+            self._known()
+        else:
+            self._scheduler.touch(IdlePhase.QUERIES)
 
-    def _accept(self, task: Task[Any], result: Any) -> None:
-        if self._session.queries.store(task, result):
-            self._warm()
-
-    def _take(self, state: int, task: Task[Any], result: Any) -> None:
-        if self._session.queries.store(task, result) and state == self._state:
+    def _store_hues(self, revision: int, task: Task[Any], result: Any) -> None:
+        if self._session.queries.store(task, result) and revision == self._revision:
             self._session.recolor(undoable=False)
 
+    def _known(self) -> None:
+        session = self._session
+        self._storing = True
+        try:
+            # The queue comes up to date; where nothing is unpackable it names the least occluded.
+            session.unpackable()
+        finally:
+            self._storing = False
+        groups = session.unpackable_groups()
+        self._unpackable(frozenset(int(i) for group in groups for i in group))
+        self._prefetch()
 
-AHEAD = 3
-"""How many of those next to leave are made ready; a click may unpack several."""
+    def _prefetch(self) -> None:
+        """Make ready what is next and is not ready yet.
+
+        Cutting an object out of the volume, finding its tightest box, and loading the kernels
+        take tenths of a second, which would be missing from the first moment of its flight.
+        """
+        fresh = [i for i in self._session.queue.ids[:PREFETCHED] if i not in self._prefetched]
+        self._prefetched.update(fresh)
+        for object_id in fresh:
+            run = partial(prefetch, self._session, object_id)
+            task = Task(("prefetch", object_id), lambda _, run=run: run())  # type: ignore[misc]
+            self._scheduler.submit(task, Worker.BACKGROUND, lambda _: None)
 
 
-class Prefetch:
-    """Makes ready who is next in the session's queue.
+def prefetch(session: Session, object_id: int) -> None:
+    """Cast small images of an object and keep what that needs; for worker threads.
 
     Parameters
     ----------
     session : Session
-        Whose objects.
-    jobs : Jobs
-        With the lane "rest".
-
-    Notes
-    -----
-    Cutting an object out of the volume, finding its tightest box, and loading the kernels take
-    tenths of a second, which would be missing from the first moment of its flight.
+    object_id : int
     """
-
-    def __init__(self, session: Any, jobs: Jobs) -> None:
-        self._session, self._jobs = session, jobs
-        self._warm: set[int] = set()
-
-    def ask(self) -> None:
-        """Make ready whoever is next and is not yet."""
-        fresh = [i for i in self._session.queue.ids[:AHEAD] if i not in self._warm]
-        self._warm.update(fresh)
-        for object_id in fresh:
-            work = partial(warm, self._session, object_id)
-            self._jobs.ask("rest", f"warm {object_id}", work, _nothing)
-
-
-def warm(session: Any, object_id: int) -> None:
-    """Cast small pictures of an object and keep what that needs; for worker threads."""
     camera, scene = session.camera, session.scene()
     session.bag.oriented(object_id, camera.stretch)
     pose = Pose(np.zeros(3), camera.rotation, stretch=camera.stretch)
-    object_image(scene, object_id, pose, camera, (48, 48), 1.25, "cpu")
+    object_image(scene, object_id, pose, camera, PREFETCH_SIZE, 1.25, "cpu")
     fine = 24.0 / camera.height
     Sprite.of(sprite_image(scene, object_id, pose, fine, 3.0, "cpu"), pose, 1.0 / fine)
-
-
-def _nothing(_: None) -> None:
-    """Take note of nothing."""

@@ -1,16 +1,16 @@
-"""Ray casting in the canvas's own GL context: who decides on it, and what it keeps there."""
+"""Ray casting in the canvas's own GL context: when it serves, and what it keeps there."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.appearance import tints_of
+from napari_unpack.appearance import TransferFunction, tints_of
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.rays import Rays
@@ -30,21 +30,24 @@ from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.viewer.animation import Moving
 from napari_unpack.viewer.dirty_region import window_of_objects
 
-FRINGE = 2
-"""Voxels around an object's box that its fringe reaches; see geometry.halo."""
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+FRINGE_VOXELS = 2
+"""Around an object's box that its fringe reaches; see `geometry.grow_labels`."""
 
 BACKENDS = ("auto", "cpu", "gl")
 
 BYTES_A_FRAME = 16 * 2**20
-"""What is sent to the graphics card while the canvas draws one frame."""
+"""What is sent to the graphics card while the canvas draws one frame: a few milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A look, and which bricks it leaves empty."""
+    """An appearance, and which bricks it leaves empty."""
 
-    function: Any
-    look: Appearance
+    function: TransferFunction
+    appearance: Appearance
     occupied: NDArray[np.bool_]
 
 
@@ -54,7 +57,6 @@ class CanvasBackend:
     Parameters
     ----------
     session : Session
-        What is shown.
     failed : callable
         Given a sentence when GL turns out not to serve; the CPU has taken over by then.
     told : callable
@@ -63,7 +65,7 @@ class CanvasBackend:
     Attributes
     ----------
     wanted : {"auto", "cpu", "gl"}
-        Who should cast; "auto" takes GL on graphics hardware and the CPU where the driver is a
+        What should cast; "auto" takes GL on graphics hardware and the CPU where the driver is a
         software rasteriser, which our own kernels outrun.
     hues_on_the_way : dict of int to float
         Hues to show in place of the session's, during a transition.
@@ -75,7 +77,7 @@ class CanvasBackend:
     """
 
     def __init__(
-        self, session: Any, failed: Callable[[str], None], told: Callable[[str], None]
+        self, session: Session, failed: Callable[[str], None], told: Callable[[str], None]
     ) -> None:
         self.wanted = "auto"
         self.hues_on_the_way: dict[int, float] = {}
@@ -83,7 +85,7 @@ class CanvasBackend:
         self._notice: str | None = None
         self._renderer: str | None = None
         self._broken = False
-        self._crop: Subvolume | None = None
+        self._subvolume: Subvolume | None = None
         self._store: VolumeStore | None = None
         self._ready = self._sent = False
         self._programs = Programs()
@@ -118,7 +120,12 @@ class CanvasBackend:
 
     @property
     def _serves(self) -> bool:
-        if self.wanted == "cpu" or self._broken or self._crop is None or self._renderer is None:
+        if (
+            self.wanted == "cpu"
+            or self._broken
+            or self._subvolume is None
+            or self._renderer is None
+        ):
             return False
         return self.wanted == "gl" or not is_software_renderer(self._renderer)
 
@@ -145,20 +152,20 @@ class CanvasBackend:
         """Send everything anew: what was on the graphics card went with its context."""
         self._ready = self._sent = False
 
-    def supply(self, crop: Subvolume) -> None:
+    def supply(self, subvolume: Subvolume) -> None:
         """Take over the whole volume, made ready in a worker thread."""
-        if crop is self._crop:
+        if subvolume is self._subvolume:
             return
-        most, edit = int(crop.bricks.ids.max(initial=0)), crop.edit
-        if self._store is not None and edit is not None and edit.of() is self._crop:
+        most, edit = int(subvolume.bricks.ids.max(initial=0)), subvolume.edit
+        if self._store is not None and edit is not None and edit.of() is self._subvolume:
             if edit.box is not None:
-                self._store.set_labels(crop.labels, edit.box, most)
+                self._store.set_labels(subvolume.labels, edit.box, most)
                 self._sent = False
             self._known.clear()
         else:
             self._free()
-            self._store = VolumeStore(crop.labels, crop.volume, most=most)
-        self._crop = crop
+            self._store = VolumeStore(subvolume.labels, subvolume.volume, most=most)
+        self._subvolume = subvolume
 
     def packed(
         self,
@@ -188,7 +195,7 @@ class CanvasBackend:
         shape = np.asarray(self._session.labels.shape)
         ends = np.zeros(3), shape - 1.0
         tints = self._packed_tints
-        return self._shot("packed", ends, None, camera, size, step, tints, done, self._clipping)
+        return self._image("packed", ends, None, camera, size, step, tints, done, self._clipping)
 
     def moving(
         self,
@@ -209,16 +216,16 @@ class CanvasBackend:
         """
         self._places = {i: k for i, k in self._places.items() if i in moving}
         free = iter(k for k in range(len(moving)) if k not in self._places.values())
-        shots = {}
+        images = {}
         for object_id, one in moving.items():
             place = self._places.setdefault(object_id, -1)
             if place < 0:
                 place = self._places[object_id] = next(free)
-            shot = self._object(object_id, place, one, camera, *sizes(one), done)
-            if shot is not None:
-                shot.in_front = one.in_front
-                shots[object_id] = shot
-        return shots
+            image = self._object(object_id, place, one, camera, *sizes(one), done)
+            if image is not None:
+                image.in_front = one.in_front
+                images[object_id] = image
+        return images
 
     def landed(self) -> None:
         """Free the frame buffers of what moved: nothing moves any more, or is shown moving."""
@@ -230,7 +237,7 @@ class CanvasBackend:
     def close(self) -> None:
         """Free what is on the graphics card; the context need not be current."""
         self._free()
-        self._crop = None
+        self._subvolume = None
 
     def _clipping(self) -> NDArray[np.float64]:
         planes: NDArray[np.float64] = self._session.clipping
@@ -257,12 +264,12 @@ class CanvasBackend:
     ) -> CanvasImage | None:
         session = self._session
         row = session.boxes.index(object_id)
-        low = np.maximum(session.boxes.lower[row] - FRINGE, 0)
-        high = np.minimum(session.boxes.upper[row] + FRINGE, session.labels.shape)
+        low = np.maximum(session.boxes.lower[row] - FRINGE_VOXELS, 0)
+        high = np.minimum(session.boxes.upper[row] + FRINGE_VOXELS, session.labels.shape)
         center = session.boxes.center(object_id, np.asarray(session.spacing, dtype=np.float64))
         moved = moving.pose.world_from_world(center, camera)
-        voxels = np.eye(4) if self._crop is None else self._crop.voxel_from_world
-        return self._shot(
+        voxels = np.eye(4) if self._subvolume is None else self._subvolume.voxel_from_world
+        return self._image(
             place,
             (low.astype(float), high - 1.0),
             moved,
@@ -275,7 +282,7 @@ class CanvasBackend:
             lambda: session.transfer_function_of(object_id),
         )
 
-    def _shot(
+    def _image(
         self,
         key: object,
         ends: tuple[NDArray[np.float64], NDArray[np.float64]],
@@ -286,12 +293,12 @@ class CanvasBackend:
         tints: Callable[[], NDArray[np.float32]],
         done: Callable[[float], None],
         clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
-        function: Callable[[], Any] | None = None,
+        function: Callable[[], TransferFunction] | None = None,
     ) -> CanvasImage | None:
-        if self._crop is None:
+        if self._subvolume is None:
             return None
         spacing = np.asarray(self._session.spacing, dtype=np.float64)
-        pivot, affine = camera.pivot_from_world(), self._crop.voxel_from_world
+        pivot, affine = camera.pivot_from_world(), self._subvolume.voxel_from_world
         if moved is not None:
             pivot, affine = pivot @ moved, affine @ np.linalg.inv(moved)
         corners = box_corners(ends[0] - 0.5, ends[1] + 0.5) * spacing
@@ -326,12 +333,12 @@ class CanvasBackend:
         tints: NDArray[np.float32],
         done: Callable[[float], None],
         clipping: NDArray[np.float64] | None,
-        function: Any,
+        function: TransferFunction,
         where: Where,
     ) -> ImageTexture | None:
-        if self._store is None or self._crop is None or not self.active:
+        if self._store is None or self._subvolume is None or not self.active:
             return None
-        known = self._look(self._crop, key, tints, function)
+        known = self._appearance(self._subvolume, key, tints, function)
         caster = self._casters.get(key)
         if caster is None:
             caster = self._casters[key] = TintedCaster(self._store, self._programs)
@@ -339,7 +346,7 @@ class CanvasBackend:
         # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
         try:
             framebuffer.forget_complaints()
-            picture = caster.cast(rays, known.look, known.occupied, False, clipping, where)
+            picture = caster.cast(rays, known.appearance, known.occupied, False, clipping, where)
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:
@@ -358,20 +365,24 @@ class CanvasBackend:
             f"The graphics card cannot draw the bag ({error}); the processor draws it instead."
         )
 
-    def _look(
-        self, crop: Subvolume, key: object, tints: NDArray[np.float32], function: Any
+    def _appearance(
+        self,
+        subvolume: Subvolume,
+        key: object,
+        tints: NDArray[np.float32],
+        function: TransferFunction,
     ) -> _Known:
         known = self._known.get(key)
         if (
             known is None
             or known.function is not function
-            or not np.array_equal(known.look.tints, tints)
+            or not np.array_equal(known.appearance.tints, tints)
         ):
             spacing = np.asarray(self._session.spacing, dtype=np.float64)
             table = function.table(TABLE_ENTRIES)
-            look = Appearance(spacing, table, function.domain, tints, LIGHT)
-            occupied = crop.bricks.occupied(table, function.domain, tints)
-            known = self._known[key] = _Known(function, look, occupied)
+            appearance = Appearance(spacing, table, function.domain, tints, LIGHT)
+            occupied = subvolume.bricks.occupied(table, function.domain, tints)
+            known = self._known[key] = _Known(function, appearance, occupied)
         return known
 
     def _free(self) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from napari.layers import Layer
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 
 class ClippingSync:
@@ -25,10 +29,10 @@ class ClippingSync:
     """
 
     def __init__(
-        self, layer: Any, session: Any, sources: Sequence[Any], changed: Callable[[], None]
+        self, layer: Layer, session: Session, sources: Sequence[Layer], changed: Callable[[], None]
     ) -> None:
         self._layer, self._session, self._changed = layer, session, changed
-        self._telling = False
+        self._writing = False
         lent = (enabled_planes(source) for source in sources)
         if not len(session.clipping):
             session.clipping = next((planes for planes in lent if len(planes)), None)
@@ -43,7 +47,7 @@ class ClippingSync:
 
     def _follow_layer(self, event: Any = None) -> None:
         planes = enabled_planes(self._layer)
-        if not self._telling and not np.array_equal(planes, self._session.clipping):
+        if not self._writing and not np.array_equal(planes, self._session.clipping):
             self._session.clipping = planes
             self._changed()
 
@@ -51,18 +55,18 @@ class ClippingSync:
         wanted = self._session.clipping
         if np.array_equal(enabled_planes(self._layer), wanted):
             return
-        self._telling = True
+        self._writing = True
         try:
             self._layer.experimental_clipping_planes = [
                 {"position": tuple(point), "normal": tuple(normal), "enabled": True}
                 for point, normal in wanted
             ]
         finally:
-            self._telling = False
+            self._writing = False
         self._changed()
 
 
-def enabled_planes(layer: Any) -> NDArray[np.float64]:
+def enabled_planes(layer: Layer) -> NDArray[np.float64]:
     """Return a layer's clipping planes that are on, (N, 2, 3): point and normal, voxels z y x."""
     planes = getattr(layer, "experimental_clipping_planes", ())
     rows = [(p.position, p.normal) for p in planes if p.enabled]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,10 @@ from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
+from napari_unpack.session.object_state import ObjectState
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 INK = (0.45, 0.9, 1.0, 1.0)
 HALO = (0.0, 0.0, 0.0, 0.55)
@@ -31,36 +35,37 @@ class DirectionArrow:
     Parameters
     ----------
     session : Session
-        Whose direction is shown where it is not the view's own.
+        Its direction is shown where it is not the view's own.
     """
 
-    def __init__(self, session: Any) -> None:
+    def __init__(self, session: Session) -> None:
         self._session = session
         self._strokes = [Stroke(HALO, 3.5) for _ in range(3)] + [Stroke(INK, 1.8) for _ in range(3)]
         self.drawn: NDArray[np.float64] | None = None
         """(2, 2) start and end of an arrow under the hand, pixels of the frame."""
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return the arrow's cards: none where objects leave towards the viewer."""
-        ends = self._ends(frame)
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the arrow's quads: none where objects leave towards the viewer."""
+        ends = self.ends(frame)
         if ends is None:
             return ()
         lines = arrow_lines(ends)
-        cards = [
+        quads = [
             stroke.quad(line, frame.camera, frame.size, 1.0)
             for stroke, line in zip(self._strokes, lines * 2, strict=True)
         ]
         return [
-            replace(card, place=replace(card.place, ndc_depth=FRONT))
-            for card in cards
-            if card is not None
+            replace(quad, place=replace(quad.place, ndc_depth=FRONT))
+            for quad in quads
+            if quad is not None
         ]
 
-    def _ends(self, frame: Frame) -> NDArray[np.float64] | None:
+    def ends(self, frame: Frame) -> NDArray[np.float64] | None:
+        """Return its (2, 3) start and tip in pivot space; None where there is no arrow."""
         if self.drawn is not None:
             return pivot_points(self.drawn, frame.camera, frame.size)
-        studying = any(s.name == "INSPECTED" for s in self._session.states.values())
-        if self._session.direction is None or studying:
+        inspecting = ObjectState.INSPECTED in self._session.states.values()
+        if self._session.direction is None or inspecting:
             return None
         bag, camera = self._session.bag, frame.camera
         start = transform_points(camera.pivot_from_world(), bag.center)

@@ -1,4 +1,4 @@
-"""Casting a part of the packed picture anew: where an object has left or come back."""
+"""Casting a part of the packed image anew: where an object has left or come back."""
 
 from __future__ import annotations
 
@@ -15,28 +15,27 @@ from napari_unpack.rendering.image_patch import ImagePatch, window_of
 from napari_unpack.rendering.scene import LIGHT, Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
-FRINGE = 3
-"""Voxels around an object's box in which its picture can change: its fringe and one for
-interpolation."""
+FRINGE_VOXELS = 3
+"""Around an object's box where the image can change: two of fringe, one for interpolation."""
 
 
 def recast_objects(
-    scene: Scene, crop: Subvolume, shot: RenderedImage, ids: Iterable[int], backend: str
+    scene: Scene, subvolume: Subvolume, image: RenderedImage, ids: Iterable[int], backend: str
 ) -> RenderedImage | None:
-    """Cast the windows of some objects anew and keep the rest of the picture.
+    """Cast the windows of some objects anew and keep the rest of the image.
 
     Parameters
     ----------
     scene : Scene
         What is packed now.
-    crop : Subvolume
-        The whole volume; see `scene.picture_cache.SubvolumeCache.whole`.
-    shot : RenderedImage
-        The packed picture so far, right but for these objects.
+    subvolume : Subvolume
+        The whole volume; see `rendering.subvolumes.SubvolumeCache.whole`.
+    image : RenderedImage
+        The packed image so far, right but for these objects.
     ids : iterable of int
         Objects that have left, come back, or changed their look.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
+        What casts.
 
     Returns
     -------
@@ -45,43 +44,43 @@ def recast_objects(
 
     Notes
     -----
-    Exact, since the rays of a window are rays of the picture. Costs the objects' common
+    Exact, since the rays of a window are rays of the image. Costs the objects' common
     rectangle.
     """
-    window = _window(scene, shot, ids)
+    window = _window(scene, image, ids)
     if window is None:
-        return shot
+        return image
     row, col, height, width = window
-    rgba, depth = shot.patch.rgba.copy(), shot.patch.depth.copy()
-    image, there = cast_tinted(
-        crop.volume,
-        crop.labels,
+    rgba, depth = image.patch.rgba.copy(), image.patch.depth.copy()
+    colors, there = cast_tinted(
+        subvolume.volume,
+        subvolume.labels,
         scene.spacing,
-        shot.camera,
+        image.camera,
         scene.transfer_function,
         scene.packed_tints,
-        shot.size,
-        voxel_from_world=crop.voxel_from_world,
+        image.size,
+        voxel_from_world=subvolume.voxel_from_world,
         window=window,
         shading=LIGHT,
-        bricks=crop.bricks,
+        bricks=subvolume.bricks,
         clipping=scene.clipping,
         backend=backend,
     )
-    top, left = row - shot.patch.row, col - shot.patch.col
-    rgba[top : top + height, left : left + width] = image
+    top, left = row - image.patch.row, col - image.patch.col
+    rgba[top : top + height, left : left + width] = colors
     depth[top : top + height, left : left + width] = there
-    patch = ImagePatch(rgba, depth, shot.patch.row, shot.patch.col, shot.patch.plane)
-    return RenderedImage.of(patch, shot.camera, shot.size)
+    patch = ImagePatch(rgba, depth, image.patch.row, image.patch.col, image.patch.plane)
+    return RenderedImage.of(patch, image.camera, image.size)
 
 
 def _window(
-    scene: Scene, shot: RenderedImage, ids: Iterable[int]
+    scene: Scene, image: RenderedImage, ids: Iterable[int]
 ) -> tuple[int, int, int, int] | None:
     """Return the rectangle (row, col, height, width) that covers objects, cut to the patch."""
-    patch = shot.patch
+    patch = image.patch
     part = patch.row, patch.col, *patch.rgba.shape[:2]
-    return window_of_objects(scene, shot.camera, shot.size, part, ids)
+    return window_of_objects(scene, image.camera, image.size, part, ids)
 
 
 def window_of_objects(
@@ -91,14 +90,14 @@ def window_of_objects(
     part: tuple[int, int, int, int],
     ids: Iterable[int],
 ) -> tuple[int, int, int, int] | None:
-    """Return where some objects may be seen in a part of a picture.
+    """Return where some objects may be seen in a part of an image.
 
     Parameters
     ----------
     scene : Scene
     camera : Camera
     size : (int, int)
-        Height and width of the whole picture, pixels.
+        Height and width of the whole image, pixels.
     part : (int, int, int, int)
         First row, first column, height and width of the part.
     ids : iterable of int
@@ -106,14 +105,15 @@ def window_of_objects(
     Returns
     -------
     (int, int, int, int) or None
-        First row, first column, height and width, of the whole picture; None for nowhere.
+        First row, first column, height and width, of the whole image; None for nowhere.
     """
     pivot_from_world = camera.pivot_from_world()
     low, high = np.array(size), np.zeros(2, dtype=np.int64)
     for object_id in ids:
         row = scene.boxes.index(object_id)
         corners = box_corners(
-            scene.boxes.lower[row] - 0.5 - FRINGE, scene.boxes.upper[row] - 0.5 + FRINGE
+            scene.boxes.lower[row] - 0.5 - FRINGE_VOXELS,
+            scene.boxes.upper[row] - 0.5 + FRINGE_VOXELS,
         )
         pivot = transform_points(pivot_from_world, corners * scene.spacing)
         window = window_of(pivot, camera, size)

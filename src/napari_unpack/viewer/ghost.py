@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.transforms import packed_pose
 from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
@@ -17,32 +17,37 @@ from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.rendering.outlines import Silhouette, decorated
 from napari_unpack.rendering.scene import Scene
-from napari_unpack.viewer.jobs import Clock, Jobs
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 
-SECONDS = 0.18
-FILL = 0.4
-THROUGH = 0.3
-"""Opacity of a ghost where something stands before it."""
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+FADE_SECONDS = 0.18
+FILL_OPACITY = 0.4
+HIDDEN_OPACITY = 0.3
+"""Of a ghost where something stands before it."""
 
 EDGE = Silhouette((1.0, 1.0, 1.0, 0.9), 1.2, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), 0.0)
 LEADER = (1.0, 1.0, 1.0, 0.55)
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class GhostImage:
     """A ghost as it was cast.
 
     Parameters
     ----------
     object_id : int
-    shot : RenderedImage
+    image : RenderedImage
         The flat silhouette at the packed place, with the object's depths.
     frame : Frame
         What the canvas showed.
     """
 
     object_id: int
-    shot: RenderedImage
+    image: RenderedImage
     frame: Frame
 
 
@@ -52,26 +57,30 @@ class Ghost:
     Parameters
     ----------
     session : Session
-    jobs : Jobs
-        With the lane "quick".
+    scheduler : Scheduler
     show : callable
         Called when there is something new to draw.
     """
 
-    def __init__(self, session: Any, jobs: Jobs, show: Callable[[], None]) -> None:
-        self._session, self._jobs, self._show = session, jobs, show
+    def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
+        self._session, self._scheduler, self._show = session, scheduler, show
         self._wanted = 0
         self._frame: Frame | None = None
-        self._seen: Seen | None = None
+        self._ghost: GhostImage | None = None
         self._strength = 0.0
         self._last = 0.0
         self._leader = Stroke(LEADER, 1.0)
-        self._clock = Clock(self._tick, perf_counter)
+        self._animation = scheduler.animate(self._tick)
 
     @property
     def settled(self) -> bool:
         """Whether it neither comes nor goes."""
-        return not self._clock.running
+        return not self._animation.running
+
+    @property
+    def image(self) -> RenderedImage | None:
+        """The silhouette that is shown, or fades."""
+        return None if self._ghost is None else self._ghost.image
 
     def point_at(self, object_id: int) -> None:
         """Show the ghost of an object that is outside, or fade out for 0."""
@@ -83,13 +92,13 @@ class Ghost:
         self._cast()
         self._start()
 
-    def changed(self) -> None:
+    def states_changed(self) -> None:
         """Fade out where the object has left its place beside the bag, the mouse unmoved."""
         states = self._session.states
-        if self._wanted not in states or states[self._wanted].name != "UNPACKED":
+        if states.get(self._wanted) is not ObjectState.UNPACKED:
             self.point_at(0)
 
-    def look(self, frame: Frame) -> None:
+    def set_view(self, frame: Frame) -> None:
         """Follow the canvas."""
         if not frame.same_as(self._frame):
             self._frame = frame
@@ -97,61 +106,71 @@ class Ghost:
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._clock.stop()
-        self._frame, self._seen, self._wanted = None, None, 0
+        self._animation.stop()
+        self._frame, self._ghost, self._wanted = None, None, 0
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the ghost twice, faint before everything and full where nothing is before it."""
-        seen = self._seen
-        if seen is None or self._strength <= 0.0 or not frame.same_as(seen.frame):
+        ghost = self._ghost
+        if ghost is None or self._strength <= 0.0 or not frame.same_as(ghost.frame):
             return ()
-        full = seen.shot.card(frame.camera, self._strength)
-        faint = replace(seen.shot, in_front=True).card(frame.camera, self._strength * THROUGH)
-        pose = self._session.poses.get(seen.object_id)
+        full = ghost.image.quad(frame.camera, self._strength)
+        faint = replace(ghost.image, in_front=True).quad(
+            frame.camera, self._strength * HIDDEN_OPACITY
+        )
+        pose = self._session.poses.get(ghost.object_id)
         if pose is None:
             return (full, faint)
-        home = packed_pose(self._center(seen.object_id), frame.camera).center
+        home = packed_pose(_center(self._session.scene(), ghost.object_id), frame.camera).center
         ends = np.stack([pose.center, home])
         leader = self._leader.quad(ends, frame.camera, frame.size, self._strength)
         return (full, faint) if leader is None else (full, faint, leader)
 
-    def _center(self, object_id: int) -> Any:
-        return self._session.boxes.center(object_id, np.asarray(self._session.spacing))
-
     def _cast(self) -> None:
-        frame, object_id = self._frame, self._wanted
+        frame, object_id, scene = self._frame, self._wanted, self._session.scene()
         if frame is None or not object_id:
             return
-        scene = self._session.scene()
-        self._jobs.ask(
-            "quick",
-            "ghost",
-            lambda: cast_ghost(scene, object_id, self._center(object_id), frame),
-            self._take,
+        self._scheduler.submit(
+            Task("ghost", lambda _: cast_ghost(scene, object_id, frame)),
+            Worker.PREVIEW,
+            self._finish,
         )
 
-    def _take(self, seen: Seen | None) -> None:
-        if seen is not None and seen.object_id == self._wanted and seen.frame is self._frame:
-            self._seen = seen
+    def _finish(self, ghost: GhostImage | None) -> None:
+        if ghost is not None and ghost.object_id == self._wanted and ghost.frame is self._frame:
+            self._ghost = ghost
             self._start()
 
     def _start(self) -> None:
-        self._last = self._clock.now()
-        self._clock.start()
+        self._last = self._animation.now()
+        self._animation.start()
 
     def _tick(self, now: float) -> None:
-        shown = self._seen is not None and self._seen.object_id == self._wanted
-        step = (now - self._last) / SECONDS
+        shown = self._ghost is not None and self._ghost.object_id == self._wanted
+        step = (now - self._last) / FADE_SECONDS
         self._last = now
         self._strength = float(np.clip(self._strength + (step if shown else -step), 0.0, 1.0))
         if self._strength in (0.0, 1.0):
-            self._clock.stop()
+            self._animation.stop()
         self._show()
 
 
-def cast_ghost(scene: Scene, object_id: int, center: Any, frame: Frame) -> Seen | None:
-    """Cast the flat silhouette of an object at its packed place; for worker threads."""
-    pose = packed_pose(center, frame.camera)
+def cast_ghost(scene: Scene, object_id: int, frame: Frame) -> GhostImage | None:
+    """Cast the flat silhouette of an object at its packed place; for worker threads.
+
+    Parameters
+    ----------
+    scene : Scene
+    object_id : int
+    frame : Frame
+        What the canvas shows.
+
+    Returns
+    -------
+    GhostImage or None
+        None where nothing of it is in view.
+    """
+    pose = packed_pose(_center(scene, object_id), frame.camera)
     patch = object_image(scene, object_id, pose, frame.camera, frame.size, 1.5, "cpu").trimmed()
     if patch.is_empty:
         return None
@@ -164,7 +183,7 @@ def cast_ghost(scene: Scene, object_id: int, center: Any, frame: Frame) -> Seen 
     inner = np.pad(alpha, ((m, m), (m, m), (0, 0)))
     # Below one half everywhere, so that the ghost hides nothing and is hidden pixel by pixel.
     flat = np.float32(0.49) * np.concatenate([ring, ring, ring, ring], axis=-1)
-    flat = flat + FILL * inner * tint * (1.0 - ring)
+    flat = flat + FILL_OPACITY * inner * tint * (1.0 - ring)
     depth = np.pad(np.where(np.isfinite(patch.depth), patch.depth, patch.plane), m, mode="edge")
     moved = replace(
         patch,
@@ -173,5 +192,9 @@ def cast_ghost(scene: Scene, object_id: int, center: Any, frame: Frame) -> Seen 
         row=patch.row - m,
         col=patch.col - m,
     )
-    shot = RenderedImage.of(moved, frame.camera, frame.size)
-    return None if shot is None else Seen(object_id, shot, frame)
+    image = RenderedImage.of(moved, frame.camera, frame.size)
+    return None if image is None else GhostImage(object_id, image, frame)
+
+
+def _center(scene: Scene, object_id: int) -> Vector:
+    return scene.boxes.center(object_id, scene.spacing)

@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from napari.layers import Labels, Layer
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.viewer.jobs import single_shot, stop
+from napari_unpack.viewer.protocols import Event
+from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.viewer.slice_sync import shows_labels
 
-QUIET_MS = 300
-"""After the last stroke of a brush."""
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+    from napari_unpack.tasks import Task
 
-STROKES = ("labels_update", "paint")
-EDITED = ("labels_update", "paint", "data", "set_data")
+QUIET_MS = 300
+"""After the last stroke of a brush: a hand draws the next one within it."""
 
 
 class LabelSync:
-    """Hears brushes on the layers the session's labels came from, and shows repairs there.
+    """Follows brushes on the layers the session's labels came from, and shows repairs there.
 
     Parameters
     ----------
     session : Session
+    scheduler : Scheduler
     sources : sequence of napari layers
         The user's own.
-    ask : callable
+    run : callable
         Given a task of `LabelEditor`, has it run on another thread and applied; returns False
         where that must wait.
-    told : callable
+    message : callable
         Given a sentence for the user.
 
     Notes
@@ -44,58 +48,51 @@ class LabelSync:
 
     def __init__(
         self,
-        session: Any,
-        sources: Sequence[Any],
-        ask: Callable[[Any], bool],
-        told: Callable[[str], None],
+        session: Session,
+        scheduler: Scheduler,
+        sources: Sequence[Layer],
+        run: Callable[[Task[Any]], bool],
+        message: Callable[[str], None],
     ) -> None:
-        self._session, self._ask, self._told = session, ask, told
+        self._session, self._scheduler = session, scheduler
+        self._run, self._message = run, message
         showing = [layer for layer in sources if shows_labels(layer, session)]
         self._layers = [layer for layer in showing if _is_array(layer)]
         self._lazy = [layer for layer in showing if not _is_array(layer)]
-        for layer in self._lazy:
-            for name in STROKES:
-                if hasattr(layer.events, name):
-                    getattr(layer.events, name).connect(self._on_lazy)
+        for event in _strokes(self._lazy):
+            event.connect(self._on_lazy)
         session.own_labels([layer.data for layer in self._layers])
         self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
-        self._painted: Any = None
-        self._timer = single_shot(self._compare, QUIET_MS)
-        for layer in self._layers:
-            for name in EDITED:
-                if hasattr(layer.events, name):
-                    getattr(layer.events, name).connect(self._on_painted)
+        self._painted: Labels | None = None
+        for event in _edits(self._layers):
+            event.connect(self._on_painted)
         session.events.labels.connect(self._show)
 
     @property
-    def waiting(self) -> bool:
+    def pending(self) -> bool:
         """Whether a stroke has not been compared yet."""
-        return bool(self._timer.isActive())
+        return self._scheduler.pending(self._compare)
 
     def close(self) -> None:
-        """Hear and show nothing more."""
-        stop(self._timer)
+        """Follow and show nothing more."""
+        self._scheduler.forget(self._compare)
         self._session.events.labels.disconnect(self._show, missing_ok=True)
-        for layer in self._layers:
-            for name in EDITED:
-                if hasattr(layer.events, name):
-                    getattr(layer.events, name).disconnect(self._on_painted)
+        for event in _edits(self._layers):
+            event.disconnect(self._on_painted)
         self._leave_lazy(self._lazy)
         self._layers = []
 
-    def _leave_lazy(self, layers: Sequence[Any]) -> None:
-        for layer in layers:
-            for name in STROKES:
-                if hasattr(layer.events, name):
-                    getattr(layer.events, name).disconnect(self._on_lazy)
+    def _leave_lazy(self, layers: Sequence[Labels]) -> None:
+        for event in _strokes(layers):
+            event.disconnect(self._on_lazy)
         self._lazy = [layer for layer in self._lazy if layer not in layers]
 
     def _on_lazy(self, event: Any) -> None:
         layer = event.source
         if layer in self._lazy:
             self._leave_lazy([layer])
-            self._told(
+            self._message(
                 f"Painting on {layer.name} changes no object, because its labels are read piece by "
                 "piece. To repair objects with the brush, open the labels as an array in memory "
                 "and choose them in step 1; Split, Merge and Delete work as they are."
@@ -106,7 +103,7 @@ class LabelSync:
         if self._writing or layer not in self._layers:
             return
         self._painted = layer
-        self._timer.start()
+        self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
 
     def _compare(self) -> None:
         layer = self._painted
@@ -114,8 +111,8 @@ class LabelSync:
             return
         if np.shape(layer.data) != self._session.labels.shape:
             return
-        if not self._ask(self._session.label_editor.paint_task(np.asarray(layer.data))):
-            self._timer.start()
+        if not self._run(self._session.label_editor.paint_task(np.asarray(layer.data))):
+            self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
 
     def _show(self, ids: Iterable[int]) -> None:
         """Write what the session has changed of some objects into the layers."""
@@ -146,7 +143,16 @@ class LabelSync:
         return given
 
 
-def _is_array(layer: Any) -> bool:
+def _strokes(layers: Iterable[Labels]) -> list[Event]:
+    return [e for layer in layers for e in (layer.events.labels_update, layer.events.paint)]
+
+
+def _edits(layers: Sequence[Labels]) -> list[Event]:
+    sets = [e for layer in layers for e in (layer.events.data, layer.events.set_data)]
+    return _strokes(layers) + sets
+
+
+def _is_array(layer: Labels) -> bool:
     return not getattr(layer, "multiscale", False) and isinstance(layer.data, np.ndarray)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -11,8 +11,11 @@ import pandas as pd
 from napari_unpack.appearance import tints_of
 from napari_unpack.layers.compat import PictureLayer
 
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
-def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
+
+def set_table(layer: PictureLayer, session: Session, ids: Iterable[int]) -> None:
     """Make a layer the table of some objects.
 
     Parameters
@@ -21,7 +24,6 @@ def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
         Becomes a Points layer of their centres when it is duplicated or saved: in their hues,
         with `session.objects` as features.
     session : Session
-        Whose objects.
     ids : iterable of int
         Which, those unknown to the session's boxes left out.
     """
@@ -39,8 +41,14 @@ def set_table(layer: PictureLayer, session: Any, ids: Iterable[int]) -> None:
     )
 
 
-def describe(session: Any, object_id: int) -> str:
-    """Return what an object is called, and its confidence where there is one."""
+def describe(session: Session, object_id: int) -> str:
+    """Return what an object is called, and its confidence where there is one.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
     row = session.objects.loc[object_id]
     name = str(row.get("name", f"Object {session.label_of(object_id)}"))
     confidence = float(row.get("confidence", np.nan))

@@ -1,13 +1,10 @@
-"""What is drawn over the bag and belongs to no object: marks, the ghost, the arrow.
-
-Outlines over the packed bag: who is free, who is selected, who must leave for another.
-"""
+"""What is drawn over the bag and belongs to no object: outlines, the ghost, the arrow."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,163 +14,168 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Ink, outlined
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.direction_arrow import DirectionArrow
 from napari_unpack.viewer.ghost import Ghost
-from napari_unpack.viewer.jobs import Jobs, single_shot, stop
+from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
-REST_MS = 160
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
-FREE = Ink((1.0, 1.0, 1.0, 0.5))
-TOGETHER = Ink((1.0, 0.82, 0.4, 0.9), width=2)
-CHOSEN = Ink((1.0, 1.0, 1.0, 0.95), width=2)
-LEAVING = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
-LEAST = Ink((1.0, 0.55, 0.3, 0.9), width=2)
+OUTLINES_MS = 160
+"""Between the full image (120 ms) and the queries (250 ms), which take the processor longer."""
+
+UNPACKABLE = Ink((1.0, 1.0, 1.0, 0.5))
+INTERLOCKED = Ink((1.0, 0.82, 0.4, 0.9), width=2)
+SELECTED = Ink((1.0, 1.0, 1.0, 0.95), width=2)
+LEAVING_FIRST = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
+LEAST_OCCLUDED = Ink((1.0, 0.55, 0.3, 0.9), width=2)
 BURIED = Ink((1.0, 0.75, 0.2, 1.0), width=2, fill=0.3)
 
 
 @dataclass(frozen=True)
-class Marks:
-    """Who is to be outlined in the bag.
+class Outlined:
+    """Which packed objects have an outline.
 
     Parameters
     ----------
-    free : bool
-        Whether those who can leave now are; those that leave together have an ink of their own,
-        and so has the least blocked where nobody can.
-    chosen : frozenset of int
-        Who is selected.
+    unpackable : bool
+        Whether those that can leave now do; interlocked groups have an ink of their own, and so
+        has the least occluded object where nothing can leave.
+    selected : frozenset of int
     leaving : frozenset of int
-        Who must leave for the buried one.
+        What must leave for the buried object.
     buried : int
         Drawn through everything before it; 0 for none.
     """
 
-    free: bool = False
-    chosen: frozenset[int] = frozenset()
+    unpackable: bool = False
+    selected: frozenset[int] = frozenset()
     leaving: frozenset[int] = frozenset()
     buried: int = 0
 
     def inks(
         self, packed: frozenset[int], groups: Iterable[Sequence[int]] = (), least: int = 0
     ) -> dict[int, Ink]:
-        """Return how those who are in the bag are marked, except the buried one.
+        """Return the ink of every packed object that has one, except the buried one.
 
         Parameters
         ----------
         packed : frozenset of int
-            Who is in the bag.
+            What is in the bag.
         groups : iterable of sequence of int
-            Who can leave now.
+            What can leave now, interlocked objects in one group.
         least : int
-            Who is blocked least, 0 while that is unknown.
+            The least occluded object, 0 while that is unknown.
         """
-        free = tuple(groups) if self.free else ()
-        inks = {i: FREE if len(group) == 1 else TOGETHER for group in free for i in group}
-        if self.free and not free:
-            inks[least] = LEAST
+        free = tuple(groups) if self.unpackable else ()
+        inks = {i: UNPACKABLE if len(group) == 1 else INTERLOCKED for group in free for i in group}
+        if self.unpackable and not free:
+            inks[least] = LEAST_OCCLUDED
         if self.buried:
-            inks = dict.fromkeys(self.leaving, LEAVING)
-        inks |= dict.fromkeys(self.chosen, CHOSEN)
+            inks = dict.fromkeys(self.leaving, LEAVING_FIRST)
+        inks |= dict.fromkeys(self.selected, SELECTED)
         inks.pop(self.buried, None)
         return {i: ink for i, ink in inks.items() if i in packed}
 
 
-class MarkPainter:
-    """Draws marks once the camera rests; while it moves there are none.
+class OutlineRenderer:
+    """Draws outlines once the camera rests; while it moves there are none.
 
     Parameters
     ----------
     session : Session
-        Whose objects.
-    jobs : Jobs
-        With the lane "rest".
+    scheduler : Scheduler
     show : callable
         Called when there is something new to draw.
     """
 
-    def __init__(self, session: Any, jobs: Jobs, show: Callable[[], None]) -> None:
-        self._session, self._jobs, self._show = session, jobs, show
-        self._marks = Marks()
+    def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
+        self._session, self._scheduler, self._show = session, scheduler, show
+        self._outlined = Outlined()
         self._frame: Frame | None = None
-        self._state = 0
-        self._shot: RenderedImage | None = None
-        self._rest = single_shot(self._ask, REST_MS)
+        self._revision = 0
+        self._image: RenderedImage | None = None
 
     @property
-    def waiting(self) -> bool:
-        """Whether marks are about to be drawn."""
-        return bool(self._rest.isActive())
+    def outlined(self) -> Outlined:
+        """Which objects are to have an outline."""
+        return self._outlined
 
-    def mark(self, marks: Marks) -> None:
-        """Mark these and nobody else."""
-        if marks != self._marks:
-            self._marks = marks
-            self.renew()
+    @property
+    def pending(self) -> bool:
+        """Whether outlines are about to be drawn."""
+        return self._scheduler.pending("outlines")
 
-    def look(self, frame: Frame) -> None:
+    def outline(self, outlined: Outlined) -> None:
+        """Outline these and no others."""
+        if outlined != self._outlined:
+            self._outlined = outlined
+            self.redraw()
+
+    def set_view(self, frame: Frame) -> None:
         """Follow the canvas."""
         if not frame.same_as(self._frame):
             self._frame = frame
-            self.renew()
+            self.redraw()
 
-    def renew(self) -> None:
-        """Draw anew, after the camera moved or somebody left or came back."""
-        self._state += 1
-        if self._shot is not None:
-            self._shot = None
+    def redraw(self) -> None:
+        """Draw anew, after the camera moved or objects left or came back."""
+        self._revision += 1
+        if self._image is not None:
+            self._image = None
             self._show()
-        self._rest.start()
+        self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
 
     def close(self) -> None:
         """Draw nothing more."""
-        stop(self._rest)
+        self._scheduler.forget("outlines")
         self._frame = None
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return the one card of all marks."""
-        card = None if self._shot is None else self._shot.card(frame.camera)
-        return () if card is None else (card,)
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the one quad of all outlines."""
+        quad = None if self._image is None else self._image.quad(frame.camera)
+        return () if quad is None else (quad,)
 
-    def _ask(self) -> None:
-        frame, marks, state = self._frame, self._marks, self._state
-        if frame is not None and self._jobs.turning:
-            self._rest.start()
+    def _draw(self) -> None:
+        session, frame = self._session, self._frame
+        outlined, revision = self._outlined, self._revision
+        if frame is not None and self._scheduler.idle_held(IdlePhase.IMAGE):
+            self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
             return
-        if frame is None or self._session.flights:
+        # Every landing draws them anew.
+        if frame is None or session.flights:
             return
-        packed = frozenset(i for i, s in self._session.states.items() if s.name == "PACKED")
-        groups = self._session.unpackable_groups() if marks.free else ()
-        least = self._session.least_occluded_object() if marks.free and not groups else None
-        inks = marks.inks(packed, groups, 0 if least is None else least[0])
-        buried = marks.buried if marks.buried in packed else 0
-        if not inks and not buried:
-            return
-        self._jobs.ask(
-            "rest",
-            "marks",
-            lambda: draw(self._session, packed, inks, buried, frame),
-            lambda shot: self._take(shot, state),
-        )
+        packed = frozenset(i for i, s in session.states.items() if s is ObjectState.PACKED)
+        groups = session.unpackable_groups() if outlined.unpackable else ()
+        least = session.least_occluded_object() if outlined.unpackable and not groups else None
+        inks = outlined.inks(packed, groups, 0 if least is None else least[0])
+        buried = outlined.buried if outlined.buried in packed else 0
+        if inks or buried:
+            self._scheduler.submit(
+                Task("outlines", lambda _: draw_outlines(session, packed, inks, buried, frame)),
+                Worker.BACKGROUND,
+                lambda image: self._finish(image, revision),
+            )
 
-    def _take(self, shot: RenderedImage | None, state: int) -> None:
-        if state == self._state:
-            self._shot = shot
+    def _finish(self, image: RenderedImage | None, revision: int) -> None:
+        if revision == self._revision:
+            self._image = image
             self._show()
 
 
-def draw(
-    session: Any, packed: frozenset[int], inks: Mapping[int, Ink], buried: int, frame: Frame
+def draw_outlines(
+    session: Session, packed: frozenset[int], inks: Mapping[int, Ink], buried: int, frame: Frame
 ) -> RenderedImage | None:
-    """Draw marks for what a canvas shows; for worker threads.
+    """Draw outlines for what a canvas shows; for worker threads.
 
     Parameters
     ----------
     session : Session
-        Whose objects.
     packed : frozenset of int
-        Who is in the bag.
-    inks : mapping of int to Ink
-        By ID.
+        What is in the bag.
+    inks : {id: Ink}
     buried : int
         Seen through all others; 0 for none.
     frame : Frame
@@ -191,75 +193,87 @@ def draw(
         through = outlined(front(frozenset({buried})), {buried: BURIED})
         rgba = through + (1.0 - through[..., 3:]) * rgba
     patch = ImagePatch(rgba, np.full(rgba.shape[:2], np.inf, np.float32), 0, 0).trimmed()
-    shot = RenderedImage.of(patch, frame.camera, frame.size)
-    return None if shot is None else replace(shot, in_front=True)
+    image = RenderedImage.of(patch, frame.camera, frame.size)
+    return None if image is None else replace(image, in_front=True)
 
 
 class Overlays:
-    """Keeps them right.
+    """Outlines, ghost and arrow together.
 
     Parameters
     ----------
     session : Session
-    jobs : Jobs
-        With the lanes "quick" and "rest".
+    scheduler : Scheduler
     show : callable
         Called when there is something new to draw.
+
+    Attributes
+    ----------
+    outlines : OutlineRenderer
+    ghost : Ghost
+    arrow : DirectionArrow
     """
 
-    def __init__(self, session: Any, jobs: Jobs, show: Callable[[], None]) -> None:
-        self._session, self._show = session, show
-        self._mark_free = True
-        self._marks = Marks()
-        self.painter = MarkPainter(session, jobs, show)
-        self.ghost = Ghost(session, jobs, show)
+    def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
+        self._session = session
+        self._outlines_unpackable = True
+        self._wanted = Outlined()
+        self.outlines = OutlineRenderer(session, scheduler, show)
+        self.ghost = Ghost(session, scheduler, show)
         self.arrow = DirectionArrow(session)
 
     @property
-    def mark_free(self) -> bool:
-        """Whether those who can leave now are outlined."""
-        return self._mark_free
+    def outlines_unpackable(self) -> bool:
+        """Whether objects that can leave now are outlined."""
+        return self._outlines_unpackable
 
-    @mark_free.setter
-    def mark_free(self, marked: bool) -> None:
-        self._mark_free = bool(marked)
-        self.renew()
+    @outlines_unpackable.setter
+    def outlines_unpackable(self, wanted: bool) -> None:
+        self._outlines_unpackable = bool(wanted)
+        self.update()
 
     @property
     def settled(self) -> bool:
-        """Whether all marks are drawn, and no ghost comes or goes."""
-        return self.ghost.settled and not self.painter.waiting
+        """Whether all outlines are drawn, and no ghost comes or goes."""
+        return self.ghost.settled and not self.outlines.pending
 
-    def look(self, frame: Frame) -> None:
+    def set_view(self, frame: Frame) -> None:
         """Follow the canvas."""
-        self.painter.look(frame)
-        self.ghost.look(frame)
+        self.outlines.set_view(frame)
+        self.ghost.set_view(frame)
 
-    def changed(self) -> None:
-        """Follow who is in the bag, and who can leave it."""
-        self.painter.renew()
-        self.ghost.changed()
-        self.renew()
+    def states_changed(self) -> None:
+        """Follow what is in the bag, and what can leave it."""
+        self.outlines.redraw()
+        self.ghost.states_changed()
+        self.update()
 
-    def unearth(self, buried: int, leaving: frozenset[int]) -> None:
-        """Show who must leave for a buried object; 0 shows that no more."""
-        self._marks = replace(self._marks, buried=buried, leaving=leaving)
-        self.renew()
+    def show_reveal_plan(self, buried: int, leaving: frozenset[int]) -> None:
+        """Show what must leave for a buried object.
 
-    def renew(self) -> None:
-        """Mark who is to be marked now."""
+        Parameters
+        ----------
+        buried : int
+            0 shows no plan any more.
+        leaving : frozenset of int
+        """
+        self._wanted = replace(self._wanted, buried=buried, leaving=leaving)
+        self.update()
+
+    def update(self) -> None:
+        """Outline what is to be outlined now."""
         session = self._session
-        inspecting = any(s.name == "INSPECTED" for s in session.states.values())
-        chosen = frozenset(session.selected)
-        marks = replace(self._marks, free=self._mark_free, chosen=chosen)
-        self.painter.mark(Marks() if inspecting else marks)
+        inspecting = ObjectState.INSPECTED in session.states.values()
+        selected = frozenset(session.selected)
+        wanted = replace(self._wanted, unpackable=self._outlines_unpackable, selected=selected)
+        self.outlines.outline(Outlined() if inspecting else wanted)
 
     def close(self) -> None:
         """Draw nothing more."""
-        self.painter.close()
+        self.outlines.close()
         self.ghost.close()
 
-    def cards_at(self, frame: Frame) -> Sequence[Quad]:
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return everything to draw."""
-        parts = (self.painter, self.ghost, self.arrow)
-        return [card for part in parts for card in part.cards_at(frame)]
+        parts = (self.outlines, self.ghost, self.arrow)
+        return [quad for part in parts for quad in part.quads_at(frame)]

@@ -1,15 +1,10 @@
-"""When the packed picture is cast again, how finely, and where: the cached layer of section 5.3.
-
-Send volumes to the graphics card piece by piece, while the CPU's picture stays.
-"""
+"""When the packed image is cast again, how finely, and where: the cached layer of section 5.3."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from time import perf_counter
-from typing import Any
-
-from qtpy.QtCore import QTimer
+from typing import TYPE_CHECKING
 
 from napari_unpack.appearance import hues_between
 from napari_unpack.geometry.view import Camera
@@ -19,97 +14,105 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import packed_image
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume, SubvolumeCache
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.dirty_region import recast_objects
-from napari_unpack.viewer.jobs import Jobs, single_shot, stop
+from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 FEWEST_RAYS = 384
+"""Rays on the short side of the coarsest preview, however slow the machine is."""
+
 FRAME_SECONDS = 0.055
-"""Of a cast while the view turns; with all that comes round it, ten pictures a second and more."""
+"""Of a preview on the processor; with all that comes round it, ten images a second and more."""
 
 GL_FRAME_SECONDS = 0.012
+"""Of a preview on the graphics card, which draws the rest of the canvas in the same 16 ms."""
+
 GL_RAYS_STEP = 32
 """On the graphics card the rays change in such steps, so that few frame buffers are made."""
 
-REST_MS = 120
-SLOWEST_REST_MS = 500
-"""Slow pictures are far apart, and no sign that the camera rests: that takes up to this long."""
+SLOWEST_IDLE_MS = 500
+"""Slow previews are far apart, and no sign that the camera rests: that takes up to this long."""
 
 FADING_SECONDS = 0.03
-"""Where a full picture takes the graphics card longer, new colours come at once."""
+"""Where a full image takes the graphics card longer, new colours come at once."""
 
 
 class PackedRenderer:
-    """Keeps the packed layer's picture right with as few passes as can be.
+    """Keeps the packed layer's image right with as few passes as can be.
 
     Parameters
     ----------
     session : Session
-        What is packed.
-    jobs : Jobs
-        With the lanes "quick" (while something moves) and "fine" (at rest).
+    scheduler : Scheduler
     layer : PackedLayer
-        Shows the picture, or nothing where nothing of the bag is in view.
-    studio : CanvasBackend
+        Shows the image, or nothing where nothing of the bag is in view.
+    canvas_backend : CanvasBackend
         Casts on the canvas where it is active; else a worker thread does, on the CPU.
 
     Attributes
     ----------
     passes : int
-        Castings of the packed picture so far, coarse, fine and partial.
+        Castings of the packed image so far: previews, full images and regions.
     fade : HueFade
         The transition to new colours.
 
     Notes
     -----
-    While the camera moves the picture has about 384 rays on its short side, as many as keep ten
-    frames a second, then all of them once the camera rests. The picture before stays until the
-    next one is there. An object that leaves or comes back recasts its own window alone. New
-    colours come in a short transition: on the CPU from the picture before to the finished new
+    While the camera moves a preview has about 384 rays on its short side, as many as keep ten
+    frames a second; the full image has all of them, once the camera rests. The image before stays
+    until the next one is there. An object that leaves or comes back recasts its own region alone.
+    New colours come in a short transition: on the CPU from the image before to the finished new
     one, on the graphics card by tints on their way.
     """
 
     def __init__(
         self,
-        session: Any,
-        jobs: Jobs,
+        session: Session,
+        scheduler: Scheduler,
         layer: PackedLayer,
-        studio: CanvasBackend,
+        canvas_backend: CanvasBackend,
     ) -> None:
         self.passes = 0
-        self.fade = HueFade(self._fade_on)
-        self._session, self._jobs, self._layer = session, jobs, layer
-        self._studio = studio
+        self.fade = HueFade(scheduler, self._on_fade)
+        self._session, self._scheduler, self._layer = session, scheduler, layer
+        self._canvas_backend = canvas_backend
         self._hues = self._hues_before = session.hues
         self._recolored = False
         self._seconds = 0.0
-        self._live: CanvasImage | None = None
+        self._canvas_image: CanvasImage | None = None
         self._frame: Frame | None = None
-        self._state = 0
-        self._shot: RenderedImage | None = None
+        self._revision = 0
+        self._image: RenderedImage | None = None
         self._fading_from: RenderedImage | None = None
-        self._finest: tuple[Frame, int] | None = None
+        self._full_for: tuple[Frame, int] | None = None
         self._rays = float(FEWEST_RAYS)
-        # When an object was last changed of which the picture does not tell yet.
-        self._touched: dict[int, int] = {}
+        # The revision at which an object changed that the image does not show yet.
+        self._changed: dict[int, int] = {}
         self._cache: SubvolumeCache | None = None
-        self._rest = single_shot(self._come_to_rest, REST_MS)
+        scheduler.on_idle(IdlePhase.IMAGE, self._on_idle)
+        # Where the machine is slow, redraws are further apart than a camera takes to rest.
+        scheduler.hold_idle("preview", lambda: scheduler.has("packed", Worker.PREVIEW))
 
     @property
     def turning(self) -> bool:
-        """Whether a picture for the canvas is being cast on the processor, the last one drawn."""
-        return self._layer.drawn and not self._studio.active and self._jobs.has("packed")
+        """Whether an image is being cast on the processor, the last one drawn."""
+        casting = not self._canvas_backend.active and self._scheduler.has("packed")
+        return self._layer.drawn and casting
 
     @property
     def settled(self) -> bool:
-        """Whether the picture is full and right for what the canvas shows."""
-        drawn = self._live is None or self._live.ready or not self._layer.visible
-        return self._frame is None or (self._is_fine() and drawn and not self.fade.running)
+        """Whether the image is full and right for what the canvas shows, and drawn."""
+        drawn = self._canvas_image is None or self._canvas_image.ready or not self._layer.visible
+        return self._frame is None or (self.is_full and drawn and not self.fade.running)
 
-    def crop(self) -> Subvolume:
-        """Return the whole volume as the kernels want it."""
-        cache, scene = self._cache, self._session.scene()
+    def subvolume(self, scene: Scene) -> Subvolume:
+        """Return the whole volume as the kernels want it; for worker threads too."""
+        cache = self._cache
         if cache is None or cache.labels is not scene.labels:
             fresh = SubvolumeCache(scene.volume, scene.labels, scene.boxes, scene.spacing)
             if cache is not None and cache.volume is fresh.volume:
@@ -118,215 +121,219 @@ class PackedRenderer:
             self._cache = cache = fresh
         return cache.whole()
 
-    def known_crop(self) -> Subvolume:
+    def known_subvolume(self) -> Subvolume:
         """Return the whole volume as last made ready, which may be of labels just repaired."""
-        return self.crop() if self._cache is None else self._cache.whole()
+        return self.subvolume(self._session.scene()) if self._cache is None else self._cache.whole()
 
-    def look(self, frame: Frame) -> None:
+    def set_view(self, frame: Frame) -> None:
         """Take note of what the canvas shows now."""
         if not frame.same_as(self._frame):
             self._frame = frame
-            self._ask_coarse()
+            self._cast_preview()
 
     def recast(self) -> None:
         """Cast again since the look of everything has changed."""
-        self._state += 1
+        self._revision += 1
         if self._frame is not None:
-            self._ask_coarse()
+            self._cast_preview()
 
-    def change_caster(self) -> None:
-        """Cast again since the studio has become active, or is so no more."""
-        self._shot, self._live, self._rays = None, None, float(FEWEST_RAYS)
-        self._rest.setInterval(REST_MS)
+    def backend_changed(self) -> None:
+        """Cast again since the canvas has begun to cast, or does so no more."""
+        self._image, self._canvas_image, self._rays = None, None, float(FEWEST_RAYS)
+        self._scheduler.set_idle_delay(IdlePhase.IMAGE, 0)
         self.recast()
 
     def refine(self) -> None:
-        """Cast again since colours have changed, without a coarse picture between."""
-        self._state += 1
+        """Cast again since colours have changed, without a preview between."""
+        self._revision += 1
         now = {**self._hues, **hues_between(self._hues_before, self._hues, self.fade.part)}
         self._hues_before, self._hues = now, self._session.hues
         if self._frame is None:
             return
         self._recolored = self.fade.allowed
-        if self._studio.active and self.fade.allowed and self._seconds < FADING_SECONDS:
-            self._studio.hues_on_the_way = hues_between(now, self._hues, 0.0)
+        if self._canvas_backend.active and self.fade.allowed and self._seconds < FADING_SECONDS:
+            self._canvas_backend.hues_on_the_way = hues_between(now, self._hues, 0.0)
             self.fade.begin()
-        self._ask_fine()
+        self._cast_full()
 
     def recast_objects(self, ids: Iterable[int]) -> None:
         """Cast again where some objects are, since they have left, come back or changed."""
         new = set(ids)
         if not new:
             return
-        before, self._state = self._state, self._state + 1
-        self._touched |= dict.fromkeys(new, self._state)
-        frame, shot = self._frame, self._shot
+        before, self._revision = self._revision, self._revision + 1
+        self._changed |= dict.fromkeys(new, self._revision)
+        frame, image = self._frame, self._image
         if frame is None:
             return
-        if self._finest != (frame, before):
-            self._ask_coarse()
+        if self._full_for != (frame, before):
+            self._cast_preview()
             return
-        if self._studio.active:
-            self._ask_fine()
+        if self._canvas_backend.active:
+            self._cast_full()
             return
-        if shot is None:
-            self._ask_coarse()
+        if image is None:
+            self._cast_preview()
             return
-        touched = frozenset(self._touched)
-        wanted = self._finest = (frame, self._state)
-        self._jobs.ask(
-            "quick",
-            "packed window",
-            lambda: self._window(shot, touched),
-            lambda patched: self._patched(patched, wanted),
+        changed = frozenset(self._changed)
+        wanted, scene = (frame, self._revision), self._session.scene()
+        self._full_for = wanted
+        self._scheduler.submit(
+            Task("packed region", lambda _: self._cast_region(scene, image, changed)),
+            Worker.PREVIEW,
+            lambda image: self._region_done(image, wanted),
         )
 
     def close(self) -> None:
-        """Stop asking for pictures."""
-        stop(self._rest)
+        """Ask for no more images."""
+        self._scheduler.skip_idle(IdlePhase.IMAGE)
         self.fade.stop()
         self._frame = None
 
-    def _fade_on(self, part: float) -> None:
-        if self._studio.active:
-            self._studio.hues_on_the_way = (
+    def _on_fade(self, part: float) -> None:
+        if self._canvas_backend.active:
+            self._canvas_backend.hues_on_the_way = (
                 {} if part >= 1.0 else hues_between(self._hues_before, self._hues, part)
             )
-            self._state += 1
-            self._ask_fine()
+            self._revision += 1
+            self._cast_full()
         else:
             self._layer.mix(part)
 
     def _show(
         self,
-        shot: RenderedImage | CanvasImage | None,
+        image: RenderedImage | CanvasImage | None,
         before: RenderedImage | None = None,
-        resting: bool = True,
+        with_thumbnail: bool = True,
     ) -> None:
-        if before is None and isinstance(shot, RenderedImage):
+        if before is None and isinstance(image, RenderedImage):
             self.fade.stop()
-        self._layer.show(shot, before, resting)
+        self._layer.show(image, before, with_thumbnail)
 
-    def _come_to_rest(self) -> None:
-        if self._jobs.turning:
-            self._rest.start()
-        elif self._is_fine():
-            self._layer.come_to_rest()
+    def _on_idle(self) -> None:
+        if self.is_full:
+            self._layer.update_thumbnail()
         else:
-            self._ask_fine()
+            self._cast_full()
 
-    def _is_fine(self) -> bool:
-        return self._finest == (self._frame, self._state) and not self._touched
+    @property
+    def is_full(self) -> bool:
+        """Whether the image has all rays and is of the newest view and objects, or will be."""
+        return self._full_for == (self._frame, self._revision) and not self._changed
 
-    def _window(self, shot: RenderedImage | None, touched: frozenset[int]) -> RenderedImage | None:
+    def _cast_region(
+        self, scene: Scene, image: RenderedImage, changed: frozenset[int]
+    ) -> RenderedImage | None:
         self.passes += 1
-        if shot is None:
-            return None
-        return recast_objects(self._session.scene(), self.crop(), shot, touched, "cpu")
+        return recast_objects(scene, self.subvolume(scene), image, changed, "cpu")
 
-    def _patched(self, shot: RenderedImage | None, wanted: tuple[Frame, int]) -> None:
-        if self._finest == wanted:
-            self._tells_all(wanted[1])
-            self._shot = shot
-            self._show(shot)
-        elif not (self._is_fine() or self._jobs.has("packed") or self._jobs.has("packed window")):
-            self._ask_fine()
+    def _region_done(self, image: RenderedImage | None, wanted: tuple[Frame, int]) -> None:
+        if self._full_for == wanted:
+            self._forget_changes(wanted[1])
+            self._image = image
+            self._show(image)
+        elif not (
+            self.is_full or self._scheduler.has("packed") or self._scheduler.has("packed region")
+        ):
+            self._cast_full()
 
-    def _tells_all(self, state: int) -> None:
-        """Forget who was changed up to a state of which there is a picture now."""
-        self._touched = {i: at for i, at in self._touched.items() if at > state}
+    def _forget_changes(self, revision: int) -> None:
+        """Forget what was changed up to a revision that the image shows."""
+        self._changed = {i: at for i, at in self._changed.items() if at > revision}
 
-    def _ask_coarse(self) -> None:
-        frame, state = self._frame, self._state
+    def _cast_preview(self) -> None:
+        frame, revision = self._frame, self._revision
         if frame is None:
             return
-        self._finest = None
-        self._rest.start()
+        self._full_for = None
+        self._scheduler.touch(IdlePhase.IMAGE)
         rays = self._rays
-        if self._studio.active:
+        if self._canvas_backend.active:
             rays = rays // GL_RAYS_STEP * GL_RAYS_STEP
         share = min(1.0, rays / min(frame.size))
         size = max(1, round(frame.size[0] * share)), max(1, round(frame.size[1] * share))
         step = 1.0 if share == 1.0 else 1.5
-        if self._studio.active:
-            self._expose(frame, size, step, adapts=True)
+        if self._canvas_backend.active:
+            self._cast_on_canvas(frame, size, step, adapts=True)
             return
         scene = self._session.scene()
-        self._jobs.ask(
-            "quick",
-            "packed",
-            lambda: self._cast(scene, frame, size, step),
-            lambda result: self._coarse_done(result, frame, state, share == 1.0),
+        self._scheduler.submit(
+            Task("packed", lambda _: self._cast(scene, frame, size, step)),
+            Worker.PREVIEW,
+            lambda result: self._preview_done(result, frame, revision, share == 1.0),
         )
 
-    def _coarse_done(
-        self, result: tuple[RenderedImage | None, float], frame: Frame, state: int, whole: bool
+    def _preview_done(
+        self, result: tuple[RenderedImage | None, float], frame: Frame, revision: int, whole: bool
     ) -> None:
-        shot, seconds = result
-        if self._studio.active:
+        image, seconds = result
+        if self._canvas_backend.active:
             return
         self._adapt(seconds, FRAME_SECONDS, frame)
-        self._rest.setInterval(max(REST_MS, min(SLOWEST_REST_MS, round(1500 * seconds))))
-        if self._finest is not None and self._finest[0] is self._frame:
+        # Half an image more than it took: the next movement may come with the next one.
+        idle_ms = min(SLOWEST_IDLE_MS, round(1500 * seconds))
+        self._scheduler.set_idle_delay(IdlePhase.IMAGE, idle_ms)
+        if self._full_for is not None and self._full_for[0] is self._frame:
             return
-        self._shot = shot
-        if whole and frame is self._frame and state == self._state:
-            self._finest = (frame, state)
-            self._tells_all(state)
-        self._show(shot, resting=False)
+        self._image = image
+        if whole and frame is self._frame and revision == self._revision:
+            self._full_for = (frame, revision)
+            self._forget_changes(revision)
+        self._show(image, with_thumbnail=False)
 
-    def _ask_fine(self) -> None:
-        frame, state = self._frame, self._state
-        if frame is None or self._is_fine():
+    def _cast_full(self) -> None:
+        frame, revision = self._frame, self._revision
+        if frame is None or self.is_full:
             return
-        self._rest.stop()
-        if self._studio.active:
-            self._expose(frame, frame.size, 1.0, adapts=False)
+        self._scheduler.skip_idle(IdlePhase.IMAGE)
+        if self._canvas_backend.active:
+            self._cast_on_canvas(frame, frame.size, 1.0, adapts=False)
             return
         scene = self._session.scene()
-        self._jobs.ask(
-            "fine",
-            "packed",
-            lambda: self._cast(scene, frame, frame.size, 1.0),
-            lambda result: self._fine_done(result[0], frame, state),
+        self._scheduler.submit(
+            Task("packed", lambda _: self._cast(scene, frame, frame.size, 1.0)),
+            Worker.REFINE,
+            lambda result: self._full_done(result[0], frame, revision),
         )
 
-    def _fine_done(self, shot: RenderedImage | None, frame: Frame, state: int) -> None:
+    def _full_done(self, image: RenderedImage | None, frame: Frame, revision: int) -> None:
         if frame is not self._frame:
             return
-        if state != self._state:
-            self._ask_fine()
+        if revision != self._revision:
+            self._cast_full()
             return
-        before, recolored = self._shot, self._recolored
-        self._shot, self._finest, self._recolored = shot, (frame, state), False
-        self._tells_all(state)
-        if not (recolored and before and shot and shot.covers(before)):
-            self._show(shot)
+        before, recolored = self._image, self._recolored
+        self._image, self._full_for, self._recolored = image, (frame, revision), False
+        self._forget_changes(revision)
+        if not (recolored and before and image and image.covers(before)):
+            self._show(image)
             return
         if self._fading_from is not None and self.fade.running:
             before = before.mixed(self._fading_from, self.fade.part)
         self._fading_from = before
-        self._show(shot, before)
+        self._show(image, before)
         self.fade.begin()
 
-    def _expose(self, frame: Frame, size: tuple[int, int], step: float, adapts: bool) -> None:
-        """Have the picture cast when the canvas is drawn next."""
+    def _cast_on_canvas(
+        self, frame: Frame, size: tuple[int, int], step: float, adapts: bool
+    ) -> None:
+        """Have the image cast when the canvas is drawn next."""
         whole = size == frame.size
         if whole:
-            self._finest = (frame, self._state)
-            self._tells_all(self._state)
-            self._rest.stop()
-        self._shot = None
-        self._live = self._studio.packed(
-            frame.camera, size, step, lambda seconds: self._exposed(seconds, frame, adapts)
+            self._full_for = (frame, self._revision)
+            self._forget_changes(self._revision)
+            self._scheduler.skip_idle(IdlePhase.IMAGE)
+        self._image = None
+        self._canvas_image = self._canvas_backend.packed(
+            frame.camera, size, step, lambda seconds: self._canvas_done(seconds, frame, adapts)
         )
-        self._show(self._live)
+        self._show(self._canvas_image)
 
-    def _exposed(self, seconds: float, frame: Frame, adapts: bool) -> None:
+    def _canvas_done(self, seconds: float, frame: Frame, adapts: bool) -> None:
         self.passes += 1
         self._seconds = seconds
         # Slow frames are far apart, and no sign that the camera rests.
-        self._rest.setInterval(max(REST_MS, round(2500 * seconds)))
+        self._scheduler.set_idle_delay(IdlePhase.IMAGE, round(2500 * seconds))
         if adapts:
             self._adapt(seconds, GL_FRAME_SECONDS, frame)
 
@@ -340,82 +347,27 @@ class PackedRenderer:
     ) -> tuple[RenderedImage | None, float]:
         self.passes += 1
         began = perf_counter()
-        shot = cast_packed(scene, frame.camera, size, step)
-        return shot, perf_counter() - began
+        image = cast_packed(scene, frame.camera, size, step)
+        return image, perf_counter() - began
 
 
 def cast_packed(
     scene: Scene, camera: Camera, size: tuple[int, int], step: float
 ) -> RenderedImage | None:
-    """Cast the packed picture; for worker threads."""
-    return RenderedImage.of(packed_image(scene, camera, size, step, "cpu"), camera, size)
-
-
-class VolumeUpload:
-    """Sends one piece each time the canvas is drawn, since only then GL may be spoken to.
+    """Cast the packed image; for worker threads.
 
     Parameters
     ----------
-    studio : CanvasBackend
-        Who has what is to be sent.
-    packed : PackedLayer
-        Whose drawing is waited for.
-    caster_changed : callable
-        Given, after a piece, whether GL cast before it.
-    refine : callable
-        Called once all labels that were repaired are there.
+    scene : Scene
+    camera : Camera
+    size : (int, int)
+        Height and width of the image, pixels.
+    step : float
+        Distance of samples, smallest voxel edges.
+
+    Returns
+    -------
+    RenderedImage or None
+        None where nothing of the bag is in view.
     """
-
-    def __init__(
-        self,
-        studio: CanvasBackend,
-        packed: PackedLayer,
-        caster_changed: Callable[[bool], None],
-        refine: Callable[[], None],
-    ) -> None:
-        self._studio, self._packed = studio, packed
-        self._caster_changed, self._refine = caster_changed, refine
-        self._sending = self._relabelled = self._closed = False
-        packed.on_draw = self._send
-
-    @property
-    def busy(self) -> bool:
-        """Whether pieces are on their way, or wait for a canvas that will be drawn."""
-        return self._sending or (self._studio.waiting and self._packed.visible)
-
-    def go_on(self) -> None:
-        """Have the canvas drawn if anything waits to be sent."""
-        if self._studio.waiting:
-            self._packed.repaint()
-
-    def refine_when_sent(self) -> None:
-        """Have the picture refined once everything is there; at once if nothing waits."""
-        self._relabelled = self._studio.waiting and self._studio.active
-        if not self._relabelled:
-            self._refine()
-
-    def close(self) -> None:
-        """Send nothing more."""
-        self._closed = True
-        self._packed.on_draw = _nothing
-
-    def _send(self) -> None:
-        # The canvas is being drawn: what follows waits until it is done.
-        if self._studio.waiting:
-            before, self._sending = self._studio.active, True
-            self._studio.send()
-            QTimer.singleShot(0, lambda: self._sent(before))
-
-    def _sent(self, before: bool) -> None:
-        self._sending = False
-        if self._closed:
-            return
-        self._caster_changed(before)
-        self.go_on()
-        if self._relabelled and not self._studio.waiting:
-            self._relabelled = False
-            self._refine()
-
-
-def _nothing() -> None:
-    """Do nothing."""
+    return RenderedImage.of(packed_image(scene, camera, size, step, "cpu"), camera, size)

@@ -9,16 +9,19 @@ from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
 LEAST_ALPHA = 0.02
+"""Contribution to a pixel below which an object cannot be seen there."""
 
 
-def pick_packed(scene: Scene, crop: Subvolume, frame: Frame, row: float, col: float) -> list[int]:
+def pick_packed(
+    scene: Scene, subvolume: Subvolume, frame: Frame, row: float, col: float
+) -> list[int]:
     """List the packed objects on a pixel's ray.
 
     Parameters
     ----------
     scene : Scene
-        What is packed.
-    crop : Subvolume
+        With what is packed.
+    subvolume : Subvolume
         The whole volume.
     frame : Frame
         What the canvas shows.
@@ -40,17 +43,17 @@ def pick_packed(scene: Scene, crop: Subvolume, frame: Frame, row: float, col: fl
         frame.camera,
         frame.size,
         scene.spacing,
-        voxel_from_world=crop.voxel_from_world,
+        voxel_from_world=subvolume.voxel_from_world,
         window=window,
     )
-    look = scene.transfer_function
+    function = scene.transfer_function
     shares = contributions(
-        crop.volume,
-        crop.labels,
+        subvolume.volume,
+        subvolume.labels,
         rays,
         scene.spacing,
-        look.table(TABLE_ENTRIES),
-        look.domain,
+        function.table(TABLE_ENTRIES),
+        function.domain,
         scene.packed_tints,
         scene.clipping,
     )

@@ -1,75 +1,70 @@
-"""One redraw a picture while the bag is turned: redraws in between would show nothing new."""
+"""One redraw an image while the bag is turned: redraws in between would show nothing new."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Any
 
-from napari_unpack.layers.compat import is_drawing
+from napari_unpack.layers.compat import RedrawHook
 from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.viewer.jobs import single_shot, stop
+from napari_unpack.viewer.scheduler import Scheduler
 
 LONGEST_MS = 100
 """A redraw is put off at most so long: whatever else is in the scene turns with the bag."""
 
 STILL = 1e-4
-"""Of the height of the view: a tenth of a pixel."""
+"""Movement that counts as none, of the height of the view: a tenth of a pixel of 1000."""
 
 
 class RedrawThrottle:
-    """Puts off redraws of a canvas while the picture of a turned bag is on its way.
+    """Puts off redraws of a canvas while the image of a turned bag is on its way.
 
     Parameters
     ----------
-    canvas : vispy.scene.SceneCanvas or None
-        None, a viewer without a window, needs no pacing.
+    hook : RedrawHook
+        Asks before the canvas asks for a redraw.
+    scheduler : Scheduler
     layer : PackedLayer
-        Shows the picture of the bag.
+        Shows the image of the bag.
     waits : callable
-        Returns whether a picture of the bag is being cast on the processor and the one before
+        Returns whether an image of the bag is being cast on the processor and the one before
         has been drawn, while nothing else moves.
-    look : callable
-        Given such a frame instead of a redraw, so that the next picture is of the newest camera.
+    set_view : callable
+        Given such a frame instead of a redraw, so that the next image is of the newest camera.
 
     Notes
     -----
-    Without a graphics card a redraw takes the two cores as long as half a picture does, and
-    after a turn, which the picture before cannot follow, it shows nothing. Pans and zooms, which
+    Without a graphics card a redraw takes the two cores as long as half an image does, and
+    after a turn, which the image before cannot follow, it shows nothing. Pans and zooms, which
     it can, are redrawn at once.
     """
 
     def __init__(
         self,
-        canvas: Any,
+        hook: RedrawHook,
+        scheduler: Scheduler,
         layer: PackedLayer,
         waits: Callable[[], bool],
-        look: Callable[[Frame], None],
+        set_view: Callable[[Frame], None],
     ) -> None:
-        self._canvas, self._layer = canvas, layer
-        self._waits, self._look = waits, look
+        self._hook, self._scheduler, self._layer = hook, scheduler, layer
+        self._waits, self._set_view = waits, set_view
         self._asked_at = 0.0
-        self._soon = single_shot(self._decide)
-        self._late = single_shot(self._redraw)
-        if canvas is not None:
-            self._update = canvas.update
-            canvas.update = self._asked
+        hook.install(self._asked)
 
     def close(self) -> None:
         """Put off nothing more."""
-        stop(self._soon)
-        stop(self._late)
-        if self._canvas is not None and vars(self._canvas).get("update") == self._asked:
-            del self._canvas.update
+        self._forget()
+        self._hook.remove()
 
-    def _asked(self, node: Any = None) -> None:
-        if is_drawing(self._canvas):
+    def _asked(self) -> None:
+        if self._hook.is_drawing:
             return
         if self._left_ms() > 0 and self._waits():
-            # Not at once: the camera is told piece by piece.
+            # Not at once: napari tells the camera piece by piece.
             self._asked_at = monotonic()
-            self._soon.start(0)
+            self._scheduler.debounce(self._decide, 0, self._decide)
         else:
             self._redraw()
 
@@ -77,20 +72,22 @@ class RedrawThrottle:
         if self._layer.drawn_at > self._asked_at:
             return
         left, frame = self._left_ms(), self._layer.frame_now()
-        if left <= 0 or not self._waits() or not turned(self._layer.frame, frame):
+        if frame is None or left <= 0 or not self._waits() or not turned(self._layer.frame, frame):
             self._redraw()
             return
-        self._look(frame)
-        if not self._late.isActive():
-            self._late.start(left)
+        self._set_view(frame)
+        self._scheduler.throttle(self._redraw, left, self._redraw)
 
     def _left_ms(self) -> int:
         return LONGEST_MS - round(1000 * (monotonic() - self._layer.drawn_at))
 
     def _redraw(self) -> None:
-        stop(self._soon)
-        stop(self._late)
-        self._update()
+        self._forget()
+        self._hook.redraw()
+
+    def _forget(self) -> None:
+        self._scheduler.forget(self._decide)
+        self._scheduler.forget(self._redraw)
 
 
 def turned(before: Frame | None, now: Frame | None) -> bool:

@@ -55,28 +55,20 @@ class IdlePhase(Enum):
     QUERIES = 250
 
 
-class Timer(Protocol):
-    """A timer that can be started anew."""
-
+class _Timer(Protocol):
     @property
-    def active(self) -> bool:
-        """Whether it will fire."""
+    def active(self) -> bool: ...
 
-    def start(self, milliseconds: int) -> None:
-        """Fire after so long from now, and not before."""
+    def start(self, milliseconds: int) -> None: ...
 
-    def stop(self) -> None:
-        """Do not fire."""
+    def stop(self) -> None: ...
 
 
-class Timers(Protocol):
-    """Makes timers, and tells their time; tests have one that is moved by hand."""
+class _Timers(Protocol):
+    # Tests have one whose time is moved by hand.
+    def make(self, call: Call, repeating: bool = False) -> _Timer: ...
 
-    def make(self, call: Call, repeating: bool = False) -> Timer:
-        """Return a stopped timer."""
-
-    def now(self) -> float:
-        """Return the time, s."""
+    def now(self) -> float: ...
 
 
 class _QtTimer:
@@ -109,7 +101,7 @@ class _QtTimer:
 class QtTimers:
     """Timers of Qt's event loop."""
 
-    def make(self, call: Call, repeating: bool = False) -> Timer:
+    def make(self, call: Call, repeating: bool = False) -> _Timer:
         """Return a stopped timer."""
         return _QtTimer(call, repeating)
 
@@ -163,29 +155,21 @@ class Job:
             return TaskResult(error=error)
 
 
-class Workers(Protocol):
-    """Runs jobs; tests have one that runs them when told."""
+class _Workers(Protocol):
+    # Tests have one that begins and finishes jobs when told.
+    def add(self, job: Job) -> None: ...
 
-    def add(self, job: Job) -> None:
-        """Run a job when its worker gets to it."""
+    def jobs(self, owner: Scheduler) -> list[Job]: ...
 
-    def jobs(self, owner: Scheduler) -> list[Job]:
-        """List an owner's jobs that wait, run, or are not delivered."""
+    def waiting(self, owner: Scheduler) -> list[Job]: ...
 
-    def waiting(self, owner: Scheduler) -> list[Job]:
-        """List an owner's jobs that have not begun."""
+    def drop(self, job: Job) -> None: ...
 
-    def drop(self, job: Job) -> None:
-        """Forget a job that waits."""
+    def wait_while(self, waits: Callable[[], bool]) -> None: ...
 
-    def wait_while(self, waits: Callable[[], bool]) -> None:
-        """Go on drawing while something holds, without mouse and keyboard."""
+    def post(self, call: Call) -> None: ...
 
-    def post(self, call: Call) -> None:
-        """Call soon, on the main thread; from any thread."""
-
-    def close(self) -> None:
-        """Start nothing more."""
+    def close(self) -> None: ...
 
 
 @dataclass(eq=False)
@@ -338,7 +322,7 @@ class Animation:
 
 @dataclass(eq=False)
 class _Idle:
-    timer: Timer
+    timer: _Timer
     milliseconds: int
     calls: list[Call] = field(default_factory=list)
     holds: dict[str, Callable[[], bool]] = field(default_factory=dict)
@@ -351,9 +335,9 @@ class Scheduler:
     ----------
     failed : callable, optional
         Given a sentence when a task without a `failed` of its own raised an error.
-    workers : Workers, optional
+    workers : ThreadWorkers, optional
         By default a set of threads of its own, which `close` ends.
-    timers : Timers, optional
+    timers : QtTimers, optional
         By default Qt's.
 
     Notes
@@ -364,15 +348,15 @@ class Scheduler:
     def __init__(
         self,
         failed: Callable[[str], None] | None = None,
-        workers: Workers | None = None,
-        timers: Timers | None = None,
+        workers: _Workers | None = None,
+        timers: _Timers | None = None,
     ) -> None:
         self.closed = False
         self._failed = failed
         self._owns_workers = workers is None
-        self._workers: Workers = ThreadWorkers() if workers is None else workers
-        self._timers: Timers = QtTimers() if timers is None else timers
-        self._debounced: dict[Hashable, tuple[Timer, list[Call]]] = {}
+        self._workers: _Workers = ThreadWorkers() if workers is None else workers
+        self._timers: _Timers = QtTimers() if timers is None else timers
+        self._debounced: dict[Hashable, tuple[_Timer, list[Call]]] = {}
         self._animations: list[Animation] = []
         self._frames = self._timers.make(self._on_frame, repeating=True)
         self._idle = {
@@ -459,6 +443,10 @@ class Scheduler:
         self._workers.wait_while(lambda: not (found or self.closed) and self.has(place, worker))
         return found[0] if found else None
 
+    def wait(self, slot: Hashable) -> None:
+        """Wait until no task of a slot waits or runs; see `run_modal`."""
+        self._workers.wait_while(lambda: not self.closed and self.has(slot))
+
     def cancel(self, slot: Hashable) -> None:
         """Forget what waits in a slot, and ask what runs in it to stop at its next report."""
         waiting = self._workers.waiting(self)
@@ -542,8 +530,17 @@ class Scheduler:
         return self._idle[phase].timer.active
 
     def set_idle_delay(self, phase: IdlePhase, milliseconds: int) -> None:
-        """Wait longer where frames are slow and far apart; never less than the phase's own time."""
+        """Wait longer where frames are slow and far apart; never less than the phase's own time.
+
+        Parameters
+        ----------
+        phase : IdlePhase
+            Begins anew where it is pending.
+        milliseconds : int
+        """
         self._idle[phase].milliseconds = max(phase.value, milliseconds)
+        if self.idle_pending(phase):
+            self.touch(phase)
 
     def hold_idle(self, reason: str, held: Callable[[], bool], *phases: IdlePhase) -> None:
         """Put phases, all where none is named, off as long as something holds."""

@@ -1,22 +1,24 @@
-"""napari's slice follows the selection: it goes to the middle of what was selected.
-
-The session's hues on the user's own Labels layer, so that 2D slices show the same colours.
-"""
+"""Slices follow the session: its hues on the user's Labels layer, and the selected object."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
-from napari.layers import Labels
+from napari.layers import Labels, Layer
 
 from napari_unpack.appearance import tints_of
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.layers.label_colormap import label_colormap
 from napari_unpack.layers.placement import data_to_world, units_of
+
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.session import Session
 
 STRIDE = 7
 """Every so many voxels are compared to tell whether a layer holds the session's labels."""
@@ -33,7 +35,7 @@ class SliceHues:
         The user's own; only Labels with the session's object IDs are coloured.
     """
 
-    def __init__(self, session: Any, sources: Sequence[Any]) -> None:
+    def __init__(self, session: Session, sources: Sequence[Layer]) -> None:
         self._session = session
         self._theirs = [
             (layer, layer.colormap) for layer in sources if shows_labels(layer, session)
@@ -65,8 +67,14 @@ class SliceHues:
                 layer.selected_label = self._session.label_of(next(iter(ids)))
 
 
-def shows_labels(layer: Any, session: Any) -> bool:
-    """Tell whether a layer holds the session's labels, as far as some of its voxels show."""
+def shows_labels(layer: Layer, session: Session) -> TypeGuard[Labels]:
+    """Return whether a layer holds the session's labels, as far as some of its voxels show.
+
+    Parameters
+    ----------
+    layer : napari layer
+    session : Session
+    """
     labels = session.labels
     if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
         return False
@@ -78,7 +86,7 @@ def shows_labels(layer: Any, session: Any) -> bool:
 
 
 SCROLL_SECONDS = 0.4
-"""So long after the user's last scroll the slices are theirs."""
+"""So long after the user's last scroll the slices are theirs: a hand turns the wheel on."""
 
 
 class SliceSteps:
@@ -101,9 +109,13 @@ class SliceSteps:
     """
 
     def __init__(
-        self, viewer: Any, session: Any, layer: Any, clock: Callable[[], float] = monotonic
+        self,
+        viewer: napari.Viewer,
+        session: Session,
+        layer: Layer,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
-        self._viewer, self._session, self._layer, self._clock = viewer, session, layer, clock
+        self._viewer, self._session, self._layer, self.clock = viewer, session, layer, clock
         self._held = self._moving = False
         self._pending = 0
         self._scrolled = -np.inf
@@ -132,7 +144,7 @@ class SliceSteps:
         if not changed:
             return
         self._pending = next(iter(ids)) if len(ids) == 1 and not self._held else 0
-        scrolling = self._clock() - self._scrolled < SCROLL_SECONDS
+        scrolling = self.clock() - self._scrolled < SCROLL_SECONDS
         if self._viewer.dims.ndisplay == 2 and scrolling:
             self._pending = 0
         self._catch_up()
@@ -156,4 +168,4 @@ class SliceSteps:
 
     def _hear(self, _event: Any = None) -> None:
         if not self._moving:
-            self._scrolled = self._clock()
+            self._scrolled = self.clock()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +11,30 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.rendering.casting import rays_for
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.interaction import CLICK_PIXELS
+from napari_unpack.viewer.protocols import MouseEvent
 
-CLICK_PIXELS = 4.0
-BELOW_SURFACE = 3
-"""How many voxels under the surface a click counts: fringes belong to no side."""
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
+
+BELOW_SURFACE_VOXELS = 3
+"""So far under the surface a click counts: fringes belong to no side."""
 
 Voxel = tuple[int, int, int]
 
 
 class SplitTool:
-    """Hears the viewer's mouse until two voxels of one object were clicked.
+    """Follows the viewer's mouse until two voxels of one object were clicked.
 
     Parameters
     ----------
     controller : SessionController
         An open one.
-    told : callable
+    message : callable
         Given a sentence on what to click next.
     done : callable
         Given the object and both voxels (z, y, x); not called where `close` came first.
@@ -34,21 +42,21 @@ class SplitTool:
 
     def __init__(
         self,
-        controller: Any,
-        told: Callable[[str], None],
+        controller: SessionController,
+        message: Callable[[str], None],
         done: Callable[[int, Voxel, Voxel], None],
     ) -> None:
-        self._controller, self._told, self._done = controller, told, done
+        self._controller, self._message, self._done = controller, message, done
         self._first: tuple[int, Voxel] | None = None
         controller.viewer.mouse_drag_callbacks.append(self._drag)
-        told("Click the object to split, on the part that should stay.")
+        message("Click the object to split, on the part that should stay.")
 
     def close(self) -> None:
         """Give the mouse back."""
         if self._drag in self._controller.viewer.mouse_drag_callbacks:
             self._controller.viewer.mouse_drag_callbacks.remove(self._drag)
 
-    def _drag(self, viewer: Any, event: Any) -> Generator[None, None, None]:
+    def _drag(self, viewer: napari.Viewer, event: MouseEvent) -> Generator[None, None, None]:
         if event.button != 1:
             return
         start = np.asarray(event.pos[:2], dtype=np.float64)
@@ -65,21 +73,21 @@ class SplitTool:
     def _take(self, found: tuple[int, Voxel] | None) -> None:
         session = self._controller.session
         if found is None:
-            self._told("There is no packed object there: click on one.")
+            self._message("There is no packed object there: click on one.")
             return
         name = str(session.objects["name"][found[0]])
         if self._first is None:
             self._first = found
-            self._told(f"Now click the other part of {name}.")
+            self._message(f"Now click the other part of {name}.")
         elif found[0] != self._first[0]:
             self._first = found
-            self._told(f"That is another object; now click the other part of {name}.")
+            self._message(f"That is another object; now click the other part of {name}.")
         elif found[1] != self._first[1]:
             self.close()
             self._done(found[0], self._first[1], found[1])
 
     def _in_picture(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
-        there = self._controller.packed_at(pixel)
+        there = self._controller.interaction.packed_at(pixel)
         if not there:
             return None
         # The second click is meant for the object of the first, where that can be seen at all.
@@ -95,11 +103,13 @@ class SplitTool:
         if (spot < 0).any() or (spot >= session.labels.shape).any():
             return None
         label = int(session.labels[tuple(spot)])
-        packed = label in session.states and session.states[label].name == "PACKED"
+        packed = session.states.get(label) is ObjectState.PACKED
         return (label, _voxel(spot)) if packed else None
 
 
-def surface_voxel(controller: Any, pixel: NDArray[np.float64], object_id: int) -> Voxel | None:
+def surface_voxel(
+    controller: SessionController, pixel: NDArray[np.float64], object_id: int
+) -> Voxel | None:
     """Return the voxel of an object that a pixel of the canvas shows, just under its surface.
 
     Parameters
@@ -113,7 +123,7 @@ def surface_voxel(controller: Any, pixel: NDArray[np.float64], object_id: int) -
     session, frame = controller.session, controller.frame
     if frame is None:
         return None
-    row, col = controller.device_pixel(pixel)
+    row, col = controller.interaction.frame_pixel(pixel)
     rays = rays_for(
         frame.camera, frame.size, session.spacing, voxel_from_world(session.spacing), 0.5
     )
@@ -132,17 +142,19 @@ def surface_voxel(controller: Any, pixel: NDArray[np.float64], object_id: int) -
     # The first run of hits, some voxels deep or to its middle where it is thinner.
     gaps = np.flatnonzero(np.diff(hits) > 1)
     run = hits[: gaps[0] + 1] if len(gaps) else hits
-    return _voxel(spots[run[min(2 * BELOW_SURFACE, len(run) // 2)]])
+    return _voxel(spots[run[min(2 * BELOW_SURFACE_VOXELS, len(run) // 2)]])
 
 
-def _beside(session: Any, spots: NDArray[np.int64], object_id: int) -> Voxel | None:
+def _beside(session: Session, spots: NDArray[np.int64], object_id: int) -> Voxel | None:
     """Return the object's voxel nearest to where a ray passes through its fringe."""
     fringe = np.flatnonzero(session.display_labels[tuple(spots.T)] == object_id)
     if not len(fringe):
         return None
     spot = spots[fringe[0]]
-    low = np.maximum(spot - BELOW_SURFACE, 0)
-    box = tuple(slice(int(a), int(b) + BELOW_SURFACE + 1) for a, b in zip(low, spot, strict=True))
+    low = np.maximum(spot - BELOW_SURFACE_VOXELS, 0)
+    box = tuple(
+        slice(int(a), int(b) + BELOW_SURFACE_VOXELS + 1) for a, b in zip(low, spot, strict=True)
+    )
     near = np.argwhere(session.labels[box] == object_id) + low
     away = ((near - spot) ** 2).sum(axis=1)
     return _voxel(near[away.argmin()]) if len(near) else None

@@ -1,9 +1,9 @@
-"""Sprites: one small picture per unpacked object, cast once and kept."""
+"""Sprites: one small image per unpacked object, cast once and kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,14 +11,30 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.rendering.scene import Scene
-from napari_unpack.viewer.jobs import Jobs
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Scheduler, Worker
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
 
 PIXELS_PER_VOXEL = 6.0
-"""No sprite is finer than this: more pixels show nothing more."""
+"""No sprite is finer than this: more pixels show nothing more of the volume."""
 
 
 def resolution(pixels_per_mm: float, finest: float = np.inf) -> float:
-    """Round a resolution up to the next half octave, so that small zooms cast nothing."""
+    """Round a resolution up to the next half octave, so that small zooms cast nothing.
+
+    Parameters
+    ----------
+    pixels_per_mm : float
+    finest : float, optional
+        The most that is returned, before rounding.
+
+    Returns
+    -------
+    float
+        Pixels per mm.
+    """
     wanted = min(max(pixels_per_mm, 1e-6), finest)
     return float(2 ** (np.ceil(2 * np.log2(wanted)) / 2))
 
@@ -29,13 +45,9 @@ class SpriteRenderer:
     Parameters
     ----------
     session : Session
-        Whose objects.
-    jobs : Jobs
-        With the lane "quick".
+    scheduler : Scheduler
     show : callable
         Given {id: Sprite} whenever that changes.
-    backend : callable
-        Returns the backend to cast with.
 
     Attributes
     ----------
@@ -45,18 +57,17 @@ class SpriteRenderer:
 
     def __init__(
         self,
-        session: Any,
-        jobs: Jobs,
+        session: Session,
+        scheduler: Scheduler,
         show: Callable[[dict[int, Sprite]], None],
-        backend: Callable[[], str],
     ) -> None:
         self.casts = 0
-        self._session, self._jobs, self._show, self._backend = session, jobs, show, backend
-        self._made: dict[int, tuple[Any, Sprite]] = {}
-        self._asked: dict[int, Any] = {}
+        self._session, self._scheduler, self.show = session, scheduler, show
+        self._made: dict[int, tuple[Hashable, Sprite]] = {}
+        self._asked: dict[int, Hashable] = {}
         self._wanted: dict[int, Pose] = {}
         self._shown: frozenset[int] = frozenset()
-        self._state = 0
+        self._revision = 0
 
     @property
     def settled(self) -> bool:
@@ -64,15 +75,15 @@ class SpriteRenderer:
         return not self._asked
 
     def has(self, object_id: int) -> bool:
-        """Return whether there is any picture of an object, if an older one."""
+        """Return whether there is any sprite of an object, if an older one."""
         return object_id in self._made
 
-    def look_changed(self) -> None:
+    def appearance_changed(self) -> None:
         """Take note that densities look different now."""
-        self._state += 1
+        self._revision += 1
 
     def want(self, poses: Mapping[int, Pose], shown: frozenset[int], pixels_per_mm: float) -> None:
-        """Say which sprites there should be.
+        """Cast what is missing or has changed, and forget what is not wanted.
 
         Parameters
         ----------
@@ -99,27 +110,27 @@ class SpriteRenderer:
                 self._ask(object_id, pose, fine, key)
         self._publish()
 
-    def _key(self, object_id: int, pose: Pose, fine: float) -> tuple[Any, ...]:
+    def _key(self, object_id: int, pose: Pose, fine: float) -> Hashable:
         tint = self._session.tint_alone(object_id).tobytes()
-        study = self._session.study(object_id)
+        style = self._session.scene().style(object_id)
         held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
-        return *held, tint, fine, study, self._state
+        return *held, tint, fine, style, self._revision
 
-    def _ask(self, object_id: int, pose: Pose, fine: float, key: Any) -> None:
+    def _ask(self, object_id: int, pose: Pose, fine: float, key: Hashable) -> None:
         scene = self._session.scene()
-        self._jobs.ask(
-            "quick",
-            f"sprite {object_id}",
-            lambda: self._cast(scene, object_id, pose, fine),
-            lambda sprite: self._done(object_id, key, sprite),
+        # Sprites are cast once, in worker threads, which have no GL context: on the CPU.
+        self._scheduler.submit(
+            Task(("sprite", object_id), lambda _: self._cast(scene, object_id, pose, fine)),
+            Worker.PREVIEW,
+            lambda sprite: self._finish(object_id, key, sprite),
         )
 
     def _cast(self, scene: Scene, object_id: int, pose: Pose, fine: float) -> Sprite | None:
         self.casts += 1
-        patch = sprite_image(scene, object_id, pose, fine, 1.0, self._backend())
+        patch = sprite_image(scene, object_id, pose, fine, 1.0, "cpu")
         return Sprite.of(patch, pose, 1.0 / fine)
 
-    def _done(self, object_id: int, key: Any, sprite: Sprite | None) -> None:
+    def _finish(self, object_id: int, key: Hashable, sprite: Sprite | None) -> None:
         if self._asked.get(object_id) == key:
             del self._asked[object_id]
         if object_id in self._wanted and sprite is not None:
@@ -127,6 +138,6 @@ class SpriteRenderer:
             self._publish()
 
     def _publish(self) -> None:
-        self._show(
+        self.show(
             {i: self._made[i][1] for i in self._wanted if i in self._made and i in self._shown}
         )

@@ -1,42 +1,48 @@
-"""Distinct colours for a view of any Labels layer: what is seen, who interferes, hues.
+"""Distinct colours for a view of any Labels layer: what is seen, what interferes, hues.
 
-The question is put on the main thread, from the viewer as it is; it is answered anywhere.
+The view is written down on the main thread; its colours are worked out on any.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import networkx as nx
 import numpy as np
+from napari.layers import Labels
 from numpy.typing import NDArray
 
 from napari_unpack.appearance import assign_hues, golden_hue, interference, tints_of
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.view import Camera
-from napari_unpack.layers.label_colormap import MOST_ROWS, label_colormap, shared_row
+from napari_unpack.layers.label_colormap import MOST_ROWS, LabelColormap, label_colormap, shared_row
 from napari_unpack.layers.placement import unit_ratios, units_of
 from napari_unpack.rendering import cast_ids
 from napari_unpack.rendering.validation import checked_labels
+
+if TYPE_CHECKING:
+    import napari
 
 DISTANCE, LAYERS, MARGIN = 5.0, 2, 0.4
 """DT in pixels of the canvas and LT of eq. 1, and the empty part of every hue arc."""
 
 MOST_PIXELS = 640
+"""Along the longer side of the image that is looked at: hues need no finer one."""
+
 MANY = 4096
-"""With more objects in a picture only those that touch are kept apart."""
+"""With more objects in an image only those that touch are kept apart."""
 
 GREY = (0.55, 0.55, 0.55, 1.0)
 """Of objects out of sight, where there are too many to give all a hue."""
 
-_BEFORE: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+_BEFORE: WeakKeyDictionary[Labels, LabelColormap] = WeakKeyDictionary()
 
 
 # Workers of napari write down what they are given: a representation of a volume takes minutes.
 @dataclass(frozen=True, eq=False, repr=False)
-class SolidView:
+class VolumeView:
     """A three-dimensional view of labels.
 
     Parameters
@@ -56,7 +62,7 @@ class SolidView:
     camera: Camera
     size: tuple[int, int]
 
-    def answer(self) -> Any:
+    def answer(self) -> LabelColormap:
         """Return the colormap; may run on any thread."""
         given = checked_labels(_without_negatives(self.labels))
         spacing = np.linalg.norm(self.world_from_voxel[:3, :3], axis=0)
@@ -77,7 +83,7 @@ class SolidView:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FlatView:
+class SliceView:
     """A slice of labels.
 
     Parameters
@@ -91,7 +97,7 @@ class FlatView:
     labels: NDArray[Any]
     pixel: tuple[float, float]
 
-    def answer(self) -> Any:
+    def answer(self) -> LabelColormap:
         """Return the colormap; may run on any thread.
 
         Notes
@@ -110,7 +116,7 @@ class FlatView:
         return colormap_for(picture, distance, _present(self.labels))
 
 
-def question(viewer: Any, layer: Any) -> SolidView | FlatView:
+def question(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
     """Ask what a viewer shows of a Labels layer.
 
     Parameters
@@ -136,7 +142,7 @@ def question(viewer: Any, layer: Any) -> SolidView | FlatView:
     matrix[:-1] *= unit_ratios(layer, units_of(viewer))[shown, None]
     if len(shown) == 2:
         down, right = np.linalg.norm(matrix[:-1, :-1], axis=0) * zoom
-        return FlatView(labels, (float(down), float(right)))
+        return SliceView(labels, (float(down), float(right)))
     camera, height = viewer.scene.camera, viewer.canvas.size[0]
     looking = Camera.looking(
         camera.view_direction,
@@ -145,10 +151,10 @@ def question(viewer: Any, layer: Any) -> SolidView | FlatView:
         height / zoom,
         float(camera.perspective),
     )
-    return SolidView(labels, matrix, looking, tuple(viewer.canvas.size))
+    return VolumeView(labels, matrix, looking, tuple(viewer.canvas.size))
 
 
-def colormap_for(ids: NDArray[Any], distance: float, present: NDArray[Any]) -> Any:
+def colormap_for(ids: NDArray[Any], distance: float, present: NDArray[Any]) -> LabelColormap:
     """Return the colormap that keeps apart what is near in a picture of IDs.
 
     Parameters
@@ -176,14 +182,20 @@ def colormap_for(ids: NDArray[Any], distance: float, present: NDArray[Any]) -> A
     return label_colormap({i: tints[row] for i, row in rows.items()}, GREY)
 
 
-def put_on(layer: Any, colormap: Any) -> None:
-    """Show a layer in a colormap; what it had before can be given back."""
+def put_on(layer: Labels, colormap: LabelColormap) -> None:
+    """Show a layer in a colormap; what it had before can be given back.
+
+    Parameters
+    ----------
+    layer : napari.layers.Labels
+    colormap : LabelColormap
+    """
     if layer not in _BEFORE:
         _BEFORE[layer] = layer.colormap
     layer.colormap = colormap
 
 
-def give_back(layer: Any) -> bool:
+def give_back(layer: Labels) -> bool:
     """Give a layer the colormap it had before the first `put_on`; False where there was none."""
     before = _BEFORE.pop(layer, None)
     if before is not None:
@@ -216,7 +228,7 @@ def _as_one(graph: nx.Graph, kept: int, gone: int) -> nx.Graph:
     return graph
 
 
-def _world_from_data(layer: Any, at: NDArray[Any], shown: list[int]) -> Matrix:
+def _world_from_data(layer: Labels, at: NDArray[Any], shown: list[int]) -> Matrix:
     """Return the map of the displayed axes, in their order, at a point of the others."""
     base = np.asarray(at, dtype=np.float64).copy()
     base[shown] = 0

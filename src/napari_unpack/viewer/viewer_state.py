@@ -1,29 +1,31 @@
-"""What the stage borrows from a viewer, and gives back exactly as it was.
-
-The user's own volumes while the stage is on: out of the way in 3D, as they were in slices.
-"""
+"""What a controller borrows from a viewer, and gives back exactly as it was."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from napari.layers import Image, Labels
+from napari.layers import Image, Labels, Layer
+
+if TYPE_CHECKING:
+    import napari
+    from napari.components import Camera
 
 
-class OwnVolumes:
-    """Images and Labels of a viewer, which napari would draw through the bag's picture in 3D.
+class HiddenVolumes:
+    """Images and Labels of a viewer, which napari would draw through the bag's image in 3D.
 
     Parameters
     ----------
     viewer : napari.Viewer
-        Whose volumes are hidden from now on, unless it shows slices.
+        Its volumes are hidden from now on, unless it shows slices.
     sources : sequence of napari layers
-        What the stage was opened from, of whatever kind; slices show them where none was shown.
+        What the controller was opened from, of whatever kind; slices show them where none was
+        shown.
     """
 
-    def __init__(self, viewer: Any, sources: Sequence[Any]) -> None:
+    def __init__(self, viewer: napari.Viewer, sources: Sequence[Layer]) -> None:
         self._viewer = viewer
         layers = dict.fromkeys((*sources, *filter(_is_volume, viewer.layers)))
         self._before = {layer: bool(layer.visible) for layer in layers}
@@ -34,7 +36,7 @@ class OwnVolumes:
         self._show(dict.fromkeys(layers, False))
         viewer.dims.events.ndisplay.connect(self._follow)
 
-    def let_go(self) -> None:
+    def close(self) -> None:
         """Follow the viewer no more."""
         self._viewer.dims.events.ndisplay.disconnect(self._follow)
 
@@ -53,78 +55,116 @@ class OwnVolumes:
             self._in_slices = {layer: bool(layer.visible) for layer in self._in_slices}
             self._show(dict.fromkeys(self._in_slices, False))
 
-    def _show(self, shown: dict[Any, bool]) -> None:
+    def _show(self, shown: Mapping[Layer, bool]) -> None:
         for layer, visible in shown.items():
             if layer in self._viewer.layers:
                 layer.visible = visible
 
 
-def _is_volume(layer: Any) -> bool:
+def _is_volume(layer: Layer) -> bool:
     return isinstance(layer, Image | Labels) and layer.ndim > 2
 
 
-CAMERA_FIELDS = ("center", "zoom", "angles", "perspective", "orientation")
+@dataclass(frozen=True)
+class SavedView:
+    """How a napari camera looks.
 
-SCALE_FIELDS = ("visible", "colored", "color")
+    Parameters
+    ----------
+    center, zoom, angles, perspective
+        As napari's camera has them.
+    """
+
+    center: tuple[float, float, float] | tuple[float, float]
+    zoom: float
+    angles: tuple[float, float, float]
+    perspective: float
+
+    @classmethod
+    def of(cls, camera: Camera) -> SavedView:
+        """Return how a camera looks now."""
+        return cls(camera.center, camera.zoom, camera.angles, camera.perspective)
+
+    def give_back(self, camera: Camera, perspective: bool = True) -> None:
+        """Have a camera look so again.
+
+        Parameters
+        ----------
+        camera : napari.components.Camera
+        perspective : bool, optional
+            False leaves its perspective as it is.
+        """
+        wanted = {"center": self.center, "zoom": self.zoom, "angles": self.angles}
+        camera.update(wanted | ({"perspective": self.perspective} if perspective else {}))
 
 
 @dataclass(frozen=True, eq=False)
 class SavedViewerState:
-    """State of a viewer before the stage.
+    """State of a viewer before a session was opened on it.
 
     Parameters
     ----------
-    volumes : OwnVolumes
-        The user's volumes, hidden where they would cover the stage.
+    volumes : HiddenVolumes
     selection : tuple of layers
         What was selected.
     active : layer or None
         The active layer.
     ndisplay : int
         Dimensions displayed.
-    camera : dict
-        Fields of the camera.
+    view : SavedView
+    orientation : tuple of str
+        Of the camera's axes.
     background : object
         The canvas's own background colour, or None for the theme's.
     scale_bar : dict
         Fields of the scale bar.
     """
 
-    volumes: OwnVolumes
-    selection: tuple[Any, ...]
-    active: Any
+    volumes: HiddenVolumes
+    selection: tuple[Layer, ...]
+    active: Layer | None
     ndisplay: int
-    camera: dict[str, Any]
+    view: SavedView
+    orientation: Any
     background: Any
     scale_bar: dict[str, Any]
 
     @classmethod
-    def from_viewer(cls, viewer: Any, sources: Sequence[Any]) -> SavedViewerState:
-        """Write down how a viewer is, and hide its volumes."""
-        selection = viewer.layers.selection
+    def from_viewer(cls, viewer: napari.Viewer, sources: Sequence[Layer]) -> SavedViewerState:
+        """Write down how a viewer is, and hide its volumes.
+
+        Parameters
+        ----------
+        viewer : napari.Viewer
+        sources : sequence of napari layers
+            What the session is of.
+        """
+        selection, camera = viewer.layers.selection, viewer.scene.camera
+        bar = viewer.canvas.overlays.scale_bar
         return cls(
-            volumes=OwnVolumes(viewer, sources),
+            volumes=HiddenVolumes(viewer, sources),
             selection=tuple(selection),
             active=selection.active,
             ndisplay=int(viewer.dims.ndisplay),
-            camera={name: getattr(viewer.scene.camera, name) for name in CAMERA_FIELDS},
+            view=SavedView.of(camera),
+            orientation=camera.orientation,
             background=viewer.canvas.background_color_override,
-            scale_bar={
-                name: getattr(viewer.canvas.overlays.scale_bar, name) for name in SCALE_FIELDS
-            },
+            scale_bar={"visible": bar.visible, "colored": bar.colored, "color": bar.color},
         )
 
-    def give_back(self, viewer: Any) -> None:
+    def give_back(self, viewer: napari.Viewer) -> None:
         """Make the viewer as it was; layers that are gone by now are left out."""
-        self.volumes.let_go()
+        self.volumes.close()
         viewer.canvas.background_color_override = self.background
         viewer.canvas.overlays.scale_bar.update(self.scale_bar)
         viewer.dims.ndisplay = self.ndisplay
-        viewer.scene.camera.update(self.camera)
-        # Only now: who looked at slices need not wait for a volume in 3D.
+        viewer.scene.camera.orientation = self.orientation
+        self.view.give_back(viewer.scene.camera)
+        # Only now: slices that are looked at need not wait for a volume in 3D.
         self.volumes.give_back()
-        viewer.layers.selection.clear()
-        viewer.layers.selection.update(x for x in self.selection if x in viewer.layers)
+        selection = viewer.layers.selection
+        selection.clear()
+        selection.update(x for x in self.selection if x in viewer.layers)
         if self.active is not None and self.active in viewer.layers:
-            viewer.layers.selection.active = self.active
-            viewer.layers.selection.update(x for x in self.selection if x in viewer.layers)
+            selection.active = self.active
+            selection.update(x for x in self.selection if x in viewer.layers)

@@ -48,7 +48,7 @@ class RepairTools(QObject):
     def running(self) -> bool:
         """Whether a repair is being worked out, or a brush stroke waits to be."""
         return self._workspace.scheduler.has(SLOT) or (
-            self._label_sync is not None and self._label_sync.waiting
+            self._label_sync is not None and self._label_sync.pending
         )
 
     @property
@@ -130,5 +130,9 @@ class RepairTools(QObject):
         controller = self._workspace.controller
         if controller is not None:
             self._label_sync = LabelSync(
-                controller.session, controller.sources, self._ask, notifications.warn
+                controller.session,
+                self._workspace.scheduler,
+                controller.sources,
+                self._ask,
+                notifications.warn,
             )

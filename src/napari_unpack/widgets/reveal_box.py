@@ -137,7 +137,7 @@ class RevealPlanner(QObject):
 
     def _outline(self, target: int, first: frozenset[int]) -> None:
         if self._workspace.controller is not None:
-            self._workspace.controller.overlays.unearth(target, first)
+            self._workspace.controller.overlays.show_reveal_plan(target, first)
 
     def _follow(self, change: Change) -> None:
         session = self._workspace.session

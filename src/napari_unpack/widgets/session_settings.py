@@ -41,7 +41,7 @@ class SessionSettings:
     def set_drawing(self, drawing: bool) -> None:
         """Have the next drag in the 3D view draw the direction, or not."""
         if (controller := self._workspace.controller) is not None:
-            controller.drawing = drawing
+            controller.interaction.drawing = drawing
 
     def set_take_least_occluded(self, taken: bool) -> None:
         """Unpack the least occluded object where none is unpackable, or refuse."""
@@ -70,7 +70,7 @@ class SessionSettings:
     def set_outlines(self, shown: bool) -> None:
         """Outline unpackable objects in the 3D view, or not."""
         if (controller := self._workspace.controller) is not None:
-            controller.overlays.mark_free = shown
+            controller.overlays.outlines_unpackable = shown
 
     # How they look.
 

@@ -108,9 +108,9 @@ class Shortcuts:
         controller = self._workspace.controller
         if controller is None:
             return
-        if controller.drawing:
-            controller.drawing = False
-            controller.events.drawn.emit()
+        if controller.interaction.drawing:
+            controller.interaction.drawing = False
+            controller.direction_drawn()
         elif self._repair.awaits_clicks:
             self._repair.cancel()
         elif objects_in(controller.session, ObjectState.INSPECTED):

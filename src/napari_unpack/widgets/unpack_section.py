@@ -179,8 +179,8 @@ class UnpackSection(Section):
             for blocker in blockers:
                 blocker.unblock()
             self._commands.settings.set_outlines(self.outlines.isChecked())
-            controller.events.drawn.connect(lambda: self.draw.setChecked(False))
-            controller.events.looking.connect(self._show_searching)
+            controller.events.direction_drawn.connect(lambda: self.draw.setChecked(False))
+            controller.events.searching.connect(self._show_searching)
         self.back_to_bag.setVisible(self._workspace.is_inside)
         self._refresh()
 

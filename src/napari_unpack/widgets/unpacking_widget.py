@@ -13,7 +13,6 @@ from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
-from napari_unpack.widgets.free_watch import FreeWatch
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Collapsible, label, rule
@@ -95,9 +94,10 @@ class UnpackingWidget(QWidget):
         self.files = FilesSection(self.workspace)
         self.shortcuts = Shortcuts(self.workspace, self.commands, self.planner, self.objects.repair)
         self._framing = KeepFramed(self.workspace, self)
-        self._watch = FreeWatch(self.workspace, self)
-        self._watch.known.connect(self.unpack.show_unpackable)
-        self._watch.known.connect(lambda ids: self.objects.mark_unpackable(ids or frozenset()))
+        self.workspace.unpackable.connect(self.unpack.show_unpackable)
+        self.workspace.unpackable.connect(
+            lambda ids: self.objects.mark_unpackable(ids or frozenset())
+        )
         self._ended = False
         self._was_docked = False
         self._arrange()
@@ -146,7 +146,6 @@ class UnpackingWidget(QWidget):
         self.files.end()
         self.unpack.step_slider.end()
         self.color.background.end()
-        self._watch.end()
         self.workspace.end()
         self.shortcuts.close()
         self._viewer.events.theme.disconnect(self._dress)

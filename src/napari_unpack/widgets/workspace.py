@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Flag, auto
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QObject, Signal
 
@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from napari_unpack.geometry.view import Camera
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
+    from napari_unpack.viewer.viewer_state import SavedView
 
 GATHER_MS = 30
 """Changes of one command come in bursts of up to a dozen; the panel is redrawn once for all."""
-
-VIEW_FIELDS = ("center", "zoom", "angles", "perspective")
-"""What of napari's camera is kept while an object is open, and set again after."""
 
 
 class Change(Flag):
@@ -47,14 +45,15 @@ class _OuterBag:
 
     session: Session
     sources: Sequence[Layer]
-    view: dict[str, Any]
+    view: SavedView
 
 
 class Workspace(QObject):
     """A viewer and the session it shows.
 
     Signals: `switched` when another session or none is shown; `changed` (`Change`) after a burst
-    of changes of the session shown. Both arrive on the main thread.
+    of changes of the session shown; `unpackable` (frozenset of the IDs that can leave now, or None
+    as soon as that is out of date). All arrive on the main thread.
 
     Parameters
     ----------
@@ -70,6 +69,7 @@ class Workspace(QObject):
 
     switched = Signal()
     changed = Signal(object)
+    unpackable = Signal(object)
     _heard = Signal(object)
     _message = Signal(str)
 
@@ -101,7 +101,7 @@ class Workspace(QObject):
         seconds: float | None = None,
         backend: str | None = None,
         recolor_at_rest: bool = True,
-        around: Session | None = None,
+        outer_session: Session | None = None,
     ) -> None:
         """Show a session in the 3D view, in place of the one shown before.
 
@@ -118,7 +118,7 @@ class Workspace(QObject):
             What draws; by default what the session says.
         recolor_at_rest : bool
             Recolour whenever the camera comes to rest.
-        around : Session, optional
+        outer_session : Session, optional
             For an opened object: the session of the whole bag, which slices go on showing.
 
         Raises
@@ -129,13 +129,13 @@ class Workspace(QObject):
         from napari_unpack.viewer.controller import SessionController
 
         self.close()
-        controller = SessionController(self.viewer, session, sources=tuple(sources))
+        controller = SessionController(self.viewer, session, tuple(sources), self.scheduler)
         if seconds is not None:
             controller.seconds = seconds
         if backend is not None:
             controller.backend = backend
         controller.recolor_at_rest = recolor_at_rest
-        controller.around = around
+        controller.outer_session = outer_session
         self.controller = controller
         self._listen(controller)
         controller.open()
@@ -175,14 +175,15 @@ class Workspace(QObject):
         ValueError
             If the object cannot be opened.
         """
+        from napari_unpack.viewer.viewer_state import SavedView
+
         controller = self.controller
         if controller is None:
             return
         session = controller.session
         inner = self._containers.open(session, object_id, controller.rotation_of(object_id))
-        controller.put_back()
-        camera = self.viewer.scene.camera
-        view = {name: getattr(camera, name) for name in VIEW_FIELDS}
+        controller.end_inspection()
+        view = SavedView.of(self.viewer.scene.camera)
         inner.tint_mode = session.tint_mode
         self._switch_to(inner, [*self._outer, _OuterBag(session, controller.sources, view)])
 
@@ -191,7 +192,7 @@ class Workspace(QObject):
         if self._outer:
             *others, outer = self._outer
             self._switch_to(outer.session, others, outer.sources)
-            self.viewer.scene.camera.update(outer.view)
+            outer.view.give_back(self.viewer.scene.camera)
 
     def _switch_to(
         self, session: Session, outer: list[_OuterBag], sources: Sequence[Layer] | None = None
@@ -205,7 +206,7 @@ class Workspace(QObject):
             before.sources if sources is None else sources,
             seconds=before.seconds,
             backend=before.backend,
-            around=outer[0].session if outer else None,
+            outer_session=outer[0].session if outer else None,
         )
         # Closing the bag before has emptied the stack.
         self._outer = outer
@@ -233,6 +234,7 @@ class Workspace(QObject):
         self._changes = Change(0)
         self.controller = None
         self._outer = []
+        self.unpackable.emit(None)
         self.switched.emit()
 
     def _listen(self, controller: SessionController) -> None:
@@ -250,6 +252,7 @@ class Workspace(QObject):
             self._connect(signal, lambda *_, change=change: self._heard.emit(change))
         self._connect(events.message, self._message.emit)
         self._connect(controller.events.message, self._message.emit)
+        self._connect(controller.events.unpackable, self.unpackable.emit)
         self._connect(controller.events.closed, lambda *_: self._forget())
 
     def _connect(self, signal: SignalInstance, slot: Callable[..., None]) -> None:

@@ -1,0 +1,125 @@
+"""What a command must know before it can be carried out: worked out while the canvas goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Literal
+
+from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
+from napari_unpack.tasks import no_progress
+from napari_unpack.viewer.background_queries import OCCLUSION
+from napari_unpack.viewer.scheduler import Scheduler, Worker
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+AT_ONCE_SECONDS = 0.04
+"""How long objects are moved one by one before a worker goes on: not felt in a click."""
+
+LONGER_SECONDS = 1.0
+"""How long a worker goes on so before it asks about all objects, which takes about as long."""
+
+
+def find_unpackable(
+    session: Session,
+    scheduler: Scheduler,
+    n_or_ids: int | Iterable[int] | None,
+    searching: Callable[[bool], None],
+) -> None:
+    """Find out what it takes to unpack so many or these.
+
+    Parameters
+    ----------
+    session : Session
+    scheduler : Scheduler
+    n_or_ids : int or iterable of int or None
+        See `Session.unpack`; None asks about all objects.
+    searching : callable
+        Given True when it takes longer than a moment, and False after.
+
+    Notes
+    -----
+    At once where moving a few objects tells; the question about all of them is then asked when
+    nothing moves. Else that answer is waited for, drawing meanwhile.
+    """
+    queries = session.queries
+    quick = None
+    if n_or_ids is not None:
+        quick = queries.next_unpackable_task(n_or_ids, AT_ONCE_SECONDS)
+    if quick is not None:
+        with INTERACTIVE_PRIORITY.taken():
+            found = quick.run(no_progress)
+        if queries.store(quick, found):
+            return
+    if queries.occlusion_task() is None:
+        return
+    searching(True)
+    try:
+        if quick is not None and n_or_ids is not None:
+            longer = queries.next_unpackable_task(n_or_ids, LONGER_SECONDS)
+            if longer is not None and queries.store(
+                longer, scheduler.run_modal(longer, Worker.QUERY, "next unpackable")
+            ):
+                return
+        # What was asked when nothing moved may be the same.
+        scheduler.wait(OCCLUSION)
+        occlusion = queries.occlusion_task()
+        if occlusion is not None:
+            queries.store(occlusion, scheduler.run_modal(occlusion, Worker.QUERY, OCCLUSION))
+    finally:
+        searching(False)
+
+
+def travel(session: Session, scheduler: Scheduler, way: Literal["undo", "redo"]) -> str | None:
+    """Go a step back or forth; labels that take a while are worked out first, drawing on.
+
+    Parameters
+    ----------
+    session : Session
+    scheduler : Scheduler
+    way : {"undo", "redo"}
+
+    Returns
+    -------
+    str or None
+        See `Session.undo`.
+    """
+    task = session.queries.labels_task(way)
+    if task is not None:
+        session.queries.store(task, scheduler.run_modal(task, Worker.QUERY, "labels"))
+    return session.undo() if way == "undo" else session.redo()
+
+
+def run_to(
+    session: Session,
+    scheduler: Scheduler,
+    step: int,
+    flying: bool,
+    searching: Callable[[bool], None],
+) -> int:
+    """Run the unpacking to a step; see `Session.go_to`.
+
+    Parameters
+    ----------
+    session : Session
+    scheduler : Scheduler
+    step : int
+    flying : bool
+        Whether objects fly there; else they are there at once.
+    searching : callable
+        See `find_unpackable`.
+
+    Returns
+    -------
+    int
+        The step reached.
+    """
+    if step > len(session.steps):
+        one_more = step == session.step + 1
+        find_unpackable(session, scheduler, 1 if one_more else None, searching)
+    animated = session.animated
+    session.animated = animated and flying
+    try:
+        return session.go_to(step)
+    finally:
+        session.animated = animated

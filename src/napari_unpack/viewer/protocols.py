@@ -1,0 +1,84 @@
+"""What parts of the viewer ask of one another where several things fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.layers.packed_layer import PackedLayer
+    from napari_unpack.layers.sprite_layer import SpriteLayer
+    from napari_unpack.layers.transition_layer import TransitionLayer
+    from napari_unpack.session import Session
+    from napari_unpack.viewer.overlays import Overlays
+    from napari_unpack.viewer.scene_renderer import SceneRenderer
+
+Pixel = NDArray[np.float64]
+"""(2,) row and column of the canvas, logical pixels."""
+
+
+class Event(Protocol):
+    """A signal of psygnal or of napari: calls what was connected to it."""
+
+    def connect(self, callback: Callable[..., Any], /) -> Any:
+        """Call back from now on."""
+
+    def disconnect(self, callback: Callable[..., Any], /) -> Any:
+        """Call back no more."""
+
+
+class MouseEvent(Protocol):
+    """napari's mouse event; `pos` is column and row of the canvas, `position` in its world."""
+
+    type: str
+    button: int
+    pos: Sequence[float]
+    position: Sequence[float]
+    modifiers: Sequence[Any]
+    handled: bool
+
+
+class PointerTarget(Protocol):
+    """What `Interaction` needs of a controller."""
+
+    @property
+    def viewer(self) -> napari.Viewer:
+        """The viewer whose mouse it is."""
+
+    @property
+    def session(self) -> Session:
+        """What is clicked, turned and carried."""
+
+    @property
+    def layers(self) -> tuple[PackedLayer, TransitionLayer, SpriteLayer]:
+        """The three layers from below."""
+
+    @property
+    def renderer(self) -> SceneRenderer:
+        """Knows what a pixel shows."""
+
+    @property
+    def overlays(self) -> Overlays:
+        """Follows what the mouse is on."""
+
+    @property
+    def shows_contents(self) -> bool:
+        """Whether the session is of an opened container, whose labels slices do not show."""
+
+    def keep_slice(self) -> AbstractContextManager[None]:
+        """Keep the slice meanwhile, whatever is selected."""
+
+    def inspect(self, object_id: int) -> None:
+        """Show an object alone."""
+
+    def leave(self) -> None:
+        """Come back from inspection."""
+
+    def direction_drawn(self) -> None:
+        """Take note that a direction was drawn."""
