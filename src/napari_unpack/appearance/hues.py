@@ -1,8 +1,8 @@
-"""Hues on a circle: one arc a colour class, and colours that stay from view to view.
+"""Hues of objects: different where objects interfere, and continuous from view to view.
 
-Greedy colouring of the interference graph, the same on every machine.
-
-Colours that stay: settle the conflicts of a new view by moving few objects a little.
+Hues lie on a circle, one arc a colour class. Classes come from a greedy colouring of the
+interference graph, the same on every machine. For a new view only conflicts are settled, by moving
+few objects a little.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Objects of which the transfer function shows next to nothing, and how they are shown alone."""
+"""A minimum opacity for objects that the transfer function hardly shows, when they stand alone."""
 
 from __future__ import annotations
 

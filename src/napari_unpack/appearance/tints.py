@@ -1,7 +1,4 @@
-"""From hues to tints: the paper's HSV circle, and a ring that looks even to the eye.
-
-A ring of colours that people who confuse red and green can tell apart.
-"""
+"""Tints of hues: the paper's HSV circle, a perceptually even ring, and a colour-blind-safe ring."""
 
 from __future__ import annotations
 

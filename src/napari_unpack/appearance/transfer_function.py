@@ -1,7 +1,4 @@
-"""The master transfer function: density to colour and opacity, continuous by construction.
-
-Where a scan's matter begins: the densities a first transfer function hangs on.
-"""
+"""The master transfer function, density to colour and opacity, and the first one of a scan."""
 
 from __future__ import annotations
 

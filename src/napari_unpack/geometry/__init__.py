@@ -1,1 +1,1 @@
-"""Axes, boxes, views, rays and rigid placements: the ground every other room stands on."""
+"""Axes, boxes, views, rays and poses: what all other packages stand on."""

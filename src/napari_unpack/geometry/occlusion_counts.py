@@ -1,6 +1,6 @@
-"""What one look along a direction counts of every object: the raw material of occlusion ratios.
+"""Occlusion counts of every object along one direction, of which occlusion ratios are made.
 
-Both backends return it and `unpacking` reads it, so it stands below them all.
+Both backends return them and `unpacking` reads them, so they stand below all of these.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Large object IDs made small: labels of any integers as uint16, and the way back."""
+"""Relabeling: labels of any integers as uint16, and the way back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A view of a bag: where one stands, which way is up, how much is seen.
+"""Views and cameras: where one looks from, which way is up, how much is seen.
 
 `View` is what a person asks for and may leave things open; `Camera` has nothing left open and
 turns into rays (`geometry.rays`) and into pivot space, where sprites live.

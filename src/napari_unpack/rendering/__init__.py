@@ -1,7 +1,6 @@
-"""The one door to both backends: images, ID layers, occlusion, picking.
+"""Images and ray queries of volumes: rendering, object-ID layers, occlusion, picking.
 
-Checks arguments, converts them, chooses a backend; computes nothing itself. Names are imported
-on first use, so that a plugin starts without loading numba.
+Names are imported on first use, so that a plugin starts without loading numba.
 """
 
 import lazy_loader

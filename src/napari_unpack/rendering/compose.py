@@ -1,9 +1,7 @@
-"""The whole image that a person sees, for films, scripts and pages.
+"""Images of a scene: the packed bag, single objects, sprites, and all of them together.
 
-Images of what is packed and of single objects, on either backend and without a window.
-
-The three layers of Li et al. 2012, section 5.3: the packed bag, objects in the air, sprites.
-napari's layers draw these patches as cards (layers/); `scene.scene` composes them.
+These are the three layers of Li et al. 2012, section 5.3: the packed bag, objects in flight,
+sprites. The plugin's layers show the same image patches as quads.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A patch: one rectangle of an image with its depths; and how patches become an image.
+"""An image patch, one rectangle of an image with depths, and the composition of patches.
 
-The packed bag, a flying object and a sprite are all patches, so an image without a screen is
-put together as the plugin's layers are (Li et al. 2012, section 5.3): each part is cast on its
-own, kept while nothing it depends on changes, and laid over the others by depth.
+The packed bag, a flying object and a sprite are patches. Each is drawn on its own, kept while
+nothing it depends on changes, and laid over the others by depth (Li et al. 2012, section 5.3).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One cast of one subvolume: which window of the image it touches, and what it looks like there."""
+"""Draw one subvolume: which window of the image it covers, and its colours and depths there."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Outlines of objects in an object-ID image: which ones are meant, without hiding any.
-
-A soft outline and a drop shadow, laid under an image once instead of at every draw.
-"""
+"""Outlines and shadows: of objects in an object-ID image, and around a finished image."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""What casting an object again and again needs, made once: its subvolume, its bricks, its images.
+"""Subvolumes: the box of an object or the whole volume, ready to be drawn, and their cache.
 
-A flight casts one object some thirty times a second. Cutting its box out of the volume and
-looking over its bricks cost more than the cast itself, and depend on the volume and the labels
-alone.
+A flight draws one object some thirty times a second. Cutting its box out of the volume and making
+its bricks cost more than the drawing itself, and depend on the volume and the labels alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Subvolumes of small objects on a finer grid, whose edges are not stairs."""
+"""Upsampled subvolumes of small objects, whose edges are smooth instead of stairs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the arguments of the public functions, and convert them to what kernels take."""
+"""Checks of the public functions' arguments, and their conversion to what kernels take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may leave, in which order, along which path, and where it waits."""
+"""Which objects can leave, in which order, along which path, and where they wait."""
 
 from napari_unpack.unpacking.blocking_graph import BlockingGraph, groups, reveal
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer

@@ -1,4 +1,4 @@
-"""Who blocks whom along one direction: groups that leave together, and what to remove first."""
+"""The directional blocking graph: groups that leave together, and what must leave first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who could leave along each of many directions, and the least that must leave before an object."""
+"""Blocking along 26 directions: the best direction, and the plan to reveal a buried object."""
 
 from __future__ import annotations
 

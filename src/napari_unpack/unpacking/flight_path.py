@@ -1,14 +1,10 @@
 """The flight of an object out of the bag and back: a pure function of time and camera.
 
-Key frames: packed, clear of the bag's box along D, at its slot; between the last two it goes
-round the bag. The first two stand in the bag
-and turn with it; the last stands in pivot space. Since each is evaluated with the camera of the
-moment, a flight is right while the bag turns, and the way back is the way out run backwards.
-
-The way from beside the bag to a slot that does not lead through the bag.
-
-A slot may lie on the other side of the bag than the one an object leaves by. So it goes on along
-D until it is clear of a ball around the bag, and then round the ball.
+Key frames: packed, clear of the bag's box along D, at its slot. The first two stand in the bag and
+turn with it, the last stands in pivot space. Each is evaluated with the camera of the moment, so a
+flight is right while the bag turns, and the way back is the way out run backwards. A slot may lie
+on the other side of the bag than the one an object leaves by: then the path goes on along D until
+it is clear of a ball around the bag, and then around the ball.
 """
 
 from __future__ import annotations

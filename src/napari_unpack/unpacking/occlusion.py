@@ -1,8 +1,4 @@
-"""Occlusion ratios from counts, and who is free to leave.
-
-The counts come from one orthographic pass over the bag, on either backend; here they only turn
-into ratios and decisions.
-"""
+"""Occlusion ratios from counts, and which objects are unpackable (Li et al. 2012, section 5.1)."""
 
 from __future__ import annotations
 

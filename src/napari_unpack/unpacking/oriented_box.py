@@ -1,7 +1,4 @@
-"""The tightest box around points, turned any way: how things lie and which face is largest.
-
-How an unpacked object is held up: its broad side to the viewer, seen a little aslant.
-"""
+"""The tightest box around points, turned any way, and how an unpacked object is held up by it."""
 
 from __future__ import annotations
 

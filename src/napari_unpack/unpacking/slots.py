@@ -1,8 +1,7 @@
-"""Where unpacked objects wait: cells of a grid around the bag, in pivot space.
+"""Slots: where unpacked objects wait, cells of a grid around the bag, in pivot space.
 
-The bag is taken as the circle of its bounding sphere, so that whatever holds now holds at every
-turn of it. Cells are planned once for all objects of the bag: nothing has to move when another
-one comes out.
+The bag is taken as the circle of its bounding sphere, so that a plan holds at every turn of it.
+Slots are planned once for all objects of the bag: nothing moves when another one comes out.
 """
 
 from __future__ import annotations

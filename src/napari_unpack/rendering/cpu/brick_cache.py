@@ -1,9 +1,9 @@
-"""Bricks as rays read them: density and gradient of every voxel side by side, kept near.
+"""Cached bricks: density and gradient of every voxel of a brick side by side.
 
 Neighbouring rays read the same voxels again and again, 32 of them a lit sample. So each thread
-keeps a block for every brick that its rays are in: the brick and one voxel around it, and with
-each density the differences of its neighbours along z, y and x. To interpolate those four takes
-four loads, and a block stays in the processor's cache where rows of a volume would not.
+keeps every brick that its rays are in, with one voxel around it and, beside each density, the
+differences of its neighbours along z, y and x. To interpolate those four takes four loads, and a
+cached brick stays in the processor's cache where rows of a volume would not.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A coarse view of a volume, in bricks of 8 voxels, that tells rays where nothing can be seen.
+"""Bricks of 8 voxels: which objects and densities each holds, so that rays skip empty space.
 
-Bricks after a repair of the labels: only those that were touched are looked over again.
+An edit of the labels makes anew only the bricks that it touched.
 """
 
 from __future__ import annotations

@@ -1,16 +1,10 @@
-"""The loop of the tinted image: rays side by side, samples in chunks, colours front to back.
+"""Front-to-back compositing of the tinted image (Li et al. 2012, section 4.1), 32 rays at once.
 
-The rays of a band walk side by side, tile by tile, each at its own sample; one that has come to
-its end makes room for the next (ray_lanes.py). Samples in a visible label join a queue, whatever
-ray they are of, and are lit a chunk at a time (compositing.py). Voxels are read from blocks
-(brick_cache.py).
-
-A chunk of samples, of whatever rays: read, lit and laid over their pixels.
-
-The gradient is that of the *interpolated* density one voxel to both sides, which equals the
-same blend of the voxels' own central differences, as blocks hold them.
-
-Opacity of a step: what an opacity per voxel comes to over the length a step really has.
+The rays of a band advance side by side, each at its own sample; a ray that ends makes room for the
+next (ray_lanes.py). Samples in a visible label join a queue, whatever ray they belong to, and a
+full queue is interpolated, lit and composited at once (brick_cache.py, simd). The gradient is that
+of the interpolated density one voxel to both sides, which equals the same blend of the voxels'
+central differences. Opacities per voxel are corrected for the length that a step really has.
 """
 
 from __future__ import annotations
@@ -143,9 +137,9 @@ def shade(  # type: ignore[no-untyped-def]
     at, count, cells, table, tints, look, corrected, families, shine, queue, names,
     v, f, entries, colors, picture, depth, rays, pixels,
 ):  # fmt: skip
-    """Light the first samples of the chunk that begins at `at` of the queue and lay them over.
+    """Light the first samples of the chunk that begins at `at` of the queue and composite them.
 
-    Whoever has become opaque comes to the end of its ray; returns whether anybody has.
+    Rays whose pixel has become opaque end; returns whether there are any.
     """
     zero, one, half, opaque = np.float32(0), np.float32(1), np.float32(0.5), np.float32(OPAQUE)
     thicken, finest = corrected.size > 0, np.float32(corrected.shape[1] - 1)
@@ -158,10 +152,11 @@ def shade(  # type: ignore[no-untyped-def]
     _color(table, tints, names, at, f, entries, colors)
     ended = False
     for i in range(count):
-        # Not a number where the volume has been written to since it was looked over.
+        # NaN comes where the volume has been written to since its bricks were made.
         a = colors[4 * i + 3]
         a = min(a if a > zero else zero, one)
         p = np.uint64(names[np.uint64(PIXEL + at + i)])
+        # Opacity correction: 1 - (1 - a)^(step / min(spacing)), from the table of the ray's step.
         if thicken:
             u = a * finest
             n = np.uint64(min(u, finest - one))
@@ -169,15 +164,19 @@ def shade(  # type: ignore[no-untyped-def]
             a = corrected[family, n]
             a += (u - np.float32(n)) * (corrected[family, n + np.uint64(1)] - a)
         alpha = picture[np.uint64(4) * p + np.uint64(3)]
+        # Samples queued behind one that made the pixel opaque are dropped.
         if alpha >= opaque:
             continue
+        # Front to back: a sample counts with what the samples before it let through.
         weight = (one - alpha) * a
         after = alpha + weight
         if after >= opaque:
             lane = np.uint64(names[np.uint64(LANE + at + i)])
+            # The lane may have gone on to another pixel since this sample joined the queue.
             if np.int64(pixels[lane]) == np.int64(p):
                 rays[np.uint64(END) + lane] = -np.inf
                 ended = True
+        # The depth of a pixel is where alpha first reaches 1/2.
         if (alpha < half) & (after >= half):
             depth[p] = queue[np.uint64(DEPTH + at + i)]
         j = np.uint64(entries[SHINE + i])
@@ -274,19 +273,27 @@ def march(  # type: ignore[no-untyped-def]
     volume, labels, numbers, step, near, jitter, planes, reach, slots, table, tints, shown, look,
     exponents, corrected, shine, first_row, last_row, blocks, families, image, depth,
 ):  # fmt: skip
-    """Cast the rows of one band; see `tinted`, which prepares all the numbers."""
+    """Cast the rows of one band; see `tinted`, which prepares all the numbers.
+
+    Each round of the loop (1) gives lanes without a ray the next pixel, (2) places one sample a
+    lane, (3) caches the bricks it lies in, or skips where they are empty, (4) queues samples whose
+    label is visible and advances, and (5) composites the queue when it is full.
+    """
     # One long function: numba counts references to all arrays that a helper with several ways
-    # out is handed, for every ray and every leap.
+    # out is handed, for every ray and every skip.
     places, owners, cells, near_names, around, starts, ids = blocks
+    # Rays are clipped to the volume; samples outside would read beyond the arrays.
     box = np.zeros((2, 3), np.int64)
     deep, high, wide = labels.shape
     box[1, 0], box[1, 1], box[1, 2] = deep, high, wide
     bricks_high, bricks_wide = (high + 7) >> 3, (wide + 7) >> 3
     densities, objects = volume.reshape(-1), labels.reshape(-1)
+    # In perspective the light's direction turns from pixel to pixel; else one serves all rays.
     turning = near > -np.inf
     width, height = image.shape[1], last_row - first_row
     picture, depths = image.reshape(-1), depth.reshape(-1)
     flat_table, flat_tints = table.reshape(-1), tints.reshape(-1)
+    # Scratch of this band, one row a quantity; see ray_lanes.py.
     rays = np.zeros(RAY_ROWS * LANES)
     grids, pixels = np.zeros(LANES, np.int64), np.zeros(LANES, np.int32)
     lights, alive = np.zeros(3 * LANES, np.float32), np.zeros(LANES, np.bool_)
@@ -296,14 +303,15 @@ def march(  # type: ignore[no-untyped-def]
     v, colors = np.zeros(4 * LANES, np.float32), np.zeros(4 * LANES, np.float32)
     f = np.zeros(FLOAT_ROWS * LANES, np.float32)
     entries = np.zeros(ENTRY_ROWS * LANES, np.int32)
-    # So narrow that the blocks behind a tile are not more than there are.
+    # A tile is so narrow that the bricks behind it fit into the cache of bricks.
     pitch = np.sqrt(numbers[2, 0] ** 2 + numbers[2, 1] ** 2 + numbers[2, 2] ** 2)
     breadth = max(4, min(TILE, int(BREADTH / max(pitch, 1e-9))))
     tile, columns, at_pixel = 0, min(breadth, width), 0
-    # Samples that have joined the queue, those lit, blocks in use, and lanes.
+    # Counts: samples that joined the queue, samples composited, cached bricks, lanes with a ray.
     waiting = start = used = running = 0
     over, lit = True, turning
     while True:
+        # 1. Lanes whose ray has ended take the next pixel whose ray meets the volume.
         for i in range(LANES if over else 0):
             if rays[K + i] < rays[END + i]:
                 continue
@@ -319,6 +327,7 @@ def march(  # type: ignore[no-untyped-def]
                 pz, py, px, dz, dy, dx = ray_of(numbers, row, col)
                 phase = phase_of(row, col, jitter)
                 k, end = sample_range(box, planes, step, near, phase, pz, py, px, dz, dy, dx)
+                # The ray misses the volume, or clipping planes leave nothing of it.
                 if k >= end:
                     continue
                 alive[i] = True
@@ -329,6 +338,7 @@ def march(  # type: ignore[no-untyped-def]
                 rays[K + i], rays[PHASE + i], rays[END + i] = k, phase, end
                 grids[i] = slots[octant_of(az, ay, ax)]
                 pixels[i] = row * width + col
+                # Length of a step in mm, for opacity correction, and the light along the ray.
                 wz, wy, wx = dz * look[2], dy * look[3], dx * look[4]
                 speed = np.sqrt(wz * wz + wy * wy + wx * wx)
                 if families.size:
@@ -337,7 +347,7 @@ def march(  # type: ignore[no-untyped-def]
                 lights[2 * LANES + i] = wx / speed
             running += alive[i]
             if not alive[i]:
-                # To the volume's first voxel, where nothing is out of bounds.
+                # A lane without a ray stands at the first voxel, where no read is out of bounds.
                 for q in range(RAY_ROWS):
                     rays[q * LANES + i] = 0.0
                 rays[END + i] = np.inf
@@ -350,10 +360,13 @@ def march(  # type: ignore[no-untyped-def]
                     queue[LX + q] = lights[2 * LANES + i]
         if running == 0 and waiting == start:
             break
-        # No object may wait for a block that makes room.
+        # When cached bricks run out all of them are dropped, and the queue refers to their slots:
+        # it is composited to its end first.
         drain = running == 0 or used > CAPACITY - LANES
         if not drain:
+            # 2. One sample a lane: its voxel, its brick and where in the cell it lies.
             place(rays, step, bricks_high, bricks_wide, n, spot)
+            # 3. Cache the bricks that are new; skip over those in which nothing is visible.
             if find_blocks(places, n):
                 for i in range(LANES):
                     if n[SLOT + i] >= 0:
@@ -383,12 +396,14 @@ def march(  # type: ignore[no-untyped-def]
                 for i in range(LANES):
                     if not alive[i]:
                         n[SLOT + i] = EMPTY
+            # 4. Queue the samples whose label is visible, as bits without a branch, and advance.
             bits = see(near_names, shown, n)
             there, ended = forward(rays, K, END, n, SLOT)
             waiting = queue_up(
                 bits & there, n, spot, pixels, lights, turning, waiting, queue, names
             )
             over = ended != 0
+        # 5. Interpolate, light and composite a full chunk; opaque rays end early.
         if waiting - start >= LANES or (drain and waiting > start):
             closed = shade(
                 start & (QUEUE - 1), min(LANES, waiting - start), cells, flat_table,

@@ -1,9 +1,7 @@
-"""What the rays of an image meet, from end to end, as runs (label_runs.py).
+"""Label runs: the objects along every ray with their lengths, and the counts made of them.
 
-What stands on every ray of an image, by run lengths, and what is counted of it.
-
-Casting is dear and counting is cheap, and what leaves the bag becomes air: whoever keeps the runs
-of one look along a direction has the counts of every step of the unpacking that follows.
+Casting is slow and counting is fast, and an object that leaves the bag becomes air. So the runs of
+one cast along a direction give the occlusion counts of every later step of the unpacking.
 """
 
 from __future__ import annotations
@@ -188,10 +186,12 @@ class RunCounter:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count_runs(runs, visible, slots, counts, stamps, seen, blocks):  # type: ignore[no-untyped-def]
     tabulate = blocks.size > 0
+    # `stamps` holds the last ray that met each object: no list has to be cleared between rays.
     ray, number, foremost = 0, 0, np.int64(0)
     for i in range(runs.size):
         label = np.int64(runs[i] >> ABOVE)
         length = np.int64(runs[i] & np.uint32(LONGEST))
+        # A run of no samples ends a ray.
         if length == 0:
             number = 0
         if not visible[label]:
@@ -205,6 +205,7 @@ def _count_runs(runs, visible, slots, counts, stamps, seen, blocks):  # type: ig
             counts[1, label] += 1
             counts[2, label] += number > 1
         counts[0, label] += length
+        # All objects seen before on this ray stand in front of this one.
         if number > 1:
             counts[4, label] += length
             if label != foremost:
@@ -308,6 +309,7 @@ def _trace(  # type: ignore[no-untyped-def]
     box = np.zeros((2, 3), np.int64)
     box[1, 0], box[1, 1], box[1, 2] = labels.shape
     skip = looks.size > 0
+    # Scratch: labels of a mixed brick, lanes that need them, rays' quantities, runs begun.
     flat, (_, high, wide) = labels.reshape(-1), labels.shape
     ahead, mixed = np.zeros(AHEAD, np.int64), np.zeros(LANES + 1, np.uint64)
     f, n = np.zeros(FLOAT_ROWS * LANES), np.zeros(INTEGER_ROWS * LANES, np.int32)
@@ -316,22 +318,25 @@ def _trace(  # type: ignore[no-untyped-def]
         n[CURRENT + lane] = -1
     queue = np.zeros(((last - first) * TILE, 4), np.int64)
     used = 0
+    # A tile is begun only if the longest runs of all its rays would fit.
     while column < width and used + len(queue) * runs.shape[1] <= out.size:
         right = min(column + TILE, width)
         waiting = enter_tile(box, planes, table, step, near, first, last, column, right, queue)
         column = right
+        # The first rays of the tile fill the lanes; the others wait for one to end.
         begun = min(waiting, LANES)
         walking = begun
         for lane in range(begun):
             _begin_ray(queue, lane, lane, table, step, octants, f, n, number)
         while walking > 0:
+            # How far each ray may go: over uniform bricks, or to the end of a mixed one.
             if skip:
                 look_ahead(looks, rows, columns, axis, step, f, n)
             else:
                 for lane in range(LANES):
                     n[LOOK + lane], f[FREE + lane] = UNKNOWN, f[END + lane]
             stretch(f, n)
-            # Where a brick is mixed, two objects in it are told apart sample by sample.
+            # In a mixed brick two objects are told apart sample by sample, eight bits at once.
             many = np.uint64(0)
             for lane in range(LANES):
                 mixed[many] = lane
@@ -339,6 +344,7 @@ def _trace(  # type: ignore[no-untyped-def]
             for j in range(many):
                 lane = mixed[j]
                 brick = np.uint64(~n[np.uint64(LOOK) + lane])
+                # More than two objects: labels are read one by one below.
                 if brick >= pairs.size:
                     n[np.uint64(FOUND) + lane] = SEVERAL
                     continue
@@ -354,6 +360,7 @@ def _trace(  # type: ignore[no-untyped-def]
                 n[np.uint64(FOUND) + lane] = SEVERAL if (none != 0) & (one != 0) else none + one
                 rest = ones if none == 0 else count - ones
                 n[np.uint64(COUNT) + lane] = count if (none != 0) & (one != 0) else rest
+            # All rays advance; only changes of object and ends of rays need a branch.
             go_on(f, n)
             for lane in range(LANES):
                 event = n[EVENT + lane]
@@ -395,7 +402,7 @@ def _trace(  # type: ignore[no-untyped-def]
                         _begin_ray(queue, begun, lane, table, step, octants, f, n, number)
                         begun += 1
                     else:
-                        # It goes on being looked at: let it stand inside.
+                        # A lane without a ray is still computed, so it stands inside the volume.
                         f[K + lane] -= 1.0
                         f[END + lane] = f[K + lane]
                         n[CURRENT + lane] = -1

@@ -1,8 +1,7 @@
-"""Object-ID layers: which objects a pixel's ray meets, first to last.
+"""Object-ID layers: the distinct objects on every ray, nearest first (Li et al. 2012, section 4.2).
 
-Li et al. 2012, section 4.2: the image of front faces' IDs and, by depth peeling, those behind.
-
-The walk of the ID passes along a ray: over what is alike at once, else label by label.
+A ray skips what is uniform (bricks of one object, empty space) and reads labels only in bricks
+where objects meet.
 """
 
 from __future__ import annotations
@@ -210,6 +209,7 @@ def _cast(  # type: ignore[no-untyped-def]
             previous = 0
             az, ay, ax = per_voxel(dz, step), per_voxel(dy, step), per_voxel(dx, step)
             grid = octants[octant_of(az, ay, ax)]
+            # Go from stretch to stretch of one label until enough objects are found.
             while k < end:
                 label, free, brick = -1, end, np.uint64(0)
                 if skip:
@@ -217,6 +217,7 @@ def _cast(  # type: ignore[no-untyped-def]
                         owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
                     )
                     free = min(free, end)
+                # A uniform stretch is one label; in a mixed brick up to AHEAD labels are read.
                 stops = 1
                 if label >= 0:
                     ahead[0] = label
@@ -237,8 +238,10 @@ def _cast(  # type: ignore[no-untyped-def]
                     if label == previous:
                         continue
                     previous = label
+                    # Hidden objects are as air.
                     if not visible[label]:
                         continue
+                    # A layer lists each object once; lists are too short for a table.
                     known = False
                     for i in range(found):
                         if out[i, row, col] == label:

@@ -1,4 +1,4 @@
-"""Rays side by side: where their next samples lie, and who sees something there.
+"""Lanes: rays that advance side by side, and the queue of samples that are to be lit.
 
 The compiler turns loops of constant length over consecutive numbers into vector instructions,
 if it can see that they do not overlap. So each kind of number has one flat scratch array, in

@@ -1,8 +1,8 @@
-"""Rays that walk side by side: what lies ahead of all of them is worked out at once.
+"""Ray packets: the next skip over uniform bricks, computed for 32 rays at once.
 
-A leap is one chain of some 85 cycles (position, brick, distance, wall, next sample), most of them
-spent waiting. Many chains take hardly longer than one, in vector units; ray by ray is done only
-what is rare: to come to another object, or to the end.
+A skip is one chain of some 85 cycles (position, brick, distance, wall, next sample), most of them
+spent waiting. Many chains take hardly longer than one in vector units. What is rare is done ray by
+ray: a change of object, and the end of a ray.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
-"""Which samples of the shared lattice a ray has inside a box, for every kernel alike.
+"""Samples of rays inside a box, for every kernel alike, and trilinear density at one point.
 
 Sample k lies at t = (k + 1/2) step on every ray. Positions are computed afresh from k, never
 by adding steps, so that skipping some samples cannot move the others by a rounding error.
-
-Trilinear density at one point, clamped at the volume's edges.
-
-Where the rays of a tile enter and leave the volume, worked out side by side.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How far ahead the bricks along a ray look alike, measured along the rays of one image.
+"""Directional skipping: how far the bricks ahead of a brick are uniform, along one image's rays.
 
-Rays of one image look nearly the same way, so what lies ahead of a brick is a path of bricks along
-that way and no cube: it is narrower, and so it is longer until something else comes in.
+Rays of one image look nearly the same way, so what lies ahead of a brick is a narrow path of
+bricks and no cube. It is narrower, and so it is longer until another object comes in.
 """
 
 from __future__ import annotations
@@ -124,10 +124,12 @@ def _follow(owners, spread, first, last, out):  # type: ignore[no-untyped-def]
         for y in range(height):
             for x in range(width):
                 own = owners[z, y, x]
+                # A mixed brick cannot be skipped.
                 if own < 0:
                     continue
                 layers = 0
                 while layers < spread.shape[0]:
+                    # Nothing lies beyond the volume, so the path ahead is free to its end.
                     if z + layers >= depth:
                         layers = spread.shape[0]
                         break

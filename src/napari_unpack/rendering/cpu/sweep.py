@@ -1,4 +1,4 @@
-"""Pulling every object out of the label volume along a direction: whom it meets on the way."""
+"""Sweep test: move an object's voxels along a direction and find the objects they meet."""
 
 from __future__ import annotations
 
@@ -216,6 +216,8 @@ def _sweep(  # type: ignore[no-untyped-def]
                 mine = columns[label]
                 if mine < 0:
                     continue
+                # Only voxels on the outside towards one of the steps can be the first to meet
+                # another object; see `sweep_blockers`.
                 outer = False
                 for k in range(steps.shape[0]):
                     a, b, c = z + steps[k, 0], y + steps[k, 1], x + steps[k, 2]
@@ -225,13 +227,16 @@ def _sweep(  # type: ignore[no-untyped-def]
                         break
                 if not outer:
                     continue
+                # Follow the voxel out of the volume, and note each object it comes to.
                 met = label
                 k = 0
                 while k < shifts.shape[0]:
                     a, b, c = z + shifts[k, 0], y + shifts[k, 1], x + shifts[k, 2]
+                    # Outside the volume it meets nothing more: the volume is convex.
                     if not (0 <= a < depth and 0 <= b < height and 0 <= c < width):
                         break
                     k += 1
+                    # Uniform bricks are crossed at once.
                     away = distance[a // BRICK, b // BRICK, c // BRICK] if skip else 0
                     if away > 0:
                         # No shift is more than a voxel beyond the one before it.

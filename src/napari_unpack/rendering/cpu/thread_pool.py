@@ -1,12 +1,9 @@
-"""Bands of image rows shared out among threads.
+"""Threads that share the rows of an image, and the priority of interactive work among them.
 
 Kernels release the GIL, so plain Python threads use every core; numba's own `parallel=True` is
-not used because its thread layers abort when two Python threads enter them.
-
-Who may use the processor's cores first: what a person waits for.
-
-An image of the turned bag takes all cores for a tenth of a second. A click that falls into it
-would share them, and be answered half as fast.
+not used because its thread layers abort when two Python threads enter them. An image of the turned
+bag takes all cores for a tenth of a second. A click during that time would be answered half as
+fast, so threads that answer a person go first.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The CPU ray casters' functions, computed by shaders in the offscreen context.
+"""The backend on the graphics card: shaders in an offscreen context, arrays in and arrays out.
 
-Same arguments, same results (`napari_unpack.rendering.cpu`), arrays in and arrays out. Textures of
-the last few volumes are kept: they are told apart by array identity, so an array that was changed
-in place must be announced with `forget`.
+Textures of the last few volumes are kept. They are known by the identity of their arrays, so an
+array that was changed in place must be announced with `forget`.
 """
 
 from __future__ import annotations

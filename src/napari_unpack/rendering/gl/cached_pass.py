@@ -1,4 +1,4 @@
-"""Ray casting inside a live canvas: the cached image behind a card."""
+"""The tinted pass inside a live canvas: rays are cast only when an input has changed."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
-"""Quads: flat images with depth that stand in a vispy scene among other visuals.
+"""Quads: images with depth that stand in a vispy scene among other visuals.
 
-The packed bag's cached image, an object in flight and every sprite are quads. Their list is
-drawn twice: first the pixels whose alpha reached 1/2, which write depth, then all others, which
-are tested against it. So opaque parts hide each other whatever the order of the list, soft edges
-blend over what is behind them, and a Points layer drawn before or after is hidden where it should
-be.
-
-Images that quads show: arrays on their way to textures, or textures a pass has filled.
-
-Where a quad stands: a rectangle of the screen, or one in pivot space.
+The image of the packed bag, of an object in flight and every sprite are quads. Their list is drawn
+twice: first the pixels whose alpha reached 1/2, which write depth, then all others, which are
+tested against it. So opaque parts hide each other whatever the order of the list, soft edges blend
+over what is behind them, and a Points layer drawn before or after is hidden where it should be.
 """
 
 from __future__ import annotations

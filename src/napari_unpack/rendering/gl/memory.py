@@ -1,7 +1,7 @@
-"""What our textures and buffers take on the graphics card, counted by ourselves: no driver says.
+"""GPU memory, counted by ourselves, since no driver says what it holds.
 
-Every texture and buffer of this room is entered where it is made and struck out where it is
-deleted, or when no object knows it any more, as gloo then deletes it.
+Every texture and buffer is counted where it is made, and no longer where it is deleted or
+collected, as gloo then deletes it.
 """
 
 from __future__ import annotations

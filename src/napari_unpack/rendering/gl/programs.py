@@ -1,8 +1,6 @@
-"""Compiles our shaders at once, and says where they are wrong in our own files and lines.
+"""Shader programs: GLSL files with their includes, compiled once, errors named by file and line.
 
-Reads GLSL files, joins their includes, and finds the way back from a driver's line numbers.
-
-Only text is handled here. `#include "lib/x.glsl"` puts a file in once, where it is first asked for.
+`#include "lib/x.glsl"` inserts a file once, where it is first asked for.
 """
 
 from __future__ import annotations

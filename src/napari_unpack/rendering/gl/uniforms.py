@@ -1,4 +1,4 @@
-"""What every ray-casting pass tells its shader about rays, textures and empty space."""
+"""Uniforms that all ray-casting passes share: rays, textures, clipping and empty space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One pair of volumes, and its textures in every GL context that asks."""
+"""One pair of volumes, density and labels, and its textures in every GL context."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A volume as a buffer that shaders read voxel by voxel: what software rasterisers do best."""
+"""A volume as a buffer texture, read voxel by voxel: the fastest way on software rasterisers."""
 
 from __future__ import annotations
 
