@@ -10,7 +10,7 @@ OUTPUT ?= demo-output
 # Two tests run at a time; make test WORKERS= runs them one after another.
 WORKERS ?= -n 2 --dist worksteal
 # The plugin's tests wait much of their time: for flights, for idle moments, for frames.
-PLUGIN_WORKERS ?= $(subst -n 2,-n 3,$(WORKERS))
+PLUGIN_WORKERS ?= $(subst -n 2,-n 4,$(WORKERS))
 
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
