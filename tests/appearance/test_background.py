@@ -32,7 +32,7 @@ def test_a_picture_covers_and_is_cut_at_the_edges(tmp_path):
     image = Background.of(picture).paint((4, 4))
     np.testing.assert_allclose(image, np.broadcast_to([0, 1, 0, 1], (4, 4, 4)), atol=1e-6)
     iio.imwrite(tmp_path / "a.png", picture)
-    np.testing.assert_array_equal(Background.of(str(tmp_path / "a.png")).picture, picture)
+    np.testing.assert_array_equal(Background.of(str(tmp_path / "a.png")).image, picture)
 
 
 def test_light_and_dark_are_told_apart_for_the_ink():

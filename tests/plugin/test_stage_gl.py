@@ -123,7 +123,7 @@ def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session
 def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:
     viewer, controller = by_gl
     caster = controller.renderer.canvas_backend._casters["packed"]
-    cast, (height, width) = caster.rays_cast, caster.picture.size
+    cast, (height, width) = caster.rays_cast, caster.image.size
     controller.unpack(1)
     controller.finish()
     assert controller.settle(30)

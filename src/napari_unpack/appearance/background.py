@@ -39,7 +39,7 @@ class Background:
     """
 
     colors: tuple[Color, ...]
-    picture: NDArray[np.uint8] | None = None
+    image: NDArray[np.uint8] | None = None
     name: str = ""
 
     @classmethod
@@ -87,7 +87,7 @@ class Background:
     @property
     def is_plain(self) -> bool:
         """Whether it is one colour."""
-        return self.picture is None and len(self.colors) == 1
+        return self.image is None and len(self.colors) == 1
 
     def paint(self, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return it as an (H, W, 4) float32 image, premultiplied; read-only, kept a while."""
@@ -96,8 +96,8 @@ class Background:
 
 @lru_cache(maxsize=4)
 def _painted(background: Background, size: tuple[int, int]) -> NDArray[np.float32]:
-    if background.picture is not None:
-        image = _covering(background.picture, size)
+    if background.image is not None:
+        image = _covering(background.image, size)
     else:
         down = np.linspace(0.0, 1.0, size[0])[:, None]
         top, bottom = np.array(background.colors[0]), np.array(background.colors[-1])

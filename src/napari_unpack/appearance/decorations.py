@@ -81,7 +81,6 @@ def draw_edges(
     edges : (N, 2, 3) ndarray of float64
         Ends in pivot space, mm.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the image, pixels.
     ink : (r, g, b, a)

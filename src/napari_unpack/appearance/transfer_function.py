@@ -45,10 +45,6 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     volume : (Z, Y, X) array_like
         Density; NaN and infinities are ignored. A million voxels of it are looked at.
 
-    Returns
-    -------
-    Ramp
-
     Raises
     ------
     ValueError

@@ -112,10 +112,6 @@ def label_boxes(labels: NDArray[np.integer]) -> LabelBoxes:
     labels : (Z, Y, X) ndarray of int
         Object IDs, 0 background, none negative.
 
-    Returns
-    -------
-    LabelBoxes
-
     Notes
     -----
     One pass; memory is proportional to the largest ID.

@@ -76,10 +76,6 @@ def cast_rays(
     step : float
         Distance of samples along t, mm.
 
-    Returns
-    -------
-    Rays
-
     Raises
     ------
     ValueError

@@ -81,10 +81,6 @@ class View:
             Voxel size in mm, z y x.
         stretch : (3, 3) ndarray of float64, optional
             The camera's; none unless told.
-
-        Returns
-        -------
-        Camera
         """
         size = np.asarray(shape, dtype=np.float64) * np.asarray(spacing, dtype=np.float64)
         middle = (size - np.asarray(spacing, dtype=np.float64)) / 2

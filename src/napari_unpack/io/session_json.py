@@ -329,7 +329,7 @@ def surroundings_record(around: Decorations) -> dict[str, Any]:
     return {
         "name": ground.name,
         "colors": [list(color) for color in ground.colors],
-        "picture": None if ground.picture is None else _encoded(ground.picture),
+        "picture": None if ground.image is None else _encoded(ground.image),
         "box": around.box,
         "scale": around.scale,
     }
@@ -369,7 +369,7 @@ def _decoded(text: str) -> Any:
         picture = np.asarray(iio.imread(base64.b64decode(text, validate=True), extension=".png"))
     except (binascii.Error, OSError, ValueError, SyntaxError) as error:
         raise ValueError("picture must be a PNG in base 64") from error
-    return Background.of(picture).picture
+    return Background.of(picture).image
 
 
 def camera_record(camera: Camera) -> dict[str, Any]:

@@ -59,7 +59,7 @@ class Backdrop:
         ground = self.around.background
         if ground.is_plain:
             return []
-        size = frame.size if ground.picture is not None else (frame.size[0], 2)
+        size = frame.size if ground.image is not None else (frame.size[0], 2)
         if self._ground is None or self._ground[0] != size:
             self._ground = size, ImageTexture(to_bytes(ground.paint(size)))
         return [Quad(self._ground[1], FARTHEST)]

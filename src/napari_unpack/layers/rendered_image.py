@@ -153,7 +153,7 @@ class RenderedImage:
     patch : ImagePatch
         Pixels, depths, window.
     texture : ImageTexture
-        The same, for the graphics quad.
+        The same, for the graphics card.
     camera : Camera
         The camera it was cast for.
     size : (int, int)
@@ -222,7 +222,7 @@ class Sprite:
     mm : float
         Size of a pixel, mm.
     textures : dict
-        The same for the graphics quad, by the silhouette laid under it.
+        The same for the graphics card, by the silhouette laid under it.
     """
 
     patch: ImagePatch
@@ -342,7 +342,7 @@ class CanvasImage:
     _texture: ImageTexture | None = field(default=None, init=False)
 
     thumbnail: None = field(default=None, init=False)
-    """Nothing is read back from the graphics quad for the layer list."""
+    """Nothing is read back from the graphics card for the layer list."""
 
     def quad(self, seen_by: Camera, opacity: float = 1.0) -> Quad | None:
         """Return the quad that shows it under a camera; None where it could not be cast."""

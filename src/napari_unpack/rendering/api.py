@@ -57,10 +57,6 @@ def interference_in(
         "auto" takes the graphics card where there is one; beyond its limits (OpenGL 4.3, 4096
         objects) the CPU answers. The answer is the same.
 
-    Returns
-    -------
-    networkx.Graph
-
     Raises
     ------
     TypeError, ValueError

@@ -52,7 +52,6 @@ def rays_for(
     Parameters
     ----------
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the whole image, pixels.
     spacing : (3,) array_like
@@ -64,10 +63,6 @@ def rays_for(
         1 puts samples `min(spacing)` mm of the volume apart on the central ray.
     window : (int, int, int, int), optional
         First row, first column, height, width of the part of the image wanted.
-
-    Returns
-    -------
-    Rays
     """
     mm = np.asarray(spacing, dtype=np.float64)
     affine = (
@@ -114,7 +109,6 @@ def cast_tinted(
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     camera : Camera
-        The view.
     transfer_function : TransferFunctionLike
         Colour and opacity by density.
     tints : (M, 4) ndarray of float32
@@ -205,10 +199,6 @@ def cast_occlusion(
     ----------
     labels, spacing, camera, visible, size, step_scale, bricks, backend
         As for `cast_ids`; the camera looks along -D.
-
-    Returns
-    -------
-    OcclusionCounts
     """
     rays = off_faces(rays_for(camera.orthographic(), size, spacing, step_scale=step_scale))
     return with_backend(backend, lambda on: on.occlusion_counts(labels, rays, visible, bricks))

@@ -38,15 +38,12 @@ def packed_image(
     Parameters
     ----------
     scene : Scene
-        Whose bag.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the image, pixels.
     step_scale : float
         Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
     shading : Shading, optional
         The light; None for none.
 
@@ -79,19 +76,15 @@ def object_image(
     Parameters
     ----------
     scene : Scene
-        Whose object.
     object_id : int
-        Which.
     pose : Pose
         Where it is, in the pivot space of the camera.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the whole image, pixels.
     step_scale : float
         Distance of samples in the object's own smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
     shading : Shading, optional
         The light; None for none.
     smooth : bool
@@ -138,9 +131,7 @@ def sprite_image(
     Parameters
     ----------
     scene : Scene
-        Whose object.
     object_id : int
-        Which.
     pose : Pose
         Its turn and scale; where it is does not matter.
     pixels_per_mm : float
@@ -203,13 +194,11 @@ def scene_image(
     scene : Scene
         What is packed, in the air and unpacked.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the image, pixels.
     time : float, optional
         When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
     shading : Shading, optional
         The light; None for none.
     decorations : Decorations, optional

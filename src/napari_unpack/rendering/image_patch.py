@@ -92,7 +92,6 @@ def window_of(
     pivot_corners : (8, 3) array_like
         Corners of the box in pivot space, mm; any rotation.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the image, pixels.
 

@@ -33,7 +33,6 @@ class Appearance:
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
-        Who casts.
     clipping : (N, 2, 3) ndarray of float64, optional
         Planes (point, normal) in voxels of the subvolume; what lies behind one is cut away.
     """
@@ -72,15 +71,12 @@ def cast_subvolume(
     Parameters
     ----------
     subvolume : Subvolume
-        What.
     moved : (4, 4) ndarray of float64, optional
         The T of eq. 3, world to world; None where the subvolume stays at its place.
     camera : Camera
-        The view.
     size : (int, int)
         Height and width of the whole image, pixels.
     appearance : Appearance
-        How it appears.
 
     Returns
     -------

@@ -251,7 +251,6 @@ def appearance_alone(
     scene : Scene
     object_id : int
     subvolume : Subvolume
-        Of the object.
     shading : Shading, optional
         The light; None for none.
     step_scale : float

@@ -38,9 +38,7 @@ def upsampled(
     Parameters
     ----------
     subvolume : Subvolume
-        Of the object.
     object_id : int
-        Which.
     spacing : (3,) ndarray of float64
         Voxel size of the volume, mm.
     air : float

@@ -194,10 +194,6 @@ class Flight:
         camera : Camera
             The camera of now.
 
-        Returns
-        -------
-        Pose
-
         Notes
         -----
         Li et al. 2012, sections 5.2 and 5.3, with linear interpolation between key frames

@@ -79,10 +79,6 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
     thickness : (3,) array_like
         Size in mm of what each point stands for (the voxel), z y x.
 
-    Returns
-    -------
-    OrientedBox
-
     Notes
     -----
     Every face of the convex hull is tried as a side of the box: all at a few turns, and the

@@ -106,7 +106,7 @@ class BackgroundOptions(Collapsible):
         around = session.surroundings
         self._chosen = background = around.background
         titles = {**{name: title for title, name in NAMED.items()}, "napari": NAPARIS}
-        default = COLOR if background.picture is None else IMAGE
+        default = COLOR if background.image is None else IMAGE
         self._before = titles.get(background.name, default)
         self.background.setCurrentText(self._before)
         for box, on in ((self.box, around.box), (self.scale, around.scale)):

@@ -57,10 +57,6 @@ class Bricks:
             Density, C-contiguous. Without it only the ID passes can use the bricks.
         threads : int, optional
             Workers, by default one a core.
-
-        Returns
-        -------
-        Bricks
         """
         grid = tuple(-(-n // BRICK) for n in labels.shape)
         density = labels if volume is None else volume

@@ -82,7 +82,6 @@ class Runs:
         Of some rays each: a run is 65536 ID + samples, runs of more samples are several, and a
         ray ends with 0. What shows nothing is left out, rays that meet nothing too.
     rays : Rays
-        Of the image.
     visible : (M,) ndarray of bool
         By ID: who was visible.
     """
@@ -112,10 +111,6 @@ class Runs:
         ----------
         visible : (M,) ndarray of bool
             By ID, such as `serves` holds for.
-
-        Returns
-        -------
-        OcclusionCounts
 
         Raises
         ------

@@ -48,7 +48,6 @@ def ground(
     visible : (M,) ndarray of bool
         By ID; the background is not visible.
     rays : Rays
-        Of the image.
 
     Returns
     -------

@@ -35,10 +35,6 @@ def occlusion_counts(
     threads : int, optional
         Workers, by default one a core.
 
-    Returns
-    -------
-    OcclusionCounts
-
     Notes
     -----
     Li et al. 2012, section 5.1, eq. 2 and both listings, plus `exact` (docs/paper.md, R1).

@@ -60,10 +60,6 @@ class DirectionalSkipping:
             From `Bricks.owners`; -1 is mixed.
         rays : Rays
             Of the image; parallel ones have the longest paths of bricks ahead.
-
-        Returns
-        -------
-        DirectionalSkipping
         """
         rows, cols = rays.size[0] - 1, rays.size[1] - 1
         corners = np.array([(1, r, c) for r in (0, rows) for c in (0, cols)], np.float64)

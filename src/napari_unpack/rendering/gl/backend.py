@@ -141,10 +141,6 @@ def interference(ids: NDArray[np.integer], distance: float = 5) -> nx.Graph:
     distance : float
         DT of Li et al. 2012, eq. 1, pixels.
 
-    Returns
-    -------
-    networkx.Graph
-
     Raises
     ------
     RuntimeError
@@ -196,10 +192,6 @@ def first_hits(
         As for `occlusion_counts`.
     boxes : LabelBoxes
         Of these labels.
-
-    Returns
-    -------
-    FirstHits
 
     Raises
     ------

@@ -87,7 +87,7 @@ class TintedCaster:
     def __init__(self, store: VolumeStore, programs: Programs | None = None) -> None:
         self.store = store
         self._programs = programs or Programs()
-        self.picture: ImageTexture | None = None
+        self.image: ImageTexture | None = None
         self._targets = Targets(TintedPass.channels, smooth=True)
         self._pass: TintedPass | None = None
         self._context: Any = None
@@ -138,14 +138,14 @@ class TintedCaster:
             self._start_afresh()
             self._context = context
         inputs = Inputs(rays, look, occupied, jitter, clipping, self.store.version)
-        if self.picture is not None and inputs.same_as(self._last):
-            return self.picture
+        if self.image is not None and inputs.same_as(self._last):
+            return self.image
         if self._pass is None:
             self._pass = TintedPass(self._programs)
         target = self._targets.get(rays.size)
         window: PixelWindow | None = (0, 0, rays.size[1], rays.size[0])
         retinted = inputs.retinted(self._last)
-        if retinted and where is not None and self.picture is not None:
+        if retinted and where is not None and self.image is not None:
             window = where(retinted)
         # Half an image must not be taken for a whole one if a driver gives up.
         self._last = None
@@ -155,11 +155,11 @@ class TintedCaster:
             )
             self.rays_cast += window[2] * window[3]
         self._last = inputs
-        if self.picture is None:
-            self.picture = ImageTexture(*target.textures)
+        if self.image is None:
+            self.image = ImageTexture(*target.textures)
         else:
-            self.picture.update(*target.textures)
-        return self.picture
+            self.image.update(*target.textures)
+        return self.image
 
     def close(self) -> None:
         """Free the frame buffers; the volumes stay with the store."""
@@ -168,7 +168,7 @@ class TintedCaster:
 
     def _start_afresh(self) -> None:
         self._earlier = self.passes
-        self._pass = self._last = self.picture = self._context = None
+        self._pass = self._last = self.image = self._context = None
         self._targets = Targets(TintedPass.channels, smooth=True)
 
 

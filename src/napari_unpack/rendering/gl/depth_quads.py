@@ -43,7 +43,7 @@ class ImageTexture:
     Attributes
     ----------
     uploads : int
-        Arrays sent to the graphics quad so far.
+        Arrays sent to the graphics card so far.
 
     Notes
     -----
@@ -326,7 +326,7 @@ class Quad:
         Share of `image` in what is shown, the rest is `before`'s.
     """
 
-    picture: ImageTexture
+    image: ImageTexture
     place: Place = WHOLE_SCREEN
     opacity: float = 1.0
     before: ImageTexture | None = None
@@ -343,8 +343,8 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         quads are drawn over earlier ones.
     clip_from_pivot : (4, 4) ndarray of float64
         From pivot space (towards, down, right, 1) in mm to clip space, column vectors; see
-        `places.clip_from_pivot`. Places sprites and turns t into depths.
-    cards_opacity : float
+        `clip_from_pivot`. Places sprites and turns t into depths.
+    quads_opacity : float
         Of all quads together. A scene node's own `opacity` (napari sets it from the layer)
         is multiplied on.
     before_draw : callable, optional
@@ -373,9 +373,9 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         vertex, fragment = load("passes/quad.vert"), load("passes/quad.frag")
         Visual.__init__(self, vcode=vertex.code, fcode=fragment.code)
         self.unfreeze()
-        self._cards: tuple[Quad, ...] = tuple(quads)
+        self._quads: tuple[Quad, ...] = tuple(quads)
         self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
-        self.cards_opacity = 1.0
+        self.quads_opacity = 1.0
         self.before_draw: Callable[[QuadsVisual], None] | None = None
         self.refused: Callable[[str], None] | None = None
         self._broken = False
@@ -387,11 +387,11 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     @property
     def quads(self) -> tuple[Quad, ...]:
         """What is drawn."""
-        return self._cards
+        return self._quads
 
     @quads.setter
     def quads(self, quads: Sequence[Quad]) -> None:
-        self._cards = tuple(quads)
+        self._quads = tuple(quads)
         self.update()
 
     @property
@@ -417,11 +417,11 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         if self.before_draw is not None:
             self.before_draw(self)
         self.draws += 1
-        overall = self.cards_opacity * (
+        overall = self.quads_opacity * (
             1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
         )
-        wanted = [quad for quad in self._cards if quad.opacity * overall > 0.0]
-        found = [(quad, quad.picture.textures()) for quad in wanted]
+        wanted = [quad for quad in self._quads if quad.opacity * overall > 0.0]
+        found = [(quad, quad.image.textures()) for quad in wanted]
         shown = [(quad, textures) for quad, textures in found if textures is not None]
         if not shown:
             return

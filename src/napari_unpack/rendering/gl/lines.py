@@ -68,7 +68,6 @@ class Stroke:
         ends : (2, 3) ndarray of float64
             In pivot space, mm.
         camera : Camera
-            The view.
         size : (int, int)
             Height and width of the view, pixels.
         opacity : float

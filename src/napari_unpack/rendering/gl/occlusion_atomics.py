@@ -61,10 +61,6 @@ class OcclusionAtomics:
             As in `ObjectIdPass.draw`; at most 4096 visible objects, whose
             pairs are numbered by 32-bit integers.
 
-        Returns
-        -------
-        OcclusionCounts
-
         Raises
         ------
         RayTooCrowdedError

@@ -87,10 +87,6 @@ class OcclusionQueries:
         visible : (M,) ndarray of bool
             By ID.
 
-        Returns
-        -------
-        FirstHits
-
         Notes
         -----
         Li et al. 2012, section 5.1, `find1stOccluded`, one query an object. The paper takes the

@@ -109,10 +109,6 @@ def counts_of_runs(
     visible : (M,) ndarray of bool
         By ID.
 
-    Returns
-    -------
-    OcclusionCounts
-
     Notes
     -----
     Li et al. 2012, section 5.1; see `rendering.cpu.occlusion_counts`. Quadratic in the runs of a
