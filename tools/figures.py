@@ -151,7 +151,7 @@ def revealed(session: Any) -> Image:
 def _buried(session: Any) -> tuple[int, Any]:
     """Return an object for which a handful must leave, the largest of them."""
     voxels = session.objects["voxels"]
-    answer = session.answer_along(session.unpack_direction)
+    answer = session.queries.occlusion()
     buried = []
     for object_id in sorted(session.ids, key=lambda i: -voxels[i]):
         if answer.blocking.blockers([object_id]):

@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from napari_unpack.session.sight import DISTANCE, LAYERS, SessionSight
 
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
@@ -13,7 +14,6 @@ from napari_unpack.appearance import assign_hues, color_classes, hue_distance, i
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids
-from napari_unpack.session.sight import DISTANCE, LAYERS, SessionSight
 
 GOAL = ">= 5x fewer recoloured, no pair closer than stated"
 STEP = 10

@@ -237,7 +237,7 @@ def _render(
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
     if decorated is not None:
-        session.surroundings = decorated
+        session.decorations = decorated
     camera = session.camera if holds_session(source) else frame_bag(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
@@ -281,7 +281,7 @@ def _movie(
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
     if decorated is not None:
-        session.surroundings = decorated
+        session.decorations = decorated
     path = movie(
         session,
         output,

@@ -47,7 +47,7 @@ def test_a_hardly_seen_object_leaves_with_a_minimum_opacity_and_nothing_else_cha
 
 def test_an_opacity_of_its_own_is_left_alone() -> None:
     session = bag()
-    session.set_study(FAINT_SHEET, ObjectStyle(SHOWN))
+    session.set_style(FAINT_SHEET, ObjectStyle(SHOWN))
     assert session.transfer_function_of(FAINT_SHEET) == SHOWN
     assert seen(session, FAINT_SHEET) < 0.05
 

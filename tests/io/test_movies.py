@@ -101,7 +101,7 @@ def test_bad_films_are_refused(
 def test_a_twin_takes_over_what_is_seen_but_has_everything_packed(session: Any) -> None:
     session.direction = "+y"
     session.hide([3])
-    session.accept_hues({1: 0.125})
+    session.apply_hues({1: 0.125})
     session.unpack(1)
     other = copy_session(session)
     assert [state.value for state in other.states.values()] == ["packed", "packed", "hidden"]

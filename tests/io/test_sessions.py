@@ -70,12 +70,12 @@ def everything(s):
             (b.slot, b.rotation.tolist(), b.group, np.asarray(b.direction).tolist()),
             (b.picture_mm, b.within, b.turned_mm),
         )
-        for i, b in s._situation.out.items()
+        for i, b in s.state.placements.items()
     }
     poses = {i: (p.center.tolist(), p.rotation.tolist(), p.scale) for i, p in s.poses.items()}
     return {
         "states": {i: state.value for i, state in s.states.items()},
-        "order": list(s._situation.out),
+        "order": list(s.state.placements),
         "berths": placements,
         "poses": poses,
         "hues": s.hues,
@@ -359,11 +359,11 @@ def test_background_box_and_scale_come_back(tmp_path):
     session = used()
     picture = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
     for background, decorations in ((("#102030,#ffffff"), ["box"]), (picture, ["scale"])):
-        session.surroundings = Decorations.of(background, decorations)
+        session.decorations = Decorations.of(background, decorations)
         nu.save_session(session, tmp_path / "a.unpack")
-        back = nu.open_session(tmp_path / "a.unpack").surroundings
-        assert (back.box, back.scale) == (session.surroundings.box, session.surroundings.scale)
-        wanted = session.surroundings.background.paint((9, 7))
+        back = nu.open_session(tmp_path / "a.unpack").decorations
+        assert (back.box, back.scale) == (session.decorations.box, session.decorations.scale)
+        wanted = session.decorations.background.paint((9, 7))
         np.testing.assert_array_equal(back.background.paint((9, 7)), wanted)
 
 

@@ -16,7 +16,7 @@ def assert_camera_hue_and_transfer_function_each_cast_anew(viewer: Any, controll
     viewer.scene.camera.zoom *= 1.1
     after_zoom = settled_passes(controller)
     assert passes < after_zoom <= passes + 3
-    session.accept_hues({7: 0.123}, undoable=False)
+    session.apply_hues({7: 0.123}, undoable=False)
     after_hue = settled_passes(controller)
     assert after_hue == after_zoom + 1
     function = session.transfer_function

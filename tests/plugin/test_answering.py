@@ -6,7 +6,7 @@ from threading import Event
 
 from qtpy.QtWidgets import QApplication
 
-from napari_unpack.session.asking import OcclusionQuestion
+from napari_unpack.session import queries
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 
@@ -22,15 +22,15 @@ def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     staged, session, monkeypatch
 ) -> None:
     viewer, controller = staged
-    allowed, whole = Event(), OcclusionQuestion.answer
+    allowed, whole = Event(), queries.find_occlusion
 
-    def answer(self):
+    def found(*arguments):
         assert allowed.wait(20)
-        return whole(self)
+        return whole(*arguments)
 
-    monkeypatch.setattr(OcclusionQuestion, "answer", answer)
+    monkeypatch.setattr(queries, "find_occlusion", found)
     turn(viewer, session)
-    assert session.occlusion_question() is not None
+    assert session.queries.occlusion_task() is not None
     left = controller.unpack(1)
     assert left
     assert set(session.flights) == set(left)
@@ -38,7 +38,7 @@ def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     allowed.set()
     controller.finish()
     assert controller.settle(60)
-    assert session.occlusion_question() is None
+    assert session.queries.occlusion_task() is None
     # The whole answer agrees: nobody who is in the bag was in the way.
     session.restore(len(session.steps))
     controller.finish()
@@ -54,14 +54,14 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     controller, news = panel.workspace.controller, panel.unpack.sentence
     controller.recolor_at_rest = False
     assert controller.settle(60)
-    said, asked, whole = [], [], OcclusionQuestion.answer
+    said, asked, whole = [], [], queries.find_occlusion
     controller.events.looking.connect(lambda looking: said.append((looking, news.text())))
 
-    def answer(self):
+    def found(*arguments):
         asked.append(list(said))
-        return whole(self)
+        return whole(*arguments)
 
-    monkeypatch.setattr(OcclusionQuestion, "answer", answer)
+    monkeypatch.setattr(queries, "find_occlusion", found)
     session.rule = "first_hit"
     controller.unpack(1)
     # Coming to rest may ask the same meanwhile.

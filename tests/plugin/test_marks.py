@@ -63,7 +63,7 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
     controller.close()
 
     # The answer is known now, and nobody asks again.
-    assert session.occlusion_question() is None
+    assert session.queries.occlusion_task() is None
     controller = staged(viewer, session)
     assert drawn(viewer, controller, INTERLOCKED.line) > 100
 

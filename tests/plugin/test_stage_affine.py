@@ -114,7 +114,7 @@ def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wi
     at = np.array([labels.data_to_world(c / 1.5) for c in np.vstack([np.eye(3), np.zeros(3)])])
     linear = (at[:3] - at[3]).T
     # Lying flat or standing on edge, it never leaves downwards.
-    assert (linear @ session.bag_up)[1] < 1e-9
+    assert (linear @ session.queries.bag_up())[1] < 1e-9
     level = linear.T @ [0.0, -1.0, 0.0]
     np.testing.assert_allclose(session.away_from_table, level / np.linalg.norm(level), atol=1e-9)
     session.direction = tuple(session.camera.in_world((0.0, 0.6, -0.8)))

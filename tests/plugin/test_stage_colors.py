@@ -38,7 +38,7 @@ def finished(controller, time: list[float]) -> None:
 def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session, qtbot) -> None:
     viewer, controller, time = slow
     passes, before = controller.statistics.packed_passes, canvas(viewer)
-    session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
+    session.apply_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)
     half = canvas(viewer)
@@ -52,11 +52,11 @@ def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session
 def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
     viewer, controller, time = slow
     hues = session.hues
-    session.accept_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
+    session.apply_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)
     half, passes = canvas(viewer), controller.statistics.packed_passes
-    session.accept_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
+    session.apply_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.renderer.packed_renderer.is_full, timeout=10000)
     assert np.abs(canvas(viewer) - half).max() <= 3
     finished(controller, time)
@@ -72,7 +72,7 @@ def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> 
     viewer, controller, _ = slow
     controller.fade.allowed = False
     before = canvas(viewer)
-    session.accept_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
+    session.apply_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
     assert controller.settle(30)
     assert not controller.fade.running
     assert np.abs(canvas(viewer) - before).max() > 80
@@ -92,7 +92,7 @@ def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeyp
         return tints(self)
 
     monkeypatch.setattr(canvas_backend.CanvasBackend, "_packed_tints", watched)
-    session.accept_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
+    session.apply_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)
     qtbot.waitUntil(lambda: len(seen) > 1, timeout=10000)
@@ -109,16 +109,16 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     assert controller.settle(30)
     passes, plain = controller.statistics.packed_passes, canvas(viewer)
     bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
-    session.surroundings = Decorations.of("#ffffff,#000000")
+    session.decorations = Decorations.of("#ffffff,#000000")
     gradient = canvas(viewer)
     assert gradient[2, 5].min() > 240
     assert gradient[-3, 5].max() < 15
     assert np.abs(gradient - plain)[bag].mean() < 12
     picture = np.zeros((10, 20, 3), np.uint8)
     picture[...] = (10, 200, 30)
-    session.surroundings = Decorations.of(picture)
+    session.decorations = Decorations.of(picture)
     np.testing.assert_allclose(canvas(viewer)[3, 3], (10, 200, 30), atol=2)
-    session.surroundings = Decorations.of("light", ["box", "scale"])
+    session.decorations = Decorations.of("light", ["box", "scale"])
     light = canvas(viewer)
     np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
     assert controller.settle(30)
@@ -131,7 +131,7 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
     viewer.scene.camera.angles = (15, 35, 10)
     controller.settle(30)
     bare = canvas(viewer)
-    session.surroundings = Decorations.of("dark", ["box"])
+    session.decorations = Decorations.of("dark", ["box"])
     boxed = canvas(viewer)
     low = (session.boxes.lower.min(0) - 0.5) * session.spacing
     high = (session.boxes.upper.max(0) - 0.5) * session.spacing
@@ -161,7 +161,7 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
 def test_the_viewers_own_scale_bar_comes_and_goes_with_the_controller(staged, session) -> None:
     viewer, controller = staged
     bar = viewer.canvas.overlays.scale_bar
-    session.surroundings = Decorations.of("light", ["scale"])
+    session.decorations = Decorations.of("light", ["scale"])
     assert bar.visible
     controller.close()
     assert not bar.visible

@@ -34,7 +34,7 @@ def test_a_point_is_hidden_behind_an_object_and_seen_before_it(
     viewer.scene.camera.perspective = fov
     function = session.transfer_function
     session.transfer_function = type(function)([(0, 0.0), (300, 0.0), (500, 1.0), (4000, 1.0)])
-    session.accept_hues(dict.fromkeys(session.ids, 0.0), undoable=False)
+    session.apply_hues(dict.fromkeys(session.ids, 0.0), undoable=False)
     assert controller.settle(60)
     center = session.boxes.center(1, session.spacing)
     ray = controller.frame.camera.direction

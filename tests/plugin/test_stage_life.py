@@ -46,7 +46,7 @@ def test_2d_slices_show_the_same_hues_and_the_users_colors_come_back(
     before = mine.colormap, other.colormap
     controller = SessionController(viewer, session, [mine, other])
     controller.open()
-    session.accept_hues({2: 0.3, 5: 0.8}, undoable=False)
+    session.apply_hues({2: 0.3, 5: 0.8}, undoable=False)
     shown = np.asarray(mine.colormap.map(np.arange(8, dtype=np.int32)))
     tints = session.packed_tints()
     np.testing.assert_allclose(shown[[2, 5]], tints[[2, 5]], atol=0.01)

@@ -65,7 +65,7 @@ def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) ->
     assert viewer.scene.camera.mouse_pan
 
     # Turned, it waits in its slot as before: there it keeps clear of all others.
-    assert session._situation.out[out].placed is None
+    assert session.state.placements[out].placed is None
 
     drag(widget, at_front, QPoint(40, 25), qtbot)
     qtbot.waitUntil(lambda: viewer.scene.camera.angles != angles, timeout=20000)

@@ -36,8 +36,8 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     at_rest(controller, qtbot)
     whole = canvas(viewer)
     box.cut.setValue(60)
-    qtbot.waitUntil(lambda: session.study(1).cut is not None, timeout=20000)
-    point, normal = session.study(1).cut
+    qtbot.waitUntil(lambda: session.style(1).cut is not None, timeout=20000)
+    point, normal = session.style(1).cut
     # Straight across the view, three fifths of the way through.
     np.testing.assert_allclose(normal, -controller.rotation_of(1)[0], atol=1e-6)
     corners = session.boxes.corners(1, np.asarray(session.spacing)) @ -np.asarray(normal)
@@ -48,7 +48,7 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     assert (np.abs(cut - whole).max(axis=-1) > 12).mean() > 0.02
 
     press(qtbot, box.reset)
-    assert session.study(1).cut is None
+    assert session.style(1).cut is None
     assert box.cut.value() == 0
     at_rest(controller, qtbot)
     assert (np.abs(canvas(viewer) - whole).max(axis=-1) > 12).mean() < 0.005

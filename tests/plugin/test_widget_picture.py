@@ -26,16 +26,16 @@ def test_choices_become_the_sessions_surroundings(options, session) -> None:
     options.choose("Light")
     options.box.setChecked(True)
     options.scale.setChecked(True)
-    around = session.surroundings
+    around = session.decorations
     assert (around.background.name, around.box, around.scale) == ("light", True, True)
     options.choose(NAPARIS)
-    assert session.surroundings.background.name == "napari"
+    assert session.decorations.background.name == "napari"
     viewer = options._workspace.viewer
     assert viewer.canvas.background_color_override is None
-    dark = session.surroundings.background.colors
+    dark = session.decorations.background.colors
     viewer.theme = "light"
-    assert session.surroundings.background.is_light
-    assert session.surroundings.background.colors != dark
+    assert session.decorations.background.is_light
+    assert session.decorations.background.colors != dark
 
 
 def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypatch) -> None:
@@ -47,16 +47,16 @@ def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypa
     options.background.setCurrentText(background_options.COLOR)
     options.choose(background_options.COLOR)
     assert options.background.currentText() == DARK
-    assert session.surroundings.background.name == "dark"
+    assert session.decorations.background.name == "dark"
     monkeypatch.setattr(background_options.QColorDialog, "getColor", lambda *_: QColor("#336699"))
     options.choose(background_options.COLOR)
-    assert session.surroundings.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
+    assert session.decorations.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
 
 
 def test_a_sessions_own_surroundings_are_shown(options, session) -> None:
     workspace = options._workspace
     workspace.close()
-    session.surroundings = Decorations.of("daylight", ["box"])
+    session.decorations = Decorations.of("daylight", ["box"])
     workspace.open(session)
     assert options.background.currentText() == "Daylight, a gradient"
     assert options.box.isChecked()

@@ -141,7 +141,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     (out,) = controller.unpack(1)
     qtbot.waitUntil(lambda: not controller.flying, timeout=60000)
     assert controller.settle(60)
-    before, slot = session.poses[out], session._situation.out[out].slot
+    before, slot = session.poses[out], session.state.placements[out].slot
     row, col = controller.frame.camera.pixels(before.center, controller.frame.size)
     at = QPoint(round(col), round(row))
     move(widget, at + QPoint(1, 1))
@@ -162,7 +162,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
     moved = controller.frame.camera.pixels(session.poses[out].center, controller.frame.size)
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
-    assert session._situation.out[out].slot == slot
+    assert session.state.placements[out].slot == slot
     assert controller.viewer.scene.camera.angles == angles
     assert controller.statistics.sprites_cast == casts
     panel.commands.undo()

@@ -134,7 +134,9 @@ def test_the_first_object_of_every_ray_is_that_of_the_ray_in_naparis_world(
     matrix = napari_from_voxel(5, kind)
     volume, labels = bag()
     session = session_of(volume, labels)
-    found = session.casters.ids(camera_for(matrix, fov), np.arange(4) > 0, SIZE, 1)[0]
+    found = session.ray_queries.object_ids(
+        camera_for(matrix, fov), np.arange(4) > 0, SIZE, 1, session.clipping, "auto"
+    )[0]
     seen = seen_by_napari(matrix, fov)
     # Towards the viewer x down is right, as CONVENTIONS.md has it.
     right = np.cross(-seen.direction, -seen.up)
@@ -167,9 +169,9 @@ def test_voxels_stretched_by_the_layer_are_as_voxels_of_that_size() -> None:
     long, cubes = session_of(volume, labels, (2, 1, 1)), session_of(volume, labels, (1, 1, 1))
     seen = seen_by_napari(matrix, 20.0)
     ids = [
-        session.casters.ids(
+        session.ray_queries.object_ids(
             camera_in_session(seen, matrix @ np.diag([*1 / session.spacing, 1])),
-            np.arange(4) > 0, SIZE, 2,
+            np.arange(4) > 0, SIZE, 2, session.clipping, "auto",
         )
         for session in (long, cubes)
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Small bags and ray casters written for the tests, along axes only."""
+"""Small bags, and ray queries written for the tests, along axes only."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import numpy as np
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import View
-from napari_unpack.session import Casters, Session
+from napari_unpack.session import Session
 
 
-class AxisCasters:
+class AxisRays:
     """Cast along the axis nearest the direction of looking, voxel by voxel."""
+
+    can_sweep = False
 
     def __init__(self, labels: np.ndarray) -> None:
         self.labels = labels
@@ -26,7 +28,7 @@ class AxisCasters:
         self.visible.append({int(i) for i in np.flatnonzero(visible)})
         return shown
 
-    def occlusion(self, camera, visible, size):
+    def occlusion_counts(self, camera, visible, size, backend):
         self.asked += 1
         top = len(visible)
         counts = np.zeros((5, top), np.int64)
@@ -50,7 +52,7 @@ class AxisCasters:
         ids = np.flatnonzero(counts[0])
         return OcclusionCounts(ids, *counts, blocks=blocks[np.ix_(ids, ids)])
 
-    def ids(self, camera, visible, size, layers):
+    def object_ids(self, camera, visible, size, layers, clipping, backend):
         shown = self.rays(camera, visible)
         out = np.zeros((layers, *shown.shape[:2]), np.int32)
         for row in range(shown.shape[0]):
@@ -59,6 +61,11 @@ class AxisCasters:
                 for k, label in enumerate(found[:layers]):
                     out[k, row, col] = label
         return out
+
+    def sweep_table(self, direction, visible, moved):
+        raise AssertionError("voxels cannot be moved")
+
+    sweep_test = sweep_table
 
 
 def stack_of_plates(count: int = 5) -> np.ndarray:
@@ -80,9 +87,8 @@ def hooked() -> np.ndarray:
 
 
 def session_of(labels: np.ndarray, **arguments) -> Session:
-    """Make a session looking along z, with density by label and the casters above."""
+    """Make a session looking along z, with density by label and the rays above."""
     volume = np.where(labels > 0, 1000.0 + 10 * labels, 0.0).astype(np.float32)
-    casters = AxisCasters(labels)
-    session = Session(volume, labels, casters=Casters(casters.occlusion, casters.ids), **arguments)
+    session = Session(volume, labels, casters=AxisRays(labels), **arguments)
     session.view = View(direction=(1.0, 0.0, 0.0))
     return session

@@ -8,7 +8,7 @@ import pytest
 import napari_unpack.rendering
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_occlusion
-from napari_unpack.session.asking import imaging_casters
+from napari_unpack.session.ray_queries import RenderingQueries
 
 MM = np.ones(3)
 
@@ -27,20 +27,20 @@ def test_rays_are_cast_once_a_direction_while_objects_leave(
         return runs
 
     monkeypatch.setattr(napari_unpack.rendering, "cast_runs", counted)
-    casters = imaging_casters(labels, MM, lambda: "cpu", lambda: np.zeros((0, 2, 3)))
+    queries = RenderingQueries(labels, MM)
     cameras = [View(d).camera(labels.shape, MM) for d in ((0.2, 1, 0.1), (1, 0.3, 0.2))]
     hidden_casts = [((), 1), ((2,), 1), ((2, 4), 1), ((4,), 1), ((), 1)]
     for camera, before in zip(cameras, (0, 1), strict=True):
         for hidden, new in hidden_casts:
             visible = np.ones(5, bool)
             visible[[0, *hidden]] = False
-            counts = casters.occlusion(camera, visible, (24, 25))
+            counts = queries.occlusion_counts(camera, visible, (24, 25), "cpu")
             anew = cast_occlusion(labels, MM, camera, visible, (24, 25), backend="cpu")
             for name in ("ids", "samples", "occluded_hits", "exact_samples", "blocks"):
                 np.testing.assert_array_equal(getattr(counts, name), getattr(anew, name))
             assert len(casts) == before + new
     # Somebody comes back whom the last rays did not see.
     few, all_of_them = np.array([False, True, True, False, False]), np.array([False] + 4 * [True])
-    casters.occlusion(cameras[0], few, (24, 25))
-    casters.occlusion(cameras[0], all_of_them, (24, 25))
+    queries.occlusion_counts(cameras[0], few, (24, 25), "cpu")
+    queries.occlusion_counts(cameras[0], all_of_them, (24, 25), "cpu")
     assert len(casts) == 4

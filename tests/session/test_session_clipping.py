@@ -36,7 +36,7 @@ def test_a_plane_takes_away_one_of_two_and_the_scene_is_cast_again(session):
 
 def test_hues_are_chosen_for_what_is_left_and_blocking_stays(session):
     session.clipping = [[[0, 0, 12], [0, 0, 1]]]
-    assert set(session.hue_question().answer()) == {2}
+    assert set(session.queries.hues()) == {2}
     session.direction = "+x"
     assert session.unpackable() == (2,)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bags import AxisCasters, hooked, session_of, stack_of_plates
+from bags import AxisRays, hooked, session_of, stack_of_plates
 
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.tasks import no_progress
 
 
 def boxed_in() -> np.ndarray:
@@ -37,11 +38,11 @@ def test_the_least_that_frees_the_core_is_the_lid():
     assert found.ids == {1, 2}
     np.testing.assert_allclose(found.direction, (0, -1, 0))
     session.direction = "+z"
-    assert len(session.answer_along(session.unpack_direction).blocking.needed(1)) == 3
+    assert len(session.queries.occlusion().blocking.needed(1)) == 3
     assert session.reveal(1, "any") == (2, 1)
     assert session.direction == (1.0, 0.0, 0.0)
     assert session.states[1] is ObjectState.UNPACKED
-    out = session._situation.out
+    out = session.state.placements
     np.testing.assert_allclose(out[1].direction, (0, -1, 0))
     session.undo()
     assert set(session.states.values()) == {ObjectState.PACKED}
@@ -50,37 +51,38 @@ def test_the_least_that_frees_the_core_is_the_lid():
 def test_a_survey_serves_while_objects_leave_and_not_when_one_comes_back():
     session = real_session(boxed_in())
     session.hide(2)
-    question = session.survey_question()
-    survey = question.answer()
-    assert len(survey.outlooks) == 26
-    assert session.accept_survey(survey)
-    assert session.survey_question() is None
+    queries = session.queries
+    task = queries.survey_task()
+    survey = task.run(no_progress)
+    assert len(survey.directions) == 26
+    assert queries.store(task, survey)
+    assert queries.survey_task() is None
     session.direction = "+x"
     session.unpack([12])
-    assert session.survey_question() is None
+    assert queries.survey_task() is None
     session.restore()
-    assert session.survey_question() is None
+    assert queries.survey_task() is None
     assert session.best_direction() is not None
     session.show(2)
-    assert session.survey_question() is not None
+    assert queries.survey_task() is not None
     assert session.best_direction() is None
-    assert not session.accept_survey(survey)
+    assert not queries.store(task, survey)
     assert session.best_direction(ask=True) is not None
 
 
 def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
     labels = stack_of_plates()
     session = session_of(labels)
-    casters: AxisCasters = session.casters.occlusion.__self__
-    survey = session.survey_question().answer()
-    assert casters.asked == 13
-    by_way = {tuple(np.round(o.direction, 3)): o for o in survey.outlooks}
+    rays: AxisRays = session.ray_queries
+    survey = session.queries.survey()
+    assert rays.asked == 13
+    by_way = {tuple(np.round(o.direction, 3)): o for o in survey.directions}
     assert by_way[(1.0, 0.0, 0.0)].unpackable_groups() == [(5,)]
     assert by_way[(-1.0, 0.0, 0.0)].unpackable_groups() == [(1,)]
     assert len(by_way[(0.0, 1.0, 0.0)].unpackable_groups()) == 5
     session.tolerance = 0.001
-    session.survey_question().answer()
-    assert casters.asked == 13 + 26
+    session.queries.survey()
+    assert rays.asked == 13 + 26
 
 
 def test_the_best_way_out_of_plates_is_sideways_and_along_hooks_too():

@@ -1,8 +1,7 @@
-"""The next to leave, found before the whole answer is there: the same one, and truly free."""
+"""The next to leave, found before the whole result is there: the same one, and truly free."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +10,8 @@ from bags import session_of, stack_of_plates
 from sweep import free_by_sweep
 
 import napari_unpack as nu
+from napari_unpack.session.ray_queries import RenderingQueries
+from napari_unpack.tasks import no_progress
 
 
 @cache
@@ -30,13 +31,24 @@ def directions(count: int) -> list[tuple[float, ...]]:
     return [tuple(d) for d in drawn] + [(0.0, -1.0, 0.0), (1.0, 0.0, 0.0)]
 
 
-def without_rays(session: nu.Session) -> None:
-    """Let whoever asks for the whole answer fail."""
+class NoRays(RenderingQueries):
+    """Moves voxels; casts no rays."""
 
-    def refuse(*_) -> None:
+    def occlusion_counts(self, *_):
         raise AssertionError("rays were cast")
 
-    session.casters = replace(session.casters, occlusion=refuse, pull=refuse)
+    sweep_table = occlusion_counts
+
+
+def without_rays(session: nu.Session) -> None:
+    """Let what asks for the whole result fail."""
+    session.ray_queries = NoRays(session.labels, session.spacing)
+
+
+def looked(session: nu.Session, n_or_ids) -> bool:
+    """Find just enough for a command, and keep it."""
+    task = session.queries.next_unpackable_task(n_or_ids)
+    return session.queries.store(task, task.run(no_progress))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -48,20 +60,21 @@ def test_the_first_found_is_the_first_of_the_whole_answer_and_free(seed) -> None
         session.unpackable()
         session.unpack(2)
         session.direction = tuple(-v for v in direction)
-        glimpse = session.glimpse_question(1).answer()
+        task = session.queries.next_unpackable_task(1)
+        quick = task.run(no_progress)
         whole = session.unpackable()
         if session.queue.least_occluded:
-            assert glimpse is None
+            assert quick is None
             continue
         compared += 1
-        assert glimpse.groups[0] == session.queue.groups[0]
+        assert quick.groups[0] == session.queue.groups[0]
         packed = [i for i in whole if session.states[i].name == "PACKED"]
         assert packed
-        if len(glimpse.groups[0]) == 1:
+        if len(quick.groups[0]) == 1:
             there = np.where(
-                np.isin(session.labels, list(glimpse.question.packed)), session.labels, 0
+                np.isin(session.labels, list(task.key.occlusion.packed)), session.labels, 0
             )
-            assert glimpse.groups[0][0] in free_by_sweep(
+            assert quick.groups[0][0] in free_by_sweep(
                 there, session.unpack_direction, session.spacing
             )
     assert compared >= 4
@@ -73,7 +86,7 @@ def test_who_is_found_leaves_and_no_ray_is_cast() -> None:
         session.direction = (0.3, -1.0, 0.2)
     left = slow.unpack(3)
     without_rays(quick)
-    assert quick.accept_glimpse(quick.glimpse_question(3).answer())
+    assert looked(quick, 3)
     assert quick.unpack(3) == left
     assert [entry.event for entry in quick.log] == ["query run", "queue reuse", "queue reuse"][
         : len(quick.log)
@@ -90,8 +103,8 @@ def test_chosen_objects_that_are_free_leave_and_no_ray_is_cast() -> None:
     free = [i for (i,) in (g for g in slow.unpackable_groups() if len(g) == 1)][:2]
     held = next(i for i in slow.ids if i not in slow.unpackable())
     without_rays(quick)
-    assert quick.glimpse_question([held]).answer() is None
-    assert quick.accept_glimpse(quick.glimpse_question(free).answer())
+    assert not looked(quick, [held])
+    assert looked(quick, free)
     assert quick.unpack(free) == slow.unpack(free) == tuple(sorted(free))
 
 
@@ -104,47 +117,48 @@ def test_a_restored_object_is_asked_about_first_and_the_other_wishes_stay() -> N
     wishes = session.queue.restored
     assert set(wishes) == {*first, *second}
     session.direction = (0.01, -1.0, 0.0)
-    assert session.glimpse_question(1).order[: len(wishes)] == wishes
-    assert session.accept_glimpse(session.glimpse_question(1).answer())
+    assert looked(session, 1)
     left = session.unpack(1)
     assert left[0] in first
     assert session.queue.restored == tuple(i for i in wishes if i not in left)
     assert set(session.unpack(1)) <= {*first, *second}
 
 
-def test_a_glimpse_of_another_direction_bag_or_rule_is_refused() -> None:
+def test_a_result_for_another_direction_bag_or_rule_is_refused() -> None:
     session = fresh(1)
     session.direction = "-y"
-    glimpse = session.glimpse_question(1).answer()
+    task = session.queries.next_unpackable_task(1)
+    found = task.run(no_progress)
     session.direction = "+y"
-    assert not session.accept_glimpse(glimpse)
+    assert not session.queries.store(task, found)
     session.direction = "-y"
     session.hide([session.ids[0]])
-    assert not session.accept_glimpse(glimpse)
+    assert not session.queries.store(task, found)
     session.show([session.ids[0]])
     session.max_group_size = 2
-    assert not session.accept_glimpse(glimpse)
+    assert not session.queries.store(task, found)
     session.max_group_size = 4
-    assert session.accept_glimpse(glimpse)
+    assert session.queries.store(task, found)
 
 
 def test_there_is_none_where_it_would_not_be_the_answer() -> None:
     session = fresh(1)
     session.unpackable()
-    assert session.glimpse_question(1) is None
+    assert session.queries.next_unpackable_task(1) is None
     session = fresh(1)
     session.rule = "first_hit"
-    assert session.glimpse_question(1) is None
+    assert session.queries.next_unpackable_task(1) is None
     session = fresh(1)
     session.tolerance = 0.1
-    assert session.glimpse_question(1) is None
-    assert session_of(stack_of_plates()).glimpse_question(1) is None
+    assert session.queries.next_unpackable_task(1) is None
+    assert session_of(stack_of_plates()).queries.next_unpackable_task(1) is None
 
 
 def test_when_time_is_up_it_says_nothing() -> None:
     session = fresh(1)
     times = iter(np.arange(0.0, 100.0, 0.05))
-    question = session.glimpse_question(len(session.ids))
-    assert question.answer(0.12, lambda: next(times)) is None
+    queries = session.queries
+    task = queries.next_unpackable_task(len(session.ids), 0.12, lambda: next(times))
+    assert task.run(no_progress) is None
     with pytest.raises(ValueError, match="objects of this session"):
-        session.glimpse_question([999])
+        queries.next_unpackable_task([999])

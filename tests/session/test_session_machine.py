@@ -27,11 +27,11 @@ FLYING = {ObjectState.FLYING_OUT, ObjectState.FLYING_BACK}
 def fingerprint(session):
     """Return what undo must bring back."""
     # Looking at an object alone is no step of undo.
-    now = replace(session._situation, inspected=None)
+    now = replace(session.state, inspected=None)
     return (
         {i: now.state(i) for i in session.ids},
-        list(now.out),
-        [now.out[i].slot for i in now.out],
+        list(now.placements),
+        [placement.slot for placement in now.placements.values()],
         session.hues,
         session.objects["name"].to_dict(),
         session.direction,
@@ -223,8 +223,8 @@ class AnyCommands(RuleBasedStateMachine):
         assert not packed & set(session.poses)
         assert sum(s is ObjectState.INSPECTED for s in states.values()) <= 1
         done = [i for group in session.steps[: session.step] for i in group]
-        assert sorted(done) == sorted(session._situation.out)
-        assert len({b.slot for b in session._situation.out.values()}) == len(done)
+        assert sorted(done) == sorted(session.state.placements)
+        assert len({b.slot for b in session.state.placements.values()}) == len(done)
         assert session.animated or not session.flights
 
     @invariant()

@@ -26,9 +26,9 @@ def test_sheets_of_one_voxel_behind_each_other_all_block(direction: str, axis: i
             shape[axis] = n + 2
             labels = np.zeros(shape, np.uint16)
             np.moveaxis(labels, axis, 0)[1 : n + 1] = np.arange(1, n + 1)[:, None, None]
-            answer = asked(labels, (pitch,) * 3, direction).occlusion_question().answer()
-            assert answer.free == {1}, (pitch, n)
-            assert answer.blocking.graph.number_of_edges() == n * (n - 1) // 2
+            found = asked(labels, (pitch,) * 3, direction).queries.occlusion()
+            assert found.unpackable == {1}, (pitch, n)
+            assert found.blocking.graph.number_of_edges() == n * (n - 1) // 2
 
 
 @pytest.mark.parametrize(("direction", "axis"), AXES)
@@ -43,5 +43,5 @@ def test_bars_of_one_voxel_beside_each_other_are_all_seen_under_a_plate(
             flat[1] = np.arange(1, n + 1)
             for side in (flat, flat.swapaxes(1, 2)):
                 labels = np.ascontiguousarray(np.moveaxis(side, 0, axis))
-                answer = asked(labels, (pitch,) * 3, direction).occlusion_question().answer()
-                assert answer.free == {100}, (pitch, n)
+                found = asked(labels, (pitch,) * 3, direction).queries.occlusion()
+                assert found.unpackable == {100}, (pitch, n)

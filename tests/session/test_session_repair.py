@@ -10,6 +10,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.tasks import no_progress
 
 
 def dumbbell() -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +58,7 @@ def assert_consistent(s: Session) -> None:
 
 def test_a_split_gives_each_side_its_own_object_and_its_own_confidence() -> None:
     s = session()
-    s.judge = lambda region: region.voxels / 2000
+    s.label_editor.oracle = lambda region: region.voxels / 2000
     told = []
     s.events.labels.connect(told.append)
     s.display_labels  # noqa: B018
@@ -137,12 +138,11 @@ def test_what_is_outside_is_refused_with_a_sentence() -> None:
 
 def test_the_queue_asks_anew_after_a_repair() -> None:
     s = session()
+    stale = s.queries.occlusion_task()
     s.unpackable()
-    question = s.occlusion_question() or s._question(frozenset({1, 2, 3}), s.unpack_direction)
-    stale = question.answer()
     s.merge([2, 3])
     assert s.queue.ids == ()
-    assert not s.accept_answer(stale)
+    assert not s.queries.store(stale, stale.run(no_progress))
     assert set(s.unpackable()) == {1, s.labels[5, 17, 5]}
 
 
@@ -152,15 +152,15 @@ def test_a_brush_is_taken_over_and_can_be_undone() -> None:
     painted = s.labels.astype(np.int32)
     painted[4:6, 4:6, 3:13] = 7
     painted[15, 2:4, 30:34] = 3
-    repair = s.paint_question(painted).answer()
-    assert repair is not None
-    assert s.accept_repair(repair)
+    edited = s.label_editor.paint_task(painted).run(no_progress)
+    assert edited is not None
+    assert s.label_editor.apply(edited)
     assert np.array_equal(s.labels, painted)
     assert s.ids == (1, 2, 3, 7)
     assert s.states[2] is ObjectState.HIDDEN
     assert_consistent(s)
-    assert not s.accept_repair(repair)
-    assert s.paint_question(s.labels).answer() is None
+    assert not s.label_editor.apply(edited)
+    assert s.label_editor.paint_task(s.labels).run(no_progress) is None
     s.undo()
     assert np.array_equal(s.labels, dumbbell()[1])
     assert s.states[2] is ObjectState.HIDDEN
@@ -175,7 +175,7 @@ def test_ids_above_65535_keep_the_names_people_know() -> None:
     assert s.objects.label.tolist() == [100_000, 200_000, 300_000, 300_001]
     painted = np.array([s.label_of(i) if i else 0 for i in range(5)])[s.labels]
     painted[0, 0, :5] = 700_000
-    assert s.accept_repair(s.paint_question(painted).answer())
+    assert s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
     assert s.label_of(int(s.labels[0, 0, 0])) == 700_000
     assert_consistent(s)
 
@@ -215,7 +215,7 @@ def test_any_row_of_repairs_can_be_taken_back(row: list[tuple[str, int]]) -> Non
             z, y, x = (int(rng.integers(0, n - 4)) for n in s.labels.shape)
             painted[z : z + 4, y : y + 4, x : x + 4] = rng.integers(0, 9)
             if painted.any():
-                s.accept_repair(s.paint_question(painted).answer())
+                s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
         elif verb == "u" and s.history.done:
             s.undo()
         assert_consistent(s)
@@ -236,12 +236,12 @@ def test_the_last_repair_is_taken_back_and_made_again_without_a_copy_of_the_volu
     given, shown = s.labels, s.display_labels
     s.merge([2, 3])
     merged = s.labels
-    assert s.labels_question("undo") is None
+    assert s.queries.labels_task("undo") is None
     s.undo()
     assert s.labels is given
     assert s.display_labels is shown
     assert_consistent(s)
-    assert s.labels_question("redo") is None
+    assert s.queries.labels_task("redo") is None
     s.redo()
     assert s.labels is merged
     assert_consistent(s)
@@ -255,18 +255,19 @@ def test_labels_of_earlier_repairs_can_be_worked_out_beforehand() -> None:
     s.rename(3, "a part")
     # Neither a name nor the last repair need labels to be worked out.
     for _ in range(2):
-        assert s.labels_question("undo") is None
+        assert s.queries.labels_task("undo") is None
         s.undo()
-    question = s.labels_question("undo")
-    assert question is not None
-    answer = question.answer()
-    s.accept_labels(answer)
+    task = s.queries.labels_task("undo")
+    assert task is not None
+    data = task.run(no_progress)
+    assert s.queries.store(task, data)
+    assert s.queries.labels_task("undo") is None
     s.undo()
-    assert s.labels is answer.labels
+    assert s.labels is data.labels
     assert np.array_equal(s.labels, given)
     assert_consistent(s)
-    # An answer nobody needed does no harm.
-    s.accept_labels(question.source)
+    # A result that is stored too late does no harm.
+    assert not s.queries.store(task, data)
     s.redo()
     assert set(s.ids) < {1, 2, 3}
     assert_consistent(s)
@@ -274,7 +275,7 @@ def test_labels_of_earlier_repairs_can_be_worked_out_beforehand() -> None:
 
 def test_a_new_confidence_stays_when_a_repair_is_taken_back() -> None:
     s = session()
-    s.judge = lambda region: 0.5
+    s.label_editor.oracle = lambda region: 0.5
     s.merge([2, 3])
     s.use_oracle(None, dict.fromkeys(s.ids, 0.7))
     s.undo()

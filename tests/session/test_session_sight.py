@@ -7,7 +7,7 @@ from bags import session_of, stack_of_plates
 
 from napari_unpack.appearance import TransferFunction, hue_distance
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.session import Session, tinting
+from napari_unpack.session import Session, colors
 
 
 def side_by_side() -> np.ndarray:
@@ -47,15 +47,15 @@ def test_the_same_table_is_handed_out_until_something_changes():
 def test_a_table_overtaken_by_a_change_is_not_kept(monkeypatch):
     # A worker's table is under way when object 1 is hidden on the main thread.
     session = session_of(stack_of_plates(2))
-    make = tinting.tints_of
+    make = colors.tints_of
 
     def overtaken(*arguments, **settings):
-        monkeypatch.setattr(tinting, "tints_of", make)
+        monkeypatch.setattr(colors, "tints_of", make)
         table = make(*arguments, **settings)
         session.hide(1)
         return table
 
-    monkeypatch.setattr(tinting, "tints_of", overtaken)
+    monkeypatch.setattr(colors, "tints_of", overtaken)
     assert session.packed_tints()[:, 3].tolist() == [0, 1, 1]
     assert session.packed_tints()[:, 3].tolist() == [0, 0, 1]
 
@@ -79,7 +79,7 @@ def test_matter_of_no_object_shows_as_a_grey_veil_where_wanted():
 def test_the_paper_tints_are_a_mode():
     session = session_of(stack_of_plates())
     session.tint_mode = "hsv"
-    session.accept_hues({2: 1 / 3})
+    session.apply_hues({2: 1 / 3})
     np.testing.assert_allclose(session.solo_tints(2)[2], [0, 1, 0, 1], atol=1e-6)
 
 
@@ -97,21 +97,20 @@ def test_recolouring_asks_for_what_is_packed_only_and_leaves_other_hues_alone():
     session.hide([1])
     session.unpack([2])
     session.recolor()
-    casters = session.casters.ids.__self__
-    assert casters.visible[-1] == {3}
+    assert session.ray_queries.visible[-1] == {3}
     assert (session.hues[1], session.hues[2]) == (before[1], before[2])
 
 
 def test_recolouring_again_keeps_what_separates_and_afresh_does_not_care():
     session = session_of(side_by_side())
-    session.accept_hues({1: 0.11, 2: 0.52, 3: 0.93})
+    session.apply_hues({1: 0.11, 2: 0.52, 3: 0.93})
     assert session.recolor() == {1: 0.11, 2: 0.52, 3: 0.93}
     assert session.recolor(keep=False) != {1: 0.11, 2: 0.52, 3: 0.93}
 
 
 def test_a_locked_hue_survives_recolouring():
     session = session_of(side_by_side())
-    session.accept_hues({1: 0.5, 2: 0.5, 3: 0.5})
+    session.apply_hues({1: 0.5, 2: 0.5, 3: 0.5})
     session.locked_hues = frozenset({2})
     assert session.recolor()[2] == 0.5
     assert session.hues[1] != 0.5
@@ -176,7 +175,7 @@ def test_signals_tell_exactly_what_changed():
     session.hide([4])
     session.hide([4])
     session.restore()
-    session.accept_hues({3: 0.25})
+    session.apply_hues({3: 0.25})
     assert heard == [frozenset({1, 2}), frozenset({4}), frozenset({2})]
     assert [h[3] for h in hues] == [0.25]
 

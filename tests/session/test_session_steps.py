@@ -11,6 +11,7 @@ from bags import hooked, session_of, stack_of_plates
 from napari_unpack.io.session_json import given_labels, record_of, session_from
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import ObjectState
+from napari_unpack.tasks import no_progress
 
 
 def out(session):
@@ -71,7 +72,7 @@ def test_a_session_opens_whose_log_names_an_object_since_deleted():
     session = session_of(stack_of_plates())
     session.unpack(1)
     session.restore(1)
-    session.accept_repair(session.delete_question([1]).answer())
+    session.delete([1])
     record = record_of(session)
     again = session_from(record, session.volume, given_labels(session))
     assert again.log[0].ids == (1,)
@@ -132,12 +133,14 @@ def test_where_nobody_is_free_scrubbing_stops_and_says_so():
 def test_other_rules_make_the_old_answer_worthless():
     session = session_of(stack_of_plates())
     assert session.unpackable() == (1,)
-    assert session.occlusion_question() is None
-    late = session._question(frozenset(session.ids), session.unpack_direction).answer()
+    assert session.queries.occlusion_task() is None
+    session.direction = "+y"
+    late = session.queries.occlusion_task()
     session.tolerance = 0.9999
     assert session.queue.ids == ()
-    assert session.occlusion_question() is not None
-    assert not session.accept_answer(late)
+    assert session.queries.occlusion_task() is not None
+    assert not session.queries.store(late, late.run(no_progress))
+    session.direction = None
     session.tolerance = 0.0
     assert session.unpackable() == (1,)
     session.unpack(1)
@@ -145,7 +148,7 @@ def test_other_rules_make_the_old_answer_worthless():
     session.undo()
     # The queue of then was filled by another rule.
     assert not session.queue.serves(
-        session.unpack_direction, frozenset(session.ids), session._terms
+        session.unpack_direction, frozenset(session.ids), session.rules.terms
     )
     for name, bad in (("rule", "best"), ("tolerance", 1.5), ("max_group_size", 0)):
         with pytest.raises(ValueError, match=name):
@@ -154,8 +157,8 @@ def test_other_rules_make_the_old_answer_worthless():
 
 def test_rays_cast_elsewhere_count_as_a_query_in_the_log():
     session = session_of(stack_of_plates())
-    question = session.occlusion_question()
-    assert session.accept_answer(question.answer())
+    task = session.queries.occlusion_task()
+    assert session.queries.store(task, task.run(no_progress))
     session.unpack(1)
     session.unpack(1)
     session.view = replace(session.view, direction=(-1.0, 0.0, 0.0))

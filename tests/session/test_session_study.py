@@ -54,7 +54,7 @@ def test_an_opacity_of_its_own_changes_the_object_alone_and_is_undone(session):
     before, master, packed = alone(), session.transfer_function, bag()
     told = []
     session.events.states.connect(told.append)
-    session.set_study(1, ObjectStyle(TransferFunction([(0, 0), (2500, 0), (2600, 0.5)])))
+    session.set_style(1, ObjectStyle(TransferFunction([(0, 0), (2500, 0), (2600, 0.5)])))
     assert told == [frozenset({1})]
     assert session.transfer_function is master
     assert np.abs(alone() - before).max() > 0.1
@@ -68,7 +68,7 @@ def test_a_cut_takes_away_what_lies_behind_its_plane(session):
     pose = packed_pose(session.boxes.center(2, session.spacing), camera)
     whole = object_image(session.scene(), 2, pose, camera, size)
     middle = np.asarray(session.boxes.center(2, session.spacing))
-    session.set_study(2, ObjectStyle(cut=(middle, camera.right)))
+    session.set_style(2, ObjectStyle(cut=(middle, camera.right)))
     half = object_image(session.scene(), 2, pose, camera, size)
     seen = [(p.rgba[..., 3] > 0.3).sum() for p in (whole, half)]
     assert seen[1] == pytest.approx(seen[0] / 2, rel=0.15)
@@ -91,7 +91,7 @@ def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
     # The wall is off what it surrounds, as if it had always been.
     assert inner.states[1] is ObjectState.UNPACKED
     assert [inner.states[i] for i in (2, 3)] == [ObjectState.PACKED] * 2
-    assert inner.history.undo(inner._situation) is None
+    assert inner.history.undo(inner.state) is None
     assert inner.reveal_plan(inner.ids[-1]).ids
     assert session.labels[10, 10, 10] == 1
     with pytest.raises(ValueError, match="same density"):
@@ -135,17 +135,17 @@ def test_what_stands_in_a_cup_is_its_contents_and_leaves_it_piece_by_piece(lid):
 
 
 def test_what_an_object_has_of_its_own_is_kept_in_sessions(session):
-    session.set_study(
+    session.set_style(
         1, ObjectStyle(TransferFunction([(0, 0), (500, 0.4)]), (np.ones(3), np.eye(3)[1]))
     )
     record = json.loads(json.dumps(record_of(session)))
     again = session_from(record, *tin())
-    study = again.study(1)
-    assert study.transfer_function.points == session.study(1).transfer_function.points
+    study = again.style(1)
+    assert study.transfer_function.points == session.style(1).transfer_function.points
     np.testing.assert_array_equal(study.cut, [np.ones(3), np.eye(3)[1]])
-    assert again.study(2).transfer_function is None
+    assert again.style(2).transfer_function is None
     del record["situation"]["studies"]
-    assert session_from(record, *tin()).study(1).cut is None
+    assert session_from(record, *tin()).style(1).cut is None
 
 
 def test_noise_alone_makes_no_parts():

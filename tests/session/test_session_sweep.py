@@ -32,7 +32,7 @@ def oblique(count: int) -> np.ndarray:
 
 def free(session: Session, direction: np.ndarray, rule: str) -> frozenset[int]:
     session.rule = rule
-    return session._question(frozenset(session.ids), direction).answer().free
+    return session.queries.occlusion(direction).unpackable
 
 
 def agreement(directions: np.ndarray, rule: str) -> tuple[int, int, int]:
@@ -89,8 +89,8 @@ def test_a_bottle_leaves_with_its_liquid_however_they_are_labelled() -> None:
     session.backend = "cpu"
     for direction in [*oblique(6), *AXES.values()]:
         session.direction = tuple(direction)
-        groups = session._question(frozenset({1, 2, 3}), session.unpack_direction).answer()
-        for group in groups.groups(frozenset({1, 2, 3}), 4):
+        found = session.queries.occlusion()
+        for group in found.groups(frozenset({1, 2, 3}), 4):
             assert (1 in group) == (2 in group)
     session.direction = "-x"
     assert set(session.unpack([1])) == {1, 2}

@@ -55,7 +55,7 @@ def test_a_new_command_ends_the_possibility_to_redo():
 def test_undoing_a_step_leaves_alone_what_it_did_not_change():
     session = session_of(stack_of_plates())
     session.hide([2])
-    session.accept_hues({3: 0.123}, undoable=False)
+    session.apply_hues({3: 0.123}, undoable=False)
     session.undo()
     assert names(session)[2] == "PACKED"
     assert session.hues[3] == 0.123
@@ -109,7 +109,7 @@ def test_what_changed_between_two_moves_is_not_taken_back_with_them():
     session.unpack(1)
     home = session.poses[1]
     session.place(1, replace(home, scale=2.0))
-    session.accept_hues({4: 0.321}, undoable=False)
+    session.apply_hues({4: 0.321}, undoable=False)
     session.place(1, replace(home, scale=3.0))
     assert session.undo() == "move 1"
     assert session.poses[1].scale == home.scale

@@ -2,19 +2,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bags import AxisCasters, hooked, session_of, stack_of_plates
+from bags import AxisRays, hooked, session_of, stack_of_plates
 
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import View
-from napari_unpack.session import BlockedError, Casters, NobodyFreeError, ObjectState, Session
+from napari_unpack.session import BlockedError, NobodyFreeError, ObjectState, Session
+from napari_unpack.tasks import no_progress
 
 
 def states(session, *ids):
     return [session.states[i].name for i in ids]
 
 
-def casters_of(session) -> AxisCasters:
-    return session.casters.occlusion.__self__
+def rays_of(session) -> AxisRays:
+    return session.ray_queries
 
 
 def test_objects_leave_from_the_front_towards_the_viewer_one_by_one():
@@ -35,10 +36,10 @@ def test_the_queue_is_asked_once_for_a_direction_and_again_when_it_changes():
     session = session_of(stack_of_plates())
     session.unpack(2)
     session.unpack(1)
-    assert casters_of(session).asked == 1
+    assert rays_of(session).asked == 1
     session.view = View(direction=(-1.0, 0.0, 0.0))
     session.unpack()
-    assert casters_of(session).asked == 2
+    assert rays_of(session).asked == 2
     assert [entry.event for entry in session.log] == [
         "query run",
         "queue reuse",
@@ -325,18 +326,18 @@ def test_the_overview_holds_the_bag_and_all_slots():
 
 def test_an_answer_found_elsewhere_is_taken_while_it_fits_and_dropped_when_stale():
     session = session_of(stack_of_plates())
-    question = session.occlusion_question()
-    answer = question.answer()
+    task = session.queries.occlusion_task()
+    found = task.run(no_progress)
     session.view = View(direction=(-1.0, 0.0, 0.0))
-    assert session.accept_answer(answer) is False
+    assert session.queries.store(task, found) is False
     session.view = View(direction=(1.0, 0.0, 0.0))
     heard: list[tuple[int, ...]] = []
     session.events.queue.connect(heard.append)
-    assert session.accept_answer(answer) is True
+    assert session.queries.store(task, found) is True
     assert heard == [(1,)]
-    assert session.occlusion_question() is None
+    assert session.queries.occlusion_task() is None
     assert session.unpack() == (1,)
-    assert casters_of(session).asked == 1
+    assert rays_of(session).asked == 1
 
 
 @pytest.mark.parametrize("n_or_ids", [0, -1, [9], [0]])
@@ -354,14 +355,13 @@ def test_a_bad_number_or_id_is_refused_and_nothing_changes(n_or_ids):
 def test_without_a_table_of_blockers_free_objects_leave_and_others_are_refused():
     labels = stack_of_plates()
 
-    class NoTable(AxisCasters):
-        def occlusion(self, camera, visible, size):
+    class NoTable(AxisRays):
+        def occlusion_counts(self, *arguments):
             from dataclasses import replace
 
-            return replace(super().occlusion(camera, visible, size), blocks=None)
+            return replace(super().occlusion_counts(*arguments), blocks=None)
 
-    casters = NoTable(labels)
-    session = Session(labels.astype(float), labels, casters=Casters(casters.occlusion, casters.ids))
+    session = Session(labels.astype(float), labels, casters=NoTable(labels))
     session.view = View(direction=(1.0, 0.0, 0.0))
     with pytest.raises(BlockedError, match="Object 3 cannot leave"):
         session.unpack([3])

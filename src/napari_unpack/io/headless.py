@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.geometry.view import Camera, View
@@ -107,34 +108,31 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     -------
     Session
     """
-    from napari_unpack.io.session_json import given_labels, record_of, session_from
     from napari_unpack.session import ObjectState, Session
+    from napari_unpack.session.commands import inspect
+    from napari_unpack.session.state import SessionState, ViewState
 
-    if not packed:
-        same = session_from(record_of(session), session.volume, given_labels(session))
-        same.leave()
-        same.backend = session.backend
-        return same
-    other = Session(
-        session.volume, session.labels, session.spacing, session.objects, session.casters
+    now, view, data = session.state, session.view_state, session.label_data
+    if packed:
+        hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
+        now = SessionState(now.transfer_function, now.hues, hidden=hidden, direction=now.direction)
+        data = replace(data, facts=session.objects, edit=None, previous=None)
+        view = ViewState(
+            view.view,
+            view.camera,
+            clipping=view.clipping,
+            decorations=view.decorations,
+            tint_mode=view.tint_mode,
+            show_unlabelled=view.show_unlabelled,
+            up=view.up,
+            recolored=True,
+        )
+    rules = replace(session.rules, take_least_occluded=True) if packed else session.rules
+    other = Session.of_parts(
+        session.volume, session.spacing, data, inspect(now, None), view, rules, session.ray_queries
     )
-    other.look(session.camera)
-    other.transfer_function = session.transfer_function
-    other.accept_hues(session.hues)
-    other.tint_mode, other.rule, other.tolerance = (
-        session.tint_mode,
-        session.rule,
-        session.tolerance,
-    )
-    other.show_unlabelled, other.clipping = session.show_unlabelled, session.clipping
-    other.surroundings = session.surroundings
-    other.away_from_table = session.away_from_table
-    other.max_group_size, other.backend = session.max_group_size, session.backend
-    if session.direction is not None:
-        other.direction = session.direction
-    hidden = [i for i, state in session.states.items() if state is ObjectState.HIDDEN]
-    if hidden:
-        other.hide(hidden)
+    other.seconds = other.seconds if packed else session.seconds
+    other.backend = session.backend
     return other
 
 
@@ -159,7 +157,7 @@ def decorated(
     """
     from napari_unpack.appearance import Decorations
 
-    around = session.surroundings
+    around = session.decorations
     shown = [kind for kind in ("box", "scale") if getattr(around, kind)]
     return Decorations.of(
         around.background if background is None else background,

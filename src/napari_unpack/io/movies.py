@@ -242,7 +242,7 @@ def movie(
     with movie_writer(target, even, fps) as write:
         turntable = kind == "turntable"
         shown = copy_session(session, packed=not turntable)
-        shown.surroundings = around
+        shown.decorations = around
         # With nothing unpacked there are no slots to show: the bag alone fills the image.
         close = turntable and not shown.step
         camera = _close(shown, even) if close else frame_bag(shown, even)

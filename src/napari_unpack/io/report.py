@@ -248,8 +248,8 @@ def _amount(volume: float) -> str:
 
 
 def _image(session: Session, object_id: int, backend: str) -> str:
-    placement = session._situation.out.get(object_id) or session.bag.placement(
-        object_id, 0, (object_id,), session.unpack_direction, session.camera
+    placement = session.state.placements.get(object_id) or session.bag.placement(
+        session.camera, object_id, 0, (object_id,), session.unpack_direction
     )
     held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)

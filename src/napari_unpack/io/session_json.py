@@ -1,14 +1,7 @@
-"""A session's situation as plain data, and back: who is where, who leaves next, hues and names.
+"""A session as plain data, and back: all of it but volume, labels and the steps of undo.
 
-The table of objects as plain data, and a session with everything packed made of it.
-
-Opacities and cuts of objects' own as plain data, and back.
-
-Surroundings as JSON, for saved sessions.
-
-Camera and view as plain data, and back.
-
-A session as plain data, and back: all of it but volume, labels and the steps of undo.
+Every part of a session has a pair of functions here. The keys of the records are those of the
+first version and stay, so that sessions of every version open.
 """
 
 from __future__ import annotations
@@ -17,65 +10,91 @@ import base64
 import binascii
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Background, Decorations, TransferFunction
+from napari_unpack.appearance import Background, Decorations, TransferFunction, golden_hue
 from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.axes import checked_spacing, unit
+from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
+from napari_unpack.session.labels import LabelData, object_table
 from napari_unpack.session.session import Session
-from napari_unpack.session.state import Placement, SessionState
+from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
+from napari_unpack.session.validation import (
+    MOST_ID,
+    checked_labels,
+    checked_planes,
+    checked_volume,
+)
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 
 _NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
 
 
-def objects_record(session: Session) -> dict[str, Any]:
-    """Return the facts of a session's objects, and how they are numbered, as plain data."""
-    facts = session._facts
+def objects_record(data: LabelData) -> dict[str, Any]:
+    """Return the facts of objects, and how they are numbered, as plain data."""
+    facts, given = data.facts, data.given_ids
     return {
         "ids": [int(i) for i in facts.index],
-        "given_ids": None if session._given_ids is None else session._given_ids.tolist(),
-        "slots": session._most,
-        "largest_id": session._top,
+        "given_ids": None if given is None else given.tolist(),
+        "slots": data.most_objects,
+        "largest_id": data.largest_id,
         "columns": {str(name): [_plain(v) for v in facts[name].tolist()] for name in facts},
     }
 
 
-def session_of(
-    fields: Fields, spacing: NDArray[np.float64], volume: ArrayLike, labels: ArrayLike
-) -> Session:
-    """Return a session with everything packed, and the IDs of old."""
+def label_data_from(
+    fields: Fields, volume: NDArray[Any], labels: ArrayLike, spacing: NDArray[np.float64]
+) -> LabelData:
+    """Make the label data a record was made of.
+
+    Parameters
+    ----------
+    fields : Fields
+    volume : (Z, Y, X) ndarray
+        Density.
+    labels : (Z, Y, X) array_like of int
+        With the IDs they were given with.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+
+    Raises
+    ------
+    ValueError
+        If the record is of other labels.
+    """
     table = _facts(fields)
+    given_ids = None
     if not fields.has("given_ids"):
-        session = Session(volume, labels, spacing, table)
+        own, given_ids = checked_labels(labels, volume.shape)
     else:
-        given = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
+        given_ids = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
         compact, present = compact_labels(np.asarray(labels))
-        order = np.argsort(given, kind="stable")
-        place = np.searchsorted(given[order], present).clip(max=len(given) - 1)
-        own = order[place]
-        if len(given) > 65536 or not np.array_equal(given[own], present):
+        order = np.argsort(given_ids, kind="stable")
+        place = np.searchsorted(given_ids[order], present).clip(max=len(given_ids) - 1)
+        ids = order[place]
+        if len(given_ids) > MOST_ID + 1 or not np.array_equal(given_ids[ids], present):
             raise ValueError("session.objects.given_ids must be those of the labels")
-        session = Session(volume, own.astype(np.uint16)[compact], spacing, table)
-        session._given_ids = given
-    if not np.array_equal(table.index, session.ids):
+        own, _ = checked_labels(ids.astype(np.uint16)[compact], volume.shape)
+    boxes = label_boxes(own)
+    facts = object_table(volume, own, boxes, spacing, table)[list(table.columns)]
+    if not np.array_equal(table.index, boxes.ids):
         raise ValueError("session.objects.ids must be those of the labels")
-    session._facts = session._contents.facts = session._facts[list(table.columns)]
-    session._most = fields.integer("slots", len(session.ids))
-    session._top = fields.integer("largest_id", session.ids[-1])
-    if max(session._most, session._top) > 65535:
+    slots, largest = fields.integer("slots", len(boxes.ids)), fields.integer("largest_id")
+    if max(slots, largest) > MOST_ID:
         raise ValueError("session.objects.slots and largest_id must be at most 65535")
-    return session
+    if largest < boxes.ids[-1]:
+        raise ValueError("session.objects.largest_id must be at least that of the labels")
+    return LabelData(own, boxes, facts, given_ids, largest, slots)
 
 
 def _facts(fields: Fields) -> Any:
@@ -124,21 +143,21 @@ def densities_from(fields: Fields) -> TransferFunction:
         raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
 
 
-def studies_record(studies: Mapping[int, ObjectStyle]) -> dict[str, Any]:
+def styles_record(styles: Mapping[int, ObjectStyle]) -> dict[str, Any]:
     """Return by ID what objects have of their own."""
     return {
         str(i): {
             "transfer_function": None
-            if study.transfer_function is None
-            else densities_record(study.transfer_function),
-            "cut": None if study.cut is None else [np.asarray(v).tolist() for v in study.cut],
+            if style.transfer_function is None
+            else densities_record(style.transfer_function),
+            "cut": None if style.cut is None else [np.asarray(v).tolist() for v in style.cut],
         }
-        for i, study in studies.items()
+        for i, style in styles.items()
     }
 
 
-def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
-    """Make what `studies_record` was made of; nothing where older files say nothing of it.
+def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
+    """Make what `styles_record` was made of; nothing where older files say nothing of it.
 
     Raises
     ------
@@ -147,7 +166,7 @@ def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle
     """
     if not fields.has("studies"):
         return {}
-    studies = {}
+    styles = {}
     for i, value in fields.by_id("studies", known).items():
         one = Fields(value, f"session.situation.studies.{i}")
         own = None
@@ -156,21 +175,21 @@ def studies_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle
         cut = one.array("cut", (2, 3)) if one.has("cut") else None
         if cut is not None and not np.linalg.norm(cut[1]) > 0:
             raise ValueError(f"session.situation.studies.{i}.cut must have a normal that is not 0")
-        studies[i] = ObjectStyle(own, None if cut is None else (cut[0], cut[1]))
-    return studies
+        styles[i] = ObjectStyle(own, None if cut is None else (cut[0], cut[1]))
+    return styles
 
 
-def situation_record(session: Session) -> dict[str, Any]:
-    """Return a session's situation as plain data; what is in the air counts as landed."""
-    now = session._situation
+def state_record(session: Session) -> dict[str, Any]:
+    """Return a session's state as plain data; what is in the air counts as landed."""
+    now = session.state
     queue = now.queue
     return {
         "transfer_function": densities_record(now.transfer_function),
-        "studies": studies_record(now.studies),
+        "studies": styles_record(now.styles),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
-        "out": [_placement(i, placement) for i, placement in now.out.items()],
-        "ahead": [[_placement(i, b) for i, b in departure.items()] for departure in now.ahead],
+        "out": [_placement(i, placement) for i, placement in now.placements.items()],
+        "ahead": [[_placement(i, b) for i, b in departure.items()] for departure in now.undone],
         "hidden": sorted(now.hidden),
         "good": sorted(session.examples),
         "inspected": now.inspected,
@@ -181,54 +200,55 @@ def situation_record(session: Session) -> dict[str, Any]:
             "restored": list(queue.restored),
             "least_occluded": queue.least_occluded,
             "packed": sorted(queue.packed),
-            "by_these_rules": queue.rules == session._terms,
+            "by_these_rules": queue.rules == session.rules.terms,
         },
     }
 
 
-def situation_from(fields: Fields, session: Session, known: frozenset[int]) -> SessionState:
-    """Make the situation a record was made of.
+def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> SessionState:
+    """Make the state a record was made of.
 
     Parameters
     ----------
     fields : Fields
-    session : Session
-        With everything packed, and the rules of then.
-    known : frozenset of int
-        Its objects.
+    data : LabelData
+        Its labels.
+    rules : UnpackingRules
+        Of then.
 
     Raises
     ------
     ValueError
         If it cannot be, naming the field.
     """
-    hues = session.hues
+    known = data.known
+    hues = {i: golden_hue(i) for i in data.ids}
     for i, hue in fields.by_id("hues", known).items():
         if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
             raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
         hues[i] = float(hue)
     names = {i: str(name) for i, name in fields.by_id("names", known).items()}
-    out = dict(_read_placement(part, known, session._most) for part in fields.parts("out"))
-    slots = [placement.slot for placement in out.values()]
+    most = data.most_objects
+    placements = dict(_read_placement(part, known, most) for part in fields.parts("out"))
+    slots = [placement.slot for placement in placements.values()]
     if len(set(slots)) != len(slots):
         raise ValueError("session.situation.out must give every object a slot of its own")
     hidden = frozenset(fields.ids("hidden", known))
     inspected = fields.integer("inspected") if fields.has("inspected") else None
     if inspected is not None and inspected not in known - hidden:
         raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
-    return replace(
-        session._situation,
+    return SessionState(
         transfer_function=densities_from(fields.part("transfer_function")),
-        studies=studies_from(fields, known),
+        styles=styles_from(fields, known),
         hues=hues,
         names=names,
-        out=out,
-        ahead=tuple(_read_ahead(fields, known, session._most, out)),
+        placements=placements,
+        undone=tuple(_read_undone(fields, known, most, placements)),
         hidden=hidden,
-        good=frozenset(fields.ids("good", known)) if fields.has("good") else frozenset(),
+        examples=frozenset(fields.ids("good", known)) if fields.has("good") else frozenset(),
         inspected=inspected,
         direction=_read_direction(fields),
-        queue=_read_queue(fields.part("queue"), session, known),
+        queue=_read_queue(fields.part("queue"), rules, known),
     )
 
 
@@ -285,7 +305,7 @@ def _lengths(fields: Fields, name: str) -> tuple[float, float]:
     return first, second
 
 
-def _read_ahead(
+def _read_undone(
     fields: Fields, known: frozenset[int], slots: int, out: Mapping[int, Placement]
 ) -> list[dict[int, Placement]]:
     found, seen = [], set(out)
@@ -299,7 +319,7 @@ def _read_ahead(
     return found
 
 
-def _read_queue(fields: Fields, session: Session, known: frozenset[int]) -> Queue:
+def _read_queue(fields: Fields, rules: UnpackingRules, known: frozenset[int]) -> Queue:
     direction = None
     if fields.has("direction"):
         z, y, x = (float(v) for v in fields.array("direction", (3,)))
@@ -310,7 +330,7 @@ def _read_queue(fields: Fields, session: Session, known: frozenset[int]) -> Queu
         fields.ids("restored", known),
         fields.flag("least_occluded"),
         frozenset(fields.ids("packed", known)),
-        session._terms if fields.flag("by_these_rules") else (),
+        rules.terms if fields.flag("by_these_rules") else (),
     )
 
 
@@ -323,7 +343,7 @@ def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
     return z, y, x
 
 
-def surroundings_record(around: Decorations) -> dict[str, Any]:
+def decorations_record(around: Decorations) -> dict[str, Any]:
     """Return surroundings as an object of what JSON knows; a picture as PNG in base 64."""
     ground = around.background
     return {
@@ -335,7 +355,7 @@ def surroundings_record(around: Decorations) -> dict[str, Any]:
     }
 
 
-def surroundings_from(fields: Fields) -> Decorations:
+def decorations_from(fields: Fields) -> Decorations:
     """Return the surroundings an object was made of.
 
     Raises
@@ -452,30 +472,31 @@ def record_of(session: Session) -> dict[str, Any]:
     dict
         Of what JSON knows, floats exact; NaN does not occur.
     """
+    view, rules = session.view_state, session.rules
     return {
         "spacing": session.spacing.tolist(),
-        "situation": situation_record(session),
+        "situation": state_record(session),
         "rules": {
-            "rule": session.rule,
-            "tolerance": session.tolerance,
-            "most_in_group": session.max_group_size,
-            "take_least_occluded": session.take_least_occluded,
+            "rule": rules.rule,
+            "tolerance": rules.tolerance,
+            "most_in_group": rules.max_group_size,
+            "take_least_occluded": rules.take_least_occluded,
         },
         "look": {
-            "tint_mode": session.tint_mode,
-            "show_unlabelled": session.show_unlabelled,
-            "locked_hues": sorted(session.locked_hues),
-            "hue_margin": session.hue_margin,
-            "colored": session._colored,
-            "clipping": session.clipping.tolist(),
-            "surroundings": surroundings_record(session.surroundings),
+            "tint_mode": view.tint_mode,
+            "show_unlabelled": view.show_unlabelled,
+            "locked_hues": sorted(view.locked_hues),
+            "hue_margin": view.hue_margin,
+            "colored": view.recolored,
+            "clipping": view.clipping.tolist(),
+            "surroundings": decorations_record(view.decorations),
         },
-        "camera": camera_record(session.camera),
-        "view": view_record(session.view),
-        "canvas_size": list(session.canvas_size),
+        "camera": camera_record(view.camera),
+        "view": view_record(view.view),
+        "canvas_size": list(view.canvas_size),
         "seconds": session.seconds,
-        "away_from_table": session.away_from_table.tolist(),
-        "selected": sorted(session.selected),
+        "away_from_table": view.up.tolist(),
+        "selected": sorted(view.selected),
         "log": [
             {
                 "event": entry.event,
@@ -486,7 +507,7 @@ def record_of(session: Session) -> dict[str, Any]:
             }
             for entry in session.log
         ],
-        "objects": objects_record(session),
+        "objects": objects_record(session.label_data),
     }
 
 
@@ -513,39 +534,53 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
         If the record says something that cannot be, naming the field; or as for `Session`.
     """
     fields = Fields(record, "session")
-    spacing = fields.array("spacing", (3,))
-    session = session_of(fields.part("objects"), spacing, volume, labels)
-    known = frozenset(session.ids)
-    rules, look = fields.part("rules"), fields.part("look")
-    session.rule = rules.text("rule", get_args(Rule))  # type: ignore[assignment]
-    session.tolerance = rules.number("tolerance")
-    session.max_group_size = rules.integer("most_in_group", 1)
-    session.take_least_occluded = rules.flag("take_least_occluded")
-    session.tint_mode = look.text("tint_mode", get_args(Mode))  # type: ignore[assignment]
-    session.show_unlabelled = look.flag("show_unlabelled")
-    session.locked_hues = frozenset(look.ids("locked_hues", known))
-    session.hue_margin = look.number("hue_margin")
-    session._colored = look.flag("colored")
-    session.clipping = look.array("clipping", (len(look.items("clipping")), 2, 3))
-    if look.has("surroundings"):
-        session.surroundings = surroundings_from(look.part("surroundings"))
-    height, width = (int(n) for n in fields.array("canvas_size", (2,)))
-    session.canvas_size = height, width
+    density, spacing = checked_volume(volume), checked_spacing(fields.array("spacing", (3,)))
+    data = label_data_from(fields.part("objects"), density, labels, spacing)
+    rules = _rules_from(fields.part("rules"))
+    state = state_from(fields.part("situation"), data, rules)
+    view_state = _view_state_from(fields, data.known)
+    session = Session.of_parts(density, spacing, data, state, view_state, rules)
     session.seconds = fields.positive("seconds")
-    session.view = view_from(fields.part("view"))
-    session._camera = camera_from(fields.part("camera"))
-    if fields.has("away_from_table"):
-        session.away_from_table = fields.array("away_from_table", (3,))
     session.log.extend(_log(fields))
-    session._situation = situation_from(fields.part("situation"), session, known)
-    session._tell_states(known)
-    session.select(fields.ids("selected", known))
     return session
+
+
+def _rules_from(fields: Fields) -> UnpackingRules:
+    return UnpackingRules(
+        fields.text("rule", get_args(Rule)),  # type: ignore[arg-type]
+        fields.number("tolerance"),
+        fields.integer("most_in_group", 1),
+        fields.flag("take_least_occluded"),
+    )
+
+
+def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
+    look = fields.part("look")
+    height, width = (int(n) for n in fields.array("canvas_size", (2,)))
+    # Older files do not say some things: what they lack is as in a new session.
+    told: dict[str, Any] = {}
+    if look.has("surroundings"):
+        told["decorations"] = decorations_from(look.part("surroundings"))
+    if fields.has("away_from_table"):
+        told["up"] = unit(fields.array("away_from_table", (3,)), "away_from_table")
+    return ViewState(
+        view=view_from(fields.part("view")),
+        camera=camera_from(fields.part("camera")),
+        canvas_size=(height, width),
+        selected=frozenset(fields.ids("selected", known)),
+        clipping=checked_planes(look.array("clipping", (len(look.items("clipping")), 2, 3))),
+        tint_mode=look.text("tint_mode", get_args(Mode)),  # type: ignore[arg-type]
+        show_unlabelled=look.flag("show_unlabelled"),
+        locked_hues=frozenset(look.ids("locked_hues", known)),
+        hue_margin=look.number("hue_margin"),
+        recolored=look.flag("colored"),
+        **told,
+    )
 
 
 def given_labels(session: Session) -> NDArray[Any]:
     """Return the (Z, Y, X) labels with the IDs they came with."""
-    given = session._given_ids
+    given = session.label_data.given_ids
     return np.asarray(session.labels if given is None else given[session.labels])
 
 

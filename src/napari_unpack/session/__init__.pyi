@@ -1,16 +1,16 @@
-from .asking import Casters, OcclusionAnswer, OcclusionQuestion
 from .errors import BlockedError, NobodyFreeError
 from .events import LogEntry
 from .object_state import ObjectState
+from .occlusion import OcclusionResult
+from .ray_queries import RayQueries
 from .session import Session
 
 __all__ = [
     "BlockedError",
-    "Casters",
     "LogEntry",
     "NobodyFreeError",
     "ObjectState",
-    "OcclusionAnswer",
-    "OcclusionQuestion",
+    "OcclusionResult",
+    "RayQueries",
     "Session",
 ]

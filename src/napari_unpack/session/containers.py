@@ -82,7 +82,7 @@ def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
     table = pd.DataFrame({"name": told}, index=pd.Index(ids, name="id"))
     inner = Session(shown, parts, session.spacing, table)
     inner.transfer_function = (
-        session.study(object_id).transfer_function or session.transfer_function
+        session.style(object_id).transfer_function or session.transfer_function
     )
     camera = session.camera
     inner.look(replace(camera, rotation=camera.rotation if rotation is None else rotation))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+NOTHING_UNPACKABLE = "No object is unpackable in this direction"
+
 
 class NobodyFreeError(ValueError):
-    """No object is unpackable along the direction, and the session may not force one."""
+    """Nothing in the bag is unpackable along D, and the rules force nothing."""
 
 
 class BlockedError(ValueError):
@@ -14,14 +16,15 @@ class BlockedError(ValueError):
 
 
 class NoTableError(ValueError):
-    """It is not known which objects block which."""
+    """It is not known what blocks what."""
 
     @classmethod
     def of(cls, packed: int) -> NoTableError:
         """Make the error for a bag with so many packed objects."""
         return cls(
             "reveal needs to know which objects block which, and only the rule 'exact' finds that, "
-            f"up to 4,096 objects; {packed} are packed: choose that rule, or hide or unpack some"
+            f"up to 4,096 objects; {packed} are packed: choose that rule, or hide or unpack some "
+            "first"
         )
 
 
@@ -36,6 +39,18 @@ def listed(names: Iterable[str]) -> str:
 def share_of(ratio: float) -> str:
     """Write a share for a sentence; a small one never as 0 %."""
     return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
+
+
+def least_occluded_sentence(name: str, ratio: float) -> str:
+    """Say which object is least occluded.
+
+    Parameters
+    ----------
+    name : str
+    ratio : float
+        Its occlusion ratio.
+    """
+    return f"{name} is the least occluded ({share_of(ratio)} hidden)"
 
 
 def percent(confidence: float) -> str:

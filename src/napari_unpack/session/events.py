@@ -1,13 +1,15 @@
-"""What a session tells those who listen.
-
-The record of departures: what the paper's figure 7 is drawn from.
-"""
+"""What a session tells those who listen, and the record of removals (the paper's figure 7)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from psygnal import Signal, SignalGroup
+
+if TYPE_CHECKING:
+    from napari_unpack.session.state import SessionState
 
 
 class SessionEvents(SignalGroup):
@@ -22,21 +24,54 @@ class SessionEvents(SignalGroup):
     transfer_function = Signal(object, description="the new TransferFunction")
     queue = Signal(tuple, description="IDs that can leave, the next one first")
     view = Signal(object, description="the new Camera")
-    surroundings = Signal(object, description="the new Decorations: background, box, scale")
+    surroundings = Signal(object, description="the new decorations: background, box, scale")
     selected = Signal(frozenset, description="IDs selected")
     message = Signal(str, description="a sentence for the user")
+
+    def emit_changes(
+        self,
+        before: SessionState,
+        after: SessionState,
+        edited: frozenset[int],
+        states: Iterable[int],
+    ) -> None:
+        """Tell how one state differs from another.
+
+        Parameters
+        ----------
+        before, after : SessionState
+        edited : frozenset of int
+            Objects whose voxels changed.
+        states : iterable of int
+            Objects whose `ObjectState` changed, and others to be told with them.
+        """
+        old, new = before.placements, after.placements
+        changed = {*states, *(i for i in new if old.get(i) is not new[i])}
+        changed |= {i for i, _ in after.names.items() ^ before.names.items()}
+        changed |= {i for i, _ in after.styles.items() ^ before.styles.items()}
+        changed |= after.examples ^ before.examples
+        if edited:
+            self.labels.emit(edited)
+        if after.hues is not before.hues:
+            self.hues.emit(dict(after.hues))
+        if after.transfer_function is not before.transfer_function:
+            self.transfer_function.emit(after.transfer_function)
+        if changed:
+            self.states.emit(frozenset(changed))
+        if after.queue is not before.queue or after.direction != before.direction:
+            self.queue.emit(after.queue.ids)
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One departure, for the paper's figure 7.
+    """One removal, for the paper's figure 7.
 
     Parameters
     ----------
     event : {"query run", "queue reuse"}
         Whether rays were cast for it.
     ids : tuple of int
-        Who left.
+        What left.
     packed : int
         Objects in the bag before.
     ratio : float

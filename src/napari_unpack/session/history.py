@@ -1,4 +1,4 @@
-"""Undo and redo by keeping situations."""
+"""Undo and redo by keeping states."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Literal
 from napari_unpack.session.labels import Edit
 from napari_unpack.session.state import SessionState
 
+# States share most of their parts; what they do not share is small, but not nothing.
 MOST_STEPS = 500
 
 
@@ -40,11 +41,18 @@ class History:
         return tuple(self._done)
 
     def edit_after(self, way: Literal["undo", "redo"], now: Edit | None) -> Edit | None:
-        """Return which edit of the labels there is after the next step back or forth."""
+        """Return which edit of the labels there is after the next step back or forth.
+
+        Parameters
+        ----------
+        way : {"undo", "redo"}
+        now : Edit, optional
+            The edit there is now.
+        """
         steps = self._done if way == "undo" else self._undone
         if not steps:
             return now
-        before, after = steps[-1].before.edit, steps[-1].after.edit
+        before, after = steps[-1].before.labels_edit, steps[-1].after.labels_edit
         if before is after:
             return now
         return before if way == "undo" else after
@@ -74,7 +82,7 @@ class History:
         del self._done[:-MOST_STEPS]
 
     def undo(self, current: SessionState) -> tuple[Step, SessionState] | None:
-        """Return the step taken back and the situation then, None where there is none."""
+        """Return the step taken back and the state then, None where there is none."""
         if not self._done:
             return None
         step = self._done.pop()
@@ -82,7 +90,7 @@ class History:
         return step, current.with_changes_of(step.after, step.before)
 
     def redo(self, current: SessionState) -> tuple[Step, SessionState] | None:
-        """Return the step done again and the situation then, None where there is none."""
+        """Return the step done again and the state then, None where there is none."""
         if not self._undone:
             return None
         step = self._undone.pop()

@@ -1,12 +1,10 @@
-"""What a session's labels hold, derived once and followed from edit to edit.
-
-The table of objects: facts by ID, completed from the volume where nobody gave them.
-"""
+"""A session's labels and what follows from them: boxes, the table of objects, and their edits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,10 +122,11 @@ def _add_plane(plane, labels, z, numbers):  # type: ignore[no-untyped-def]
                 row[5] += 1
 
 
+# Voxels that display labels grow: the fringe of partial volume around an object.
 FRINGE = 2
-"""Voxels that display labels grow."""
 
-Judge = Callable[[NDArray[np.bool_], NDArray[Any], tuple[int, int, int]], float]
+Confidence = Callable[[NDArray[np.bool_], NDArray[Any], tuple[int, int, int]], float]
+"""Given mask, density and first voxel of an object's box, returns how sure it is one object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +140,7 @@ class Edit:
     change : LabelEdit
         Voxels.
     boxes : (LabelBoxes, LabelBoxes)
-        Of the objects touched, before and after; who is in one only has gone or come.
+        Of the objects touched, before and after; what is in one only has gone or come.
     facts : (DataFrame, DataFrame)
         Their rows in the table of objects, before and after.
     """
@@ -152,9 +151,9 @@ class Edit:
     facts: tuple[pd.DataFrame, pd.DataFrame]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class LabelData:
-    """Labels and all that follows from them.
+    """Labels and all that follows from them; an edit makes new ones.
 
     Parameters
     ----------
@@ -163,70 +162,98 @@ class LabelData:
     boxes : LabelBoxes
     facts : DataFrame
         By ID.
+    given_ids : (N + 1,) ndarray of int64, optional
+        By ID, the one people know it by; None where that is the ID itself. It only grows, so
+        that an edit taken back and made again names its objects alike.
+    largest_id : int
+        Of these labels and those before. Tables by ID never shrink: a worker may still cast
+        labels that have been edited since.
+    most_objects : int
+        Of these labels and those before; slots are planned for so many.
     edit : Edit, optional
         The last change made to them.
-
-    Notes
-    -----
-    Of the contents before, the arrays are kept: to copy those of a large volume takes a second,
-    and the command most often undone is the last.
+    revision : int
+        Counts the changes, undone ones too: no two labels of a session share one.
+    previous : LabelData, optional
+        Those of the revision before. To copy the arrays of a large volume takes a second, and
+        the command most often undone is the last.
     """
 
     labels: NDArray[np.uint16]
     boxes: LabelBoxes
     facts: pd.DataFrame
+    given_ids: NDArray[np.int64] | None = None
+    largest_id: int = 0
+    most_objects: int = 0
     edit: Edit | None = None
+    revision: int = 0
+    previous: LabelData | None = field(default=None, repr=False)
     _display: NDArray[np.uint16] | None = field(default=None, repr=False)
-    _kept: LabelData | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        """Let largest_id and most_objects hold for these labels too."""
+        object.__setattr__(
+            self, "largest_id", max(self.largest_id, *self.boxes.ids[-1:].tolist(), 0)
+        )
+        object.__setattr__(self, "most_objects", max(self.most_objects, len(self.boxes.ids)))
+
+    @cached_property
+    def ids(self) -> tuple[int, ...]:
+        """Every object, ascending."""
+        return tuple(int(i) for i in self.boxes.ids)
+
+    @cached_property
+    def known(self) -> frozenset[int]:
+        """Every object."""
+        return frozenset(self.ids)
 
     @property
     def display(self) -> NDArray[np.uint16]:
         """Labels grown into the fringe around objects, for pictures; (Z, Y, X) uint16."""
         if self._display is None:
-            self._display = grow_labels(self.labels, FRINGE)
+            # The one thing worked out late: it takes a second, and much needs no picture.
+            object.__setattr__(self, "_display", grow_labels(self.labels, FRINGE))
+        assert self._display is not None
         return self._display
 
+    def label_of(self, object_id: int) -> int:
+        """Return the ID people know an object by."""
+        return object_id if self.given_ids is None else int(self.given_ids[object_id])
+
+    def visible(self, ids: Iterable[int]) -> NDArray[np.bool_]:
+        """Return the (largest_id + 1,) table that is True for some objects."""
+        table = np.zeros(self.largest_id + 1, dtype=np.bool_)
+        table[list(ids)] = True
+        return table
+
     def at(self, edit: Edit | None) -> LabelData:
-        """Return the contents at another place of the chain of edits; exact both ways."""
+        """Return the labels at another place of the chain of edits; exact both ways."""
         found = self
         back, forth = _way(self.edit, edit)
-        arrays = self._arrays_at(edit) if len(back) + len(forth) == 1 else None
+        kept = self.previous if self.knows(edit) and len(back) + len(forth) == 1 else None
         for step in back:
-            found = found._moved(step, 1, 0, step.earlier, arrays)
+            found = found._moved(step, 1, 0, step.earlier, kept)
         for step in forth:
-            found = found._moved(step, 0, 1, step, arrays)
+            found = found._moved(step, 0, 1, step, kept)
         return found
 
     def knows(self, edit: Edit | None) -> bool:
         """Return whether `at` that place copies no volume."""
-        return edit is self.edit or self._arrays_at(edit) is not None
+        return edit is self.edit or (self.previous is not None and self.previous.edit is edit)
 
-    def keep(self, before: LabelData) -> None:
-        """Keep the arrays of other contents, and of no others."""
-        self._kept, before._kept = before, None
-
-    @property
-    def arrays(self) -> tuple[NDArray[np.uint16], ...]:
-        """All label arrays that are kept."""
-        return (self.labels,) if self._kept is None else (self.labels, self._kept.labels)
-
-    def _arrays_at(
-        self, edit: Edit | None
-    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16] | None] | None:
-        kept = self._kept
-        if kept is None or kept.edit is not edit:
-            return None
-        return kept.labels, kept._display
+    def after(self, previous: LabelData) -> LabelData:
+        """Return these labels with those before kept, and of them no earlier ones."""
+        return replace(self, previous=replace(previous, previous=None))
 
     def edited(
         self,
         change: LabelEdit,
         volume: NDArray[Any],
         spacing: NDArray[np.float64],
-        judge: Judge,
+        confidence: Confidence,
         given_ids: NDArray[np.int64] | None = None,
     ) -> LabelData:
-        """Return the contents after a change of voxels; the touched objects are measured anew.
+        """Return the labels after a change of voxels; the touched objects are measured anew.
 
         Parameters
         ----------
@@ -236,10 +263,10 @@ class LabelData:
             Density.
         spacing : (3,) ndarray of float64
             mm.
-        judge : callable
+        confidence : callable
             Given mask, density and first voxel of an object's box, returns its confidence.
         given_ids : (N + 1,) ndarray of int64, optional
-            By ID, the one people know it by.
+            By ID, the one people know it by, the new objects included.
         """
         touched = np.array(sorted(change.touched))
         old = _rows(self.boxes, touched)
@@ -262,11 +289,21 @@ class LabelData:
             after = _completed(after, before, change, self.facts)
             if self.facts["confidence"].notna().any():
                 after["confidence"] = [
-                    judge(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
+                    confidence(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
                     for i, own in ((int(i), local.slices(int(i))) for i in local.ids)
                 ]
         edit = Edit(self.edit, change, (old, new), (before, after))
-        return self._moved(edit, 0, 1, edit, (labels, None))
+        named = self if given_ids is None else replace(self, given_ids=given_ids)
+        return named._moved(edit, 0, 1, edit, None, labels)
+
+    def rescored(self, scores: Mapping[int, float]) -> LabelData:
+        """Return them with another confidence of every object; NaN where none is given."""
+        found = [float(scores.get(i, float("nan"))) for i in self.ids]
+        return replace(self, facts=self.facts.assign(confidence=found))
+
+    def facts_after(self, edit: Edit) -> pd.DataFrame:
+        """Return the table of objects after an edit of these labels."""
+        return _exchanged(self.facts, edit.facts[0], edit.facts[1])
 
     def _moved(
         self,
@@ -274,31 +311,48 @@ class LabelData:
         source: int,
         target: int,
         edit: Edit | None,
-        arrays: tuple[NDArray[np.uint16], NDArray[np.uint16] | None] | None = None,
+        kept: LabelData | None,
+        labels: NDArray[np.uint16] | None = None,
     ) -> LabelData:
-        import pandas as pd
-
         change = step.change if target else step.change.reverse()
-        if arrays is None:
-            arrays = change.apply(self.labels).astype(np.uint16, copy=False), None
-        labels, display = arrays
+        display = None
+        if kept is not None:
+            labels, display = kept.labels, kept._display
+        elif labels is None:
+            labels = change.apply(self.labels).astype(np.uint16, copy=False)
         gone, come = step.boxes[source], step.boxes[target]
-        kept = ~np.isin(self.boxes.ids, gone.ids)
-        ids = np.concatenate([self.boxes.ids[kept], come.ids])
+        stay = ~np.isin(self.boxes.ids, gone.ids)
+        ids = np.concatenate([self.boxes.ids[stay], come.ids])
         order = np.argsort(ids)
         boxes = LabelBoxes(
             ids[order],
             *(
-                np.concatenate([getattr(self.boxes, name)[kept], getattr(come, name)])[order]
+                np.concatenate([getattr(self.boxes, name)[stay], getattr(come, name)])[order]
                 for name in ("lower", "upper", "counts")
             ),
         )
-        rest = self.facts.drop(index=step.facts[source].index)
-        rows = [table for table in (rest, step.facts[target]) if len(table)]
-        facts = pd.concat(rows).sort_index().rename_axis("id") if rows else rest
+        facts = _exchanged(self.facts, step.facts[source], step.facts[target])
         if display is None and self._display is not None:
             display = _regrown(self._display, labels, change.box)
-        return LabelData(labels, boxes, facts, edit, display)
+        return replace(
+            self,
+            labels=labels,
+            boxes=boxes,
+            facts=facts,
+            edit=edit,
+            revision=self.revision + 1,
+            previous=None,
+            _display=display,
+        )
+
+
+def _exchanged(facts: pd.DataFrame, gone: pd.DataFrame, come: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with some rows exchanged for others."""
+    import pandas as pd
+
+    rest = facts.drop(index=gone.index)
+    rows = [table for table in (rest, come) if len(table)]
+    return pd.concat(rows).sort_index().rename_axis("id") if rows else rest
 
 
 def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:

@@ -141,9 +141,22 @@ class Bag:
         return picture_size(self._hulls[object_id], rotation @ stretch, self.spacing)
 
     def placement(
-        self, object_id: int, slot: int, group: Sequence[int], direction: Vector, camera: Camera
+        self, camera: Camera, object_id: int, slot: int, group: Sequence[int], direction: Vector
     ) -> Placement:
-        """Choose how an unpacked object is held."""
+        """Choose how an unpacked object is held.
+
+        Parameters
+        ----------
+        camera : Camera
+            The user's: the object's broad side faces it.
+        object_id : int
+        slot : int
+            Its place beside the bag.
+        group : sequence of int
+            What leaves with it, itself included.
+        direction : (3,) ndarray of float64
+            Along which, world.
+        """
         points = self.points(object_id)
         rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
         picture = picture_size(points, rotation @ camera.stretch, self.spacing)

@@ -1,91 +1,758 @@
-"""What is derived from a session by casting rays: tasks for workers, and where results are kept."""
+"""What is derived from a session, each kind under the key it depends on, so never out of date.
+
+What takes longer than a moment has a task, for any thread, whose result `store` keeps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import replace
+from functools import partial
+from operator import eq
+from threading import Lock
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeVar
 
-from napari_unpack.session.directions import DirectionSurvey
-from napari_unpack.tasks import Task, no_progress
-from napari_unpack.unpacking.direction_survey import RevealPlan
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.appearance import assign_hues
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.session import colors
+from napari_unpack.session.colors import HuesKey, Identity, VisibilityKey
+from napari_unpack.session.commands import Removal, RemovalPlan
+from napari_unpack.session.directions import (
+    MOST_SURVEY_RAYS,
+    DirectionSurvey,
+    RevealKey,
+    RevealResult,
+    SurveyKey,
+    find_reveal_plan,
+    find_survey,
+    resolved,
+)
+from napari_unpack.session.errors import (
+    NOTHING_UNPACKABLE,
+    BlockedError,
+    NobodyFreeError,
+    NoTableError,
+    least_occluded_sentence,
+    listed,
+)
+from napari_unpack.session.flights import FlightControl
+from napari_unpack.session.history import History
+from napari_unpack.session.labels import Edit, LabelData
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.occlusion import (
+    NextUnpackable,
+    NextUnpackableKey,
+    OcclusionKey,
+    OcclusionResult,
+    find_next_unpackable,
+    find_occlusion,
+    view_along,
+)
+from napari_unpack.session.placement import Bag
+from napari_unpack.session.ray_queries import RayQueries
+from napari_unpack.session.state import Group, SessionState, UnpackingRules, ViewState
+from napari_unpack.session.validation import checked_ids
+from napari_unpack.tasks import Progress, Task, no_progress
+from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box
+from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan, best_direction
 
 if TYPE_CHECKING:
-    from napari_unpack.session.session import Session
+    import networkx as nx
+
+K = TypeVar("K", bound=Hashable)
+
+# Results of one kind: D's, that of the direction asked for last, and one to go back to.
+MOST_RESULTS = 3
+
+
+class ResultCache:
+    """Results by kind and key, the least recently used dropped first; for any thread."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[type, dict[Hashable, Any]] = {}
+        self._lock = Lock()
+
+    def find(self, wanted: K, covers: Callable[[Any, K], bool] = eq) -> Any:
+        """Return the latest result that serves a key, None where there is none.
+
+        Parameters
+        ----------
+        wanted : hashable
+        covers : callable
+            Given a known key and the wanted one, tells whether its result serves.
+        """
+        kind = self._kinds.get(type(wanted), {})
+        found = kind.get(wanted)
+        if found is not None or covers is eq:
+            return found
+        key = next((known for known in reversed(tuple(kind)) if covers(known, wanted)), None)
+        return None if key is None else kind.get(key)
+
+    def keep(self, key: Hashable, result: Any, most: int = MOST_RESULTS) -> None:
+        """Keep a result.
+
+        Parameters
+        ----------
+        key : hashable
+        result : object
+        most : int
+            How many results of this kind.
+        """
+        with self._lock:
+            kind = self._kinds.setdefault(type(key), {})
+            kind.pop(key, None)
+            kind[key] = result
+            for oldest in tuple(kind)[:-most]:
+                del kind[oldest]
+
+
+class StatesKey(NamedTuple):
+    """What the states of all objects depend on."""
+
+    state: SessionState
+    flights: int
+    revision: int
+
+
+class SlotsKey(NamedTuple):
+    """What the places beside the bag depend on."""
+
+    objects: int
+    radius: float
+    canvas_size: tuple[int, int]
+    fov: float
+
+
+class BagUpKey(NamedTuple):
+    """What the bag's up depends on."""
+
+    revision: int
+    up: tuple[float, ...]
+
+
+class LabelsKey(NamedTuple):
+    """What the labels at another place of the chain of edits depend on."""
+
+    revision: int
+    edit: Edit | None
+
+
+class QueriedSession(Protocol):
+    """What queries read of a session; they change nothing."""
+
+    volume: NDArray[Any]
+    spacing: NDArray[np.float64]
+    backend: str
+
+    @property
+    def state(self) -> SessionState:
+        """What undo brings back."""
+
+    @property
+    def view_state(self) -> ViewState:
+        """How it is looked at."""
+
+    @property
+    def rules(self) -> UnpackingRules:
+        """What may leave."""
+
+    @property
+    def label_data(self) -> LabelData:
+        """The labels of now."""
+
+    @property
+    def bag(self) -> Bag:
+        """Their geometry."""
+
+    @property
+    def ray_queries(self) -> RayQueries:
+        """Rays through them."""
+
+    @property
+    def flights(self) -> FlightControl:
+        """What is in the air."""
+
+    @property
+    def history(self) -> History:
+        """Steps done and undone."""
+
+    def names(self, ids: Iterable[int]) -> list[str]:
+        """Return what objects are called."""
 
 
 class Queries:
-    """The questions of a session; each has a task for a worker, and `store` takes its result.
+    """What is derived from a session; each is worked out once for each key.
 
     Parameters
     ----------
-    session : Session
+    session : QueriedSession
+    stored : callable
+        Called after `store` has kept a result on occlusion that serves.
+
+    Notes
+    -----
+    A task has frozen inputs, so that its result always fits its key, whatever has happened to
+    the session meanwhile.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._plan: tuple[Any, RevealPlan] | None = None
+    def __init__(self, session: QueriedSession, stored: Callable[[], object]) -> None:
+        self._session, self._stored = session, stored
+        self._cache = ResultCache()
 
-    def occlusion_task(self) -> Task[Any] | None:
-        """Return the task that finds who can leave along D; None where that is known."""
-        question = self._session.occlusion_question()
-        return None if question is None else Task(question, lambda _: question.answer())
+    def store(self, task: Task[Any], result: Any) -> bool:
+        """Keep the result of a task of these queries; return False where it no longer serves.
 
-    def hues_task(self, keep: bool = True) -> Task[Any] | None:
-        """Return the task that chooses hues for this view; None where they are known."""
-        question = self._session.hue_question(keep)
-        return Task(question, lambda _: question.answer())
+        Parameters
+        ----------
+        task : Task
+        result : object
+            None, from a task whose time did not suffice, serves nothing.
+        """
+        if result is None:
+            return False
+        learnt = result.learnt if isinstance(result, RevealResult) else ()
+        for key, found in (*learnt, (task.key, result)):
+            # Labels are large arrays: those of one step are enough.
+            self._cache.keep(key, found, 1 if isinstance(key, LabelsKey) else MOST_RESULTS)
+        serves = self._serves(task.key)
+        if serves and isinstance(task.key, OcclusionKey):
+            self._stored()
+        return serves
+
+    def _serves(self, key: Hashable) -> bool:
+        match key:
+            case OcclusionKey():
+                return key.covers(self._occlusion_key())
+            case NextUnpackableKey():
+                return key.covers(self._next_key(key.chosen, key.count))
+            case SurveyKey():
+                return key.covers(self._survey_key())
+            case RevealKey():
+                return key.near.equals(self._occlusion_key())
+            case HuesKey():
+                return key in (self._hues_key(True), self._hues_key(False))
+            case LabelsKey():
+                return key.revision == self._session.label_data.revision
+        return False
+
+    # What objects can leave along D.
+
+    @property
+    def packed(self) -> frozenset[int]:
+        """Objects that stand in the way of others; see `SessionState.packed`."""
+        return self._session.state.packed(self._session.label_data.known)
+
+    @property
+    def direction(self) -> Vector:
+        """D now: unit vector in world, along which objects leave."""
+        session = self._session
+        return resolved(session.state.direction, session.view_state.camera, self.bag_up)
+
+    def occlusion(
+        self,
+        direction: Vector | None = None,
+        packed: frozenset[int] | None = None,
+        afresh: bool = False,
+    ) -> OcclusionResult:
+        """Return what can leave, and what blocks what; casts rays where that is not known.
+
+        Parameters
+        ----------
+        direction : (3,) ndarray of float64, optional
+            By default D.
+        packed : frozenset of int, optional
+            By default what is packed now.
+        afresh : bool
+            A result for more packed objects does not do.
+        """
+        key = self._occlusion_key(direction, packed)
+        known = self._cache.find(key, OcclusionKey.equals if afresh else OcclusionKey.covers)
+        if known is None:
+            known = self._find_occlusion()(key)
+            self._cache.keep(key, known)
+        return known  # type: ignore[no-any-return]
+
+    def occlusion_task(self) -> Task[OcclusionResult] | None:
+        """Return the task that finds what can leave along D; None where that is known."""
+        key = self._occlusion_key()
+        if not key.packed or self._known_occlusion(key) is not None:
+            return None
+        find = self._find_occlusion()
+        return Task(key, lambda _: find(key))
+
+    def _known_occlusion(self, key: OcclusionKey | None = None) -> OcclusionResult | None:
+        found: OcclusionResult | None = self._cache.find(
+            key or self._occlusion_key(), OcclusionKey.covers
+        )
+        return found
+
+    def _occlusion_key(
+        self, direction: Vector | None = None, packed: frozenset[int] | None = None
+    ) -> OcclusionKey:
+        session = self._session
+        z, y, x = (float(v) for v in (self.direction if direction is None else direction))
+        packed = self.packed if packed is None else packed
+        rules, revision = session.rules, session.label_data.revision
+        return OcclusionKey(revision, (z, y, x), rules.rule, rules.tolerance, packed)
+
+    def _find_occlusion(self) -> Callable[[OcclusionKey], OcclusionResult]:
+        """Return what casts the rays for a key of now; its inputs are frozen."""
+        session = self._session
+        bag, pitch, backend = session.bag, float(session.spacing.min()), session.backend
+        data, rays, user = session.label_data, session.ray_queries, session.view_state.camera
+
+        def find(key: OcclusionKey) -> OcclusionResult:
+            direction = np.array(key.direction)
+            camera, size = view_along(direction, bag.lower, bag.upper, pitch, user)
+            return find_occlusion(key, rays, camera, size, data.visible(key.packed), backend)
+
+        return find
 
     def next_unpackable_task(
-        self, n_or_ids: int | Iterable[int] = 1, seconds: float = float("inf")
-    ) -> Task[Any] | None:
-        """Return the task that finds enough to unpack so many or these, in limited time.
+        self,
+        n_or_ids: int | Iterable[int] = 1,
+        seconds: float = float("inf"),
+        clock: Callable[[], float] = perf_counter,
+    ) -> Task[NextUnpackable | None] | None:
+        """Return the task that finds just enough to unpack so many or these.
 
-        None where that is known, or where the rules want all of `occlusion_task`. Its result is
-        None where the time did not suffice.
+        Parameters
+        ----------
+        n_or_ids : int or iterable of int
+            As for `Session.unpack`.
+        seconds : float
+            After so long the task returns None.
+        clock : callable
+            Returns the time in seconds.
+
+        Returns
+        -------
+        Task or None
+            None where the whole result is known, or by the rules is needed.
+
+        Raises
+        ------
+        ValueError
+            If an ID is unknown.
         """
-        question = self._session.glimpse_question(n_or_ids)
-        return None if question is None else Task(question, lambda _: question.answer(seconds))
+        session = self._session
+        chosen, count = None, n_or_ids
+        if not isinstance(count, int):
+            wanted = checked_ids(count, session.label_data.known, "n_or_ids")
+            chosen = self.packed.intersection(wanted)
+            count = len(chosen)
+        key = self._next_key(chosen, count)
+        exact = (session.rules.rule, session.rules.tolerance) == ("exact", 0.0)
+        if not exact or not session.ray_queries.can_sweep or not (key.occlusion.packed and count):
+            return None
+        if self._known_occlusion(key.occlusion) is not None:
+            return None
+        queue = session.state.queue
+        if chosen is None and queue.serves(
+            key.occlusion.direction, key.occlusion.packed, session.rules.terms
+        ):
+            return None
+        order, visible = self._order(key), session.label_data.visible(key.occlusion.packed)
+        rays, boxes = session.ray_queries, session.label_data.boxes
+        return Task(
+            key, lambda _: find_next_unpackable(key, order, rays, visible, boxes, seconds, clock)
+        )
+
+    def _next_key(self, chosen: frozenset[int] | None, count: int) -> NextUnpackableKey:
+        # Chosen objects are asked about one by one: together they may be larger than a group.
+        most = 1 if chosen is not None else self._session.rules.max_group_size
+        restored = self._session.state.queue.restored
+        return NextUnpackableKey(self._occlusion_key(), chosen, count, most, restored)
+
+    def _order(self, key: NextUnpackableKey) -> Group:
+        if key.chosen is not None:
+            return tuple(sorted(key.chosen))
+        depths = self._session.bag.depths(np.array(key.occlusion.direction))
+        return tuple(sorted(key.occlusion.packed, key=self._session.state.queue.precedence(depths)))
+
+    def unpackable_groups(self) -> tuple[Group, ...]:
+        """Return what can leave now as far as that is known, groups whole; casts no rays.
+
+        The queue is used up before it is asked anew, so it may hold fewer.
+        """
+        known, queue = self._known_occlusion(), self._session.state.queue
+        if known is not None:
+            return tuple(known.groups(self.packed, self._session.rules.max_group_size))
+        fits = queue.along(self.direction) and not queue.least_occluded
+        return queue.groups if fits else ()
+
+    def least_occluded(self) -> tuple[int, float] | None:
+        """Return the object least occluded along D and its ratio, None while that is unknown."""
+        known, packed = self._known_occlusion(), self.packed
+        if known is None or not packed:
+            return None
+        least = known.least_occluded(packed)
+        return least, float(known.first_hit.get(least, 0.0))
+
+    # Which objects leave by one command.
+
+    def filled_queue(self, queue: Queue, packed: frozenset[int]) -> Queue:
+        """Return a queue, filled where it was dry or made for another D.
+
+        Parameters
+        ----------
+        queue : Queue
+        packed : frozenset of int
+            Objects in the bag.
+        """
+        session, direction = self._session, self.direction
+        rules = session.rules
+        if queue.serves(direction, packed, rules.terms):
+            return queue
+        if not packed:
+            return queue.refilled((), direction, packed, rules=rules.terms)
+        groups = self.occlusion(packed=packed).groups(packed, rules.max_group_size)
+        if not groups:
+            # What has left since may have blocked others, where there is no table that says so.
+            known = self.occlusion(packed=packed, afresh=True)
+            groups = known.groups(packed, rules.max_group_size)
+        least = not groups and rules.take_least_occluded
+        if least:
+            groups = [(self.occlusion(packed=packed, afresh=True).least_occluded(packed),)]
+        depths = session.bag.depths(direction)
+        return queue.refilled(groups, direction, packed, depths, least, rules.terms)
+
+    def removal_plan(
+        self, n_or_ids: int | Iterable[int], state: SessionState | None = None
+    ) -> RemovalPlan:
+        """Return what leaves by `Session.unpack`.
+
+        Parameters
+        ----------
+        n_or_ids : int or iterable of int
+            How many from the head of the queue, or which objects.
+        state : SessionState, optional
+            By default the state of now.
+
+        Raises
+        ------
+        NobodyFreeError
+            If nothing is unpackable and `take_least_occluded` is False.
+        BlockedError
+            If a chosen object is blocked by one that was not chosen.
+        """
+        state = self._session.state if state is None else state
+        if isinstance(n_or_ids, int):
+            return self._next_removals(n_or_ids, state)
+        return self._chosen_removals(list(n_or_ids), state)
+
+    def _next_removals(self, count: int, state: SessionState) -> RemovalPlan:
+        packed, queue = state.packed(self._session.label_data.known), state.queue
+        found: list[Removal] = []
+        left = 0
+        quick = self._known_next(None, count, packed)
+        if quick is not None:
+            queue = replace(queue, groups=(), least_occluded=False)
+            for group in quick.groups:
+                if left < count:
+                    found.append(Removal(group, self.direction, len(packed), quick))
+                    packed, queue, left = packed - {*group}, queue.without(group), left + len(group)
+        while left < count and packed:
+            queue = self.filled_queue(queue, packed)
+            source = self._known_occlusion(self._occlusion_key(packed=packed))
+            if not queue.groups:
+                if found:
+                    break
+                raise NobodyFreeError(
+                    f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed, source)}. "
+                    "Choose another direction, or unpack the least occluded object."
+                )
+            group, least = queue.groups[0], queue.least_occluded
+            found.append(Removal(group, self.direction, len(packed), source, least))
+            packed, queue, left = packed - {*group}, queue.without(group), left + len(group)
+        return RemovalPlan(tuple(found), queue)
+
+    def _chosen_removals(self, ids: list[int], state: SessionState) -> RemovalPlan:
+        session = self._session
+        packed, most = state.packed(session.label_data.known), session.rules.max_group_size
+        wanted = packed.intersection(ids)
+        if not wanted:
+            return RemovalPlan((), state.queue)
+        quick = self._known_next(wanted, len(wanted), packed)
+        if quick is not None:
+            return self._plan(quick.groups, self.direction, quick, state)
+        known = self.occlusion(packed=packed)
+        if known.blocking is None:
+            if wanted - known.unpackable:
+                known = self.occlusion(packed=packed, afresh=True)
+            blocked = wanted - known.unpackable
+            if blocked:
+                names = listed(session.names(blocked))
+                raise BlockedError(f"{names} cannot leave: other objects block it.")
+            groups: list[Group] = [(i,) for i in ids if i in wanted]
+        else:
+            graph = known.blocking.among(packed)
+            whole = [set(g) for g in graph.removals(packed) if wanted.intersection(g)]
+            wanted = wanted.union(*(g for g in whole if len(g) <= most))
+            blockers = graph.blockers(wanted)
+            if blockers and wanted != self._forced(packed, known):
+                raise BlockedError(
+                    f"{listed(session.names(wanted))} cannot leave along this direction before "
+                    f"{listed(session.names(blockers))}: unpack those first, reveal it, or choose "
+                    "another direction."
+                )
+            groups = graph.removals(wanted)
+        return self._plan(groups, self.direction, known, state)
+
+    def _forced(self, packed: frozenset[int], known: OcclusionResult) -> set[int]:
+        """Return the object that may leave for want of anything unpackable."""
+        rules = self._session.rules
+        if not rules.take_least_occluded or known.groups(packed, rules.max_group_size):
+            return set()
+        return {self.occlusion(packed=packed, afresh=True).least_occluded(packed)}
+
+    def reveal_removals(self, object_id: int, direction: Vector) -> RemovalPlan:
+        """Return the smallest set of objects that frees a buried one, and it as well.
+
+        Parameters
+        ----------
+        object_id : int
+            A packed object.
+        direction : (3,) ndarray of float64
+            Along which they leave, unit vector in world.
+
+        Raises
+        ------
+        NoTableError
+            If it is not known what blocks what.
+        """
+        packed = self.packed
+        known = self.occlusion(direction)
+        if known.blocking is None:
+            raise NoTableError.of(len(packed))
+        graph = known.blocking.among(packed)
+        groups = graph.removals(graph.needed(object_id))
+        return self._plan(groups, direction, known, self._session.state)
+
+    def forced_removal(self, object_id: int) -> RemovalPlan:
+        """Return that one object leaves along D, whatever it meets."""
+        source = self._known_occlusion()
+        return self._plan([(object_id,)], self.direction, source, self._session.state)
+
+    def _plan(
+        self,
+        groups: Iterable[Group],
+        direction: Vector,
+        source: OcclusionResult | NextUnpackable | None,
+        state: SessionState,
+    ) -> RemovalPlan:
+        packed, queue = len(state.packed(self._session.label_data.known)), state.queue
+        removals = []
+        for group in groups:
+            removals.append(Removal(group, direction, packed, source, queue.least_occluded))
+            packed, queue = packed - len(group), queue.without(group)
+        return RemovalPlan(tuple(removals), queue)
+
+    def _least_sentence(self, packed: frozenset[int], known: OcclusionResult | None) -> str:
+        least = known.least_occluded(packed) if known else min(packed)
+        ratio = known.first_hit.get(least, 0.0) if known else 0.0
+        (name,) = self._session.names([least])
+        return least_occluded_sentence(name, ratio)
+
+    def _known_next(
+        self, chosen: frozenset[int] | None, count: int, packed: frozenset[int]
+    ) -> NextUnpackable | None:
+        key = self._next_key(chosen, count)
+        if packed != key.occlusion.packed:
+            return None
+        found: NextUnpackable | None = self._cache.find(key, NextUnpackableKey.covers)
+        return found
+
+    # Other directions.
+
+    def bag_up(self) -> Vector:
+        """Return up of the bag as it lies on its largest face, unit vector in world."""
+        session = self._session
+        z, y, x = (float(v) for v in session.view_state.up)
+        key = BagUpKey(session.label_data.revision, (z, y, x))
+        known = self._cache.find(key)
+        if known is None:
+            known = bag_up(oriented_box(session.bag.outer_points(), session.spacing), (z, y, x))
+            self._cache.keep(key, known)
+        return known  # type: ignore[no-any-return]
+
+    def survey(self) -> DirectionSurvey:
+        """Return what blocks what along 26 directions; casts rays where that is not known."""
+        task = self.survey_task()
+        if task is not None:
+            self._cache.keep(task.key, task.run(no_progress))
+        return self._known_survey() or DirectionSurvey((), 0.0)
 
     def survey_task(self) -> Task[DirectionSurvey] | None:
         """Return the task that looks along 26 directions; None where that is known."""
-        question = self._session.survey_question()
-        return None if question is None else Task(question, question.answer)
+        key = self._survey_key()
+        if not key.packed or self._known_survey() is not None:
+            return None
+        return Task(key, partial(find_survey, key, self._survey_counts(key)))
 
-    def reveal_plan_task(self, object_id: int) -> Task[Any] | None:
-        """Return the task that finds the least that frees a buried object; None where known."""
-        question = self._session.reveal_question(object_id)
-        return Task(question, question.answer)
+    def _survey_key(self) -> SurveyKey:
+        session = self._session
+        return SurveyKey(session.label_data.revision, session.rules.tolerance, self.packed)
+
+    def _known_survey(self) -> DirectionSurvey | None:
+        found: DirectionSurvey | None = self._cache.find(self._survey_key(), SurveyKey.covers)
+        return found
+
+    def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
+        session = self._session
+        lower, upper, camera = session.bag.lower, session.bag.upper, session.view_state.camera
+        coarsest = float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
+        pitch = max(float(session.spacing.min()), coarsest)
+        visible, rays = session.label_data.visible(key.packed), session.ray_queries
+        backend = session.backend
+
+        def counts(direction: Vector) -> OcclusionCounts:
+            looking, size = view_along(direction, lower, upper, pitch, camera)
+            return rays.occlusion_counts(looking, visible, size, backend)
+
+        return counts
+
+    def best_direction(self) -> BestDirection | None:
+        """Return the direction along which the most objects can leave, as far as is known.
+
+        None also where nothing is unpackable along any of them. Ties go to the one nearest D.
+        """
+        known = self._known_survey()
+        if known is None:
+            return None
+        most = self._session.rules.max_group_size
+        return best_direction(known.directions, self.packed, most, self.direction)
 
     def reveal_plan(self, object_id: int) -> RevealPlan:
-        """Return the least that must leave for a buried object to leave."""
+        """Return the least that must leave for a buried object to leave.
+
+        Raises
+        ------
+        NoTableError
+            If there are too many objects, or the rule has no table of blockers.
+        """
         task = self.reveal_plan_task(object_id)
-        if self._plan is None or self._plan[1].target != object_id:
-            assert task is not None
+        if task is not None:
             self.store(task, task.run(no_progress))
-        assert self._plan is not None
-        return self._plan[1]
+        known: RevealResult = self._cache.find(RevealKey(object_id, self._occlusion_key()))
+        return known.plan
 
-    def labels_task(self, way: Literal["undo", "redo"]) -> Task[Any] | None:
-        """Return the task that works out the labels after undo or redo; None where known."""
-        question = self._session.labels_question(way)
-        return None if question is None else Task(question, lambda _: question.answer())
+    def reveal_plan_task(self, object_id: int) -> Task[RevealResult] | None:
+        """Return the task that finds what frees a packed object; None where that is known."""
+        key = RevealKey(object_id, self._occlusion_key())
+        if self._cache.find(key) is not None:
+            return None
+        survey_key, known = self._survey_key(), self._known_survey()
+        find = partial(find_survey, survey_key, self._survey_counts(survey_key))
+        look = self._find_occlusion()
 
-    def store(self, task: Task[Any], result: Any) -> bool:
-        """Keep the result of a task; return False where it no longer serves."""
-        if result is None:
-            return False
-        session, kind = self._session, type(task.key).__name__
-        if kind == "OcclusionQuestion":
-            return session.accept_answer(result)
-        if kind == "GlimpseQuestion":
-            return session.accept_glimpse(result)
-        if kind == "SurveyQuestion":
-            return session.accept_survey(result)
-        if kind == "RevealQuestion":
-            self._plan = task.key, result.unearthing
-            return session.accept_reveal(result)
-        if kind == "HueQuestion":
-            session.__dict__["_hues_found"] = result
-            return True
-        session.accept_labels(result)
-        return True
+        def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
+            z, y, x = (float(v) for v in direction)
+            wanted = replace(key.near, direction=(z, y, x))
+            found = self._known_occlusion(wanted)
+            return wanted, look(wanted) if found is None else found
+
+        def run(progress: Progress) -> RevealResult:
+            survey = find(progress) if known is None else known
+            return find_reveal_plan(key, (survey_key, survey), looked)
+
+        return Task(key, run)
+
+    # How it looks.
+
+    def hues(self, keep: bool = True) -> dict[int, float]:
+        """Return hues that keep the packed neighbours of this view apart.
+
+        Parameters
+        ----------
+        keep : bool
+            Keep hues that still separate.
+        """
+        task = self.hues_task(keep)
+        if task is None:
+            return self._cache.find(self._hues_key(keep))  # type: ignore[no-any-return]
+        found = task.run(no_progress)
+        self._cache.keep(task.key, found)
+        return found
+
+    def hues_task(self, keep: bool = True) -> Task[dict[int, float]] | None:
+        """Return the task that chooses hues for this view; None where they are known."""
+        key, session = self._hues_key(keep), self._session
+        if self._cache.find(key) is not None:
+            return None
+        view, visible = session.view_state, session.label_data.visible(key.visibility.packed)
+        rays, backend, cache = session.ray_queries, session.backend, self._cache
+        previous = session.state.hues if key.previous is not None else None
+
+        def run(_: Progress) -> dict[int, float]:
+            graph: nx.Graph | None = cache.find(key.visibility)
+            if graph is None:
+                graph = colors.find_interference(
+                    key.visibility, rays, visible, view.clipping, backend
+                )
+                cache.keep(key.visibility, graph)
+            return assign_hues(graph, previous, key.margin, locked=key.locked)
+
+        return Task(key, run)
+
+    def _hues_key(self, keep: bool) -> HuesKey:
+        session = self._session
+        view, data = session.view_state, session.label_data
+        shown = frozenset(i for i, s in self.states().items() if s is ObjectState.PACKED)
+        visibility = VisibilityKey(
+            data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
+        )
+        # Before hues were chosen for any view there is nothing worth keeping.
+        previous = Identity(session.state.hues) if keep and view.recolored else None
+        return HuesKey(visibility, previous, view.hue_margin, view.locked_hues)
+
+    def states(self) -> dict[int, ObjectState]:
+        """Return where every object is, by ID; treat as read-only."""
+        session = self._session
+        flights, state = session.flights, session.state
+        key = StatesKey(state, flights.version, session.label_data.revision)
+        known: dict[int, ObjectState] | None = self._cache.find(key)
+        if known is None:
+            known = {i: state.state(i) for i in session.label_data.ids}
+            for i, flight in flights.items():
+                known[i] = ObjectState.FLYING_BACK if flight.back else ObjectState.FLYING_OUT
+            self._cache.keep(key, known)
+        return known
+
+    def slots(self) -> Slots:
+        """Return where unpacked objects wait, planned for all of them at once."""
+        session, view = self._session, self._session.view_state
+        radius = session.bag.radius_in(view.camera.stretch)
+        count = session.label_data.most_objects
+        key = SlotsKey(count, radius, view.canvas_size, view.camera.fov)
+        known = self._cache.find(key)
+        if known is None:
+            known = arrange(*key)
+            self._cache.keep(key, known)
+        return known  # type: ignore[no-any-return]
+
+    # Labels of other steps.
+
+    def labels_at(self, edit: Edit | None) -> LabelData:
+        """Return the labels after an edit."""
+        data = self._session.label_data
+        known: LabelData | None = self._cache.find(LabelsKey(data.revision, edit))
+        return data.at(edit) if known is None else known
+
+    def labels_task(self, way: Literal["undo", "redo"]) -> Task[LabelData] | None:
+        """Return the task that works out the labels after undo or redo.
+
+        None where they are known at once: most steps leave the labels alone, and those before
+        the last edit are kept. Otherwise it takes a second for a large volume.
+        """
+        session, source = self._session, self._session.label_data
+        edit = session.history.edit_after(way, session.state.labels_edit)
+        key = LabelsKey(source.revision, edit)
+        if source.knows(edit) or self._cache.find(key) is not None:
+            return None
+        return Task(key, lambda _: source.at(edit))

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import RenderCache
-from napari_unpack.session.state import ObjectState
+from napari_unpack.session.labels import LabelData
+from napari_unpack.session.object_state import ObjectState
 
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
@@ -30,46 +31,49 @@ class SceneDescription:
         return known[1]
 
     def _described(self, session: Session) -> Scene:
-        situation, states = session._situation, session.states
+        state, view, data, states = (
+            session.state, session.view_state, session.label_data, session.states,
+        )  # fmt: skip
         return Scene(
             volume=session.volume,
-            label_data=session._contents,
+            label_data=data,
             spacing=session.spacing,
-            transfer_function=situation.transfer_function,
+            transfer_function=state.transfer_function,
             packed=frozenset(i for i, s in states.items() if s is ObjectState.PACKED),
             inspected=tuple(i for i, s in states.items() if s is ObjectState.INSPECTED),
             flights=dict(session.flights),
             poses=session.poses,
-            hues=situation.hues,
-            tint_mode=session.tint_mode,
-            show_unlabelled=session.show_unlabelled,
-            styles=situation.studies,
-            mean_densities=self._mean_densities(session),
-            clipping=session.clipping,
-            decorations=session.surroundings,
-            largest_id=session._top,
+            hues=state.hues,
+            tint_mode=view.tint_mode,
+            show_unlabelled=view.show_unlabelled,
+            styles=state.styles,
+            mean_densities=self._mean_densities(data),
+            clipping=view.clipping,
+            decorations=view.decorations,
+            largest_id=data.largest_id,
             cache=self._cache,
         )
 
-    def _mean_densities(self, session: Session) -> dict[int, float]:
-        facts = session._contents.facts
+    def _mean_densities(self, data: LabelData) -> dict[int, float]:
         known = self._densities
-        if known is None or known[0] is not facts:
-            known = self._densities = facts, facts["mean_density"].to_dict()
+        if known is None or known[0] is not data.facts:
+            known = self._densities = data.facts, data.facts["mean_density"].to_dict()
         return known[1]
 
 
 def _parts(session: Session) -> tuple[Any, ...]:
     """Return what a scene is made of; each part is exchanged, never changed."""
+    view = session.view_state
+    # Not the whole of the view: every movement of the camera makes another one.
     return (
-        session._contents,
-        session._situation,
-        session.clipping,
-        session.surroundings,
+        session.label_data,
+        session.state,
         session.slots,
-        session.camera.stretch.tobytes(),
-        session.tint_mode,
-        session.show_unlabelled,
+        view.clipping,
+        view.decorations,
+        view.camera.stretch.tobytes(),
+        view.tint_mode,
+        view.show_unlabelled,
         *session.flights.values(),
     )
 

@@ -1,22 +1,32 @@
-"""What a session is at one moment, immutable: undo keeps the old ones."""
+"""What a session is at one moment: three frozen parts, of which undo keeps the first."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from napari_unpack.appearance import TransferFunction
+from napari_unpack.appearance import Decorations, TransferFunction
+from napari_unpack.appearance.tints import MODES, Mode
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.labels import Edit
-from napari_unpack.session.object_state import ObjectState as ObjectState
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.validation import checked_planes
 from napari_unpack.unpacking import Queue, Slots
+from napari_unpack.unpacking.occlusion import Rule
 
+__all__ = ["ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
+
+Group = tuple[int, ...]
+
+# A reflection in a point followed by this is a reflection of right and left in the picture.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
-"""A reflection in a point and this: a reflection of right and left in the picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +58,21 @@ class Placement:
     rotation: Matrix
     picture_mm: tuple[float, float]
     direction: Vector
-    group: tuple[int, ...]
+    group: Group
     placed: Pose | None = None
     within: tuple[float, float] | None = None
     turned_mm: tuple[float, float] | None = None
 
     def pose(self, slots: Slots, stretch: Matrix) -> Pose:
-        """Return its pose in pivot space, where the bag is stretched so (`Camera.stretch`)."""
+        """Return its pose in pivot space.
+
+        Parameters
+        ----------
+        slots : Slots
+            Of the window as it is now.
+        stretch : (3, 3) ndarray of float64
+            How the bag is stretched (`Camera.stretch`).
+        """
         scale = slots.scale(*self.picture_mm)
         if self.turned_mm is not None:
             scale = min(scale, slots.cell_mm / max(self.turned_mm))
@@ -67,7 +85,15 @@ class Placement:
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
     def turned(self, rotation: Matrix, picture_mm: tuple[float, float]) -> Placement:
-        """Return it held another way, with that picture: it stays in its place and fits there."""
+        """Return it held another way; it stays in its place and fits there.
+
+        Parameters
+        ----------
+        rotation : (3, 3) ndarray of float64
+            From (stretched) world axes to pivot axes.
+        picture_mm : (float, float)
+            Width and height of its picture then.
+        """
         placed = None if self.placed is None else replace(self.placed, rotation=rotation)
         return replace(self, rotation=rotation, placed=placed, turned_mm=picture_mm)
 
@@ -85,106 +111,77 @@ class SessionState:
 
     Parameters
     ----------
-    out : dict of int to Placement
+    transfer_function : TransferFunction
+        The master's.
+    hues : mapping of int to float
+        By ID.
+    placements : dict of int to Placement
         Objects outside the bag, in the order in which they left.
     hidden : frozenset of int
         Objects put out of sight, in the bag or outside.
     inspected : int, optional
         The object looked at alone.
     queue : Queue
-        Who leaves next.
-    hues : mapping of int to float
-        By ID.
+        Which objects leave next.
     names : mapping of int to str
         By ID, where a person gave one.
     direction : str or (3,) tuple of float, optional
         D as it was asked for; None is the opposite of the view.
-    ahead : tuple of dict of int to Placement
-        Departures that `at_step` has taken back, the next one first: going forward again
+    undone : tuple of dict of int to Placement
+        Removals that `commands.go_to` has taken back, the next one first: going forward again
         repeats them. Any other command that moves, hides or shows objects forgets them.
-    studies : mapping of int to ObjectStyle
-        By ID, how those are shown alone that have an opacity or a cut of their own.
-    edit : Edit, optional
-        The last repair of the labels; None as they were given.
-    good : frozenset of int
+    labels_edit : Edit, optional
+        The last edit of the labels; None as they were given.
+    examples : frozenset of int
         Objects a person marked as examples of whole ones.
-    transfer_function : TransferFunction
+    styles : mapping of int to ObjectStyle
+        By ID, how those are shown alone that have an opacity or a cut of their own.
     """
 
     transfer_function: TransferFunction
     hues: Mapping[int, float]
-    out: dict[int, Placement] = field(default_factory=dict)
+    placements: dict[int, Placement] = field(default_factory=dict)
     hidden: frozenset[int] = frozenset()
     inspected: int | None = None
     queue: Queue = field(default_factory=Queue)
     names: Mapping[int, str] = field(default_factory=dict)
     direction: str | tuple[float, float, float] | None = None
-    ahead: tuple[Mapping[int, Placement], ...] = ()
-    edit: Edit | None = None
-    good: frozenset[int] = frozenset()
-    studies: Mapping[int, ObjectStyle] = field(default_factory=dict)
+    undone: tuple[Mapping[int, Placement], ...] = ()
+    labels_edit: Edit | None = None
+    examples: frozenset[int] = frozenset()
+    styles: Mapping[int, ObjectStyle] = field(default_factory=dict)
 
     @property
-    def removals(self) -> tuple[tuple[int, ...], ...]:
-        """Who is out, group by group in the order in which they left."""
-        return tuple(dict.fromkeys(placement.group for placement in self.out.values()))
+    def removals(self) -> tuple[Group, ...]:
+        """What is out, group by group in the order in which they left."""
+        return tuple(dict.fromkeys(placement.group for placement in self.placements.values()))
 
-    def at_step(self, step: int) -> SessionState:
-        """Return the situation with so many departures done, as far as they are known.
+    def packed(self, known: frozenset[int]) -> frozenset[int]:
+        """Return which of the known objects stand in the way of others.
 
-        Hidden objects go too: the start of an unpacking is a packed bag.
+        What is on its way back counts as being there, and so does what is inspected: it goes
+        back where it was.
         """
-        done = self.removals
-        if step >= len(done):
-            known = self.ahead[: step - len(done)]
-            placements = {i: placement for departure in known for i, placement in departure.items()}
-            return replace(self.with_out(placements), ahead=self.ahead[len(known) :])
-        gone = [{i: self.out[i] for i in group if i in self.out} for group in done[step:]]
-        back = [i for departure in gone for i in departure]
-        return replace(self.with_back(back), ahead=(*gone, *self.ahead))
+        return known.difference(self.placements, self.hidden)
 
     def state(self, object_id: int) -> ObjectState:
-        """Return where an object is once nobody flies any more."""
+        """Return where an object is once nothing flies any more."""
         if object_id in self.hidden:
             return ObjectState.HIDDEN
         if object_id == self.inspected:
             return ObjectState.INSPECTED
-        return ObjectState.UNPACKED if object_id in self.out else ObjectState.PACKED
-
-    def with_out(self, placements: Mapping[int, Placement]) -> SessionState:
-        """Return the situation after objects have left the bag."""
-        queue = self.queue.without(placements)
-        return replace(self, out={**self.out, **placements}, queue=queue, ahead=())
-
-    def with_back(self, ids: Iterable[int]) -> SessionState:
-        """Return the situation after objects have gone back, the first given at the head."""
-        back = tuple(ids)
-        returned = set(back)
-        kept = {i: placement for i, placement in self.out.items() if i not in returned}
-        return replace(self, out=kept, queue=self.queue.put_back(back), ahead=())
-
-    def with_hidden(self, ids: Iterable[int]) -> SessionState:
-        """Return the situation after objects have been put out of sight."""
-        gone = frozenset(ids)
-        inspected = None if self.inspected in gone else self.inspected
-        queue = self.queue.without(gone)
-        return replace(self, hidden=self.hidden | gone, inspected=inspected, queue=queue, ahead=())
-
-    def with_shown(self, ids: Iterable[int]) -> SessionState:
-        """Return the situation after objects have come into sight again.
-
-        The queue is emptied where one of them is in the bag: it may block others.
-        """
-        back = frozenset(ids) & self.hidden
-        blocking = any(i not in self.out for i in back)
-        queue = replace(self.queue, groups=()) if blocking else self.queue
-        return replace(self, hidden=self.hidden - back, queue=queue, ahead=())
+        return ObjectState.UNPACKED if object_id in self.placements else ObjectState.PACKED
 
     def with_changes_of(self, source: SessionState, target: SessionState) -> SessionState:
-        """Return this situation with what differs from `source` to `target` set as in `target`.
+        """Return this state with what differs from `source` to `target` set as in `target`.
 
         Undoing a step takes back what that step changed and leaves alone what has changed
         otherwise since, such as hues renewed for another view.
+
+        Parameters
+        ----------
+        source, target : SessionState
+            Before and after, in the direction of the change.
         """
         changes = {
             f.name: getattr(target, f.name)
@@ -192,3 +189,107 @@ class SessionState:
             if getattr(source, f.name) is not getattr(target, f.name)
         }
         return replace(self, **changes)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewState:
+    """How a session is looked at: nothing of it can be undone.
+
+    Parameters
+    ----------
+    view : View
+        As it was asked for.
+    camera : Camera
+        The view with nothing left open.
+    canvas_size : (int, int)
+        Height and width of the window in pixels.
+    selected : frozenset of int
+        Objects selected in the picture or in the table.
+    clipping : (N, 2, 3) ndarray of float64
+        Planes that cut the packed bag open, point and normal in voxels, z y x; see
+        `validation.checked_planes`.
+    decorations : Decorations
+        Background, box and scale bar.
+    tint_mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    show_unlabelled : bool
+        Whether matter that belongs to no object shows.
+    locked_hues : frozenset of int
+        Objects whose hue recolouring leaves alone.
+    hue_margin : float
+        Fraction of every hue arc left empty.
+    up : (3,) ndarray of float64
+        Away from the scanner's table, unit vector in world.
+    recolored : bool
+        Whether hues were chosen for a view yet: only then is there something to keep.
+
+    Raises
+    ------
+    ValueError
+        If the canvas has no pixel, or the tint mode is none of the three.
+    """
+
+    view: View
+    camera: Camera
+    canvas_size: tuple[int, int] = (768, 1024)
+    selected: frozenset[int] = frozenset()
+    clipping: NDArray[np.float64] = field(default_factory=lambda: checked_planes(None))
+    decorations: Decorations = field(default_factory=lambda: Decorations.of("dark"))
+    tint_mode: Mode = "perceptual"
+    show_unlabelled: bool = False
+    locked_hues: frozenset[int] = frozenset()
+    # Neighbours come out at least 0.4 / C of the circle apart, C being the number of arcs.
+    hue_margin: float = 0.4
+    up: Vector = field(default_factory=lambda: np.array(GRAVITY_UP))
+    recolored: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be shown."""
+        if min(self.canvas_size) < 1:
+            raise ValueError(
+                f"canvas_size must be at least (1, 1) pixels, got {self.canvas_size!r}"
+            )
+        if self.tint_mode not in MODES:
+            raise ValueError(f"tint_mode must be one of {', '.join(MODES)}, got {self.tint_mode!r}")
+
+
+@dataclass(frozen=True)
+class UnpackingRules:
+    """The rules by which objects may leave; a queue filled by others is worthless.
+
+    Parameters
+    ----------
+    rule : str
+        What counts as unpackable; see `unpacking.unpackable_ids`.
+    tolerance : float
+        Share of an object that may be blocked and it still counts as unpackable.
+    max_group_size : int
+        Interlocked groups of up to so many leave together; a larger one stays.
+    take_least_occluded : bool
+        What happens where nothing is unpackable: True takes the least occluded, False raises.
+
+    Raises
+    ------
+    ValueError
+        If there is no such rule, or a number is out of range.
+    """
+
+    rule: Rule = "exact"
+    tolerance: float = 0.0
+    # Half a bag flying out at once shows nothing.
+    max_group_size: int = 4
+    take_least_occluded: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse rules that cannot be."""
+        if self.rule not in get_args(Rule):
+            raise ValueError(f"rule must be one of {', '.join(get_args(Rule))}, got {self.rule!r}")
+        if not 0.0 <= self.tolerance < 1.0:
+            raise ValueError(f"tolerance must be in [0, 1), got {self.tolerance!r}")
+        if self.max_group_size < 1:
+            raise ValueError(f"max_group_size must be at least 1, got {self.max_group_size!r}")
+
+    @property
+    def terms(self) -> tuple[object, ...]:
+        """All of them as a tuple, as queues carry it."""
+        return (self.rule, self.tolerance, self.max_group_size, self.take_least_occluded)

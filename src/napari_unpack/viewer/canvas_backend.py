@@ -278,7 +278,7 @@ class CanvasBackend:
             step,
             lambda: session.solo_tints(object_id),
             done,
-            lambda: session.study(object_id).planes(voxels),
+            lambda: session.style(object_id).planes(voxels),
             lambda: session.transfer_function_of(object_id),
         )
 

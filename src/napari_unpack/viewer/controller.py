@@ -516,7 +516,7 @@ class SessionController:
         self.events.message.emit(f"This graphics driver cannot show images in napari ({log}).")
 
     def _on_decorations(self) -> None:
-        decorate_canvas(self._viewer, self._session.surroundings)
+        decorate_canvas(self._viewer, self._session.decorations)
         self._renderer.decorations_changed()
 
     def _on_removed(self, event: Any) -> None:

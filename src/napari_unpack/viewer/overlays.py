@@ -185,7 +185,9 @@ def draw_outlines(
     def front(ids: frozenset[int]) -> NDArray[np.int32]:
         visible = np.zeros(len(session.packed_tints()), np.bool_)
         visible[list(ids)] = True
-        layers: NDArray[np.int32] = session.casters.ids(frame.camera, visible, frame.size, 1)
+        layers: NDArray[np.int32] = session.ray_queries.object_ids(
+            frame.camera, visible, frame.size, 1, session.clipping, session.backend
+        )
         return layers[0]
 
     rgba = outlined(front(packed), inks)

@@ -219,7 +219,7 @@ class SceneRenderer:
 
     def decorations_changed(self) -> None:
         """Follow the session's background and box."""
-        around = self.session.surroundings
+        around = self.session.decorations
         self.packed.backdrop = self.packed.backdrop or backdrop_of(self.session)
         self.packed.backdrop.show(around)
         self.sprites.on_light(around.background.is_light)
@@ -466,4 +466,4 @@ def backdrop_of(session: Session) -> Backdrop:
     boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
     lower = (boxes.lower.min(axis=0) - 0.5) * spacing
     upper = (boxes.upper.max(axis=0) - 0.5) * spacing
-    return Backdrop(lower, upper, session.surroundings)
+    return Backdrop(lower, upper, session.decorations)

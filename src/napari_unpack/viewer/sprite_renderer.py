@@ -111,7 +111,7 @@ class SpriteRenderer:
         self._publish()
 
     def _key(self, object_id: int, pose: Pose, fine: float) -> Hashable:
-        tint = self._session.tint_alone(object_id).tobytes()
+        tint = self._session.scene().tint_alone(object_id).tobytes()
         style = self._session.scene().style(object_id)
         held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
         return *held, tint, fine, style, self._revision

@@ -103,7 +103,7 @@ class BackgroundOptions(Collapsible):
         session = self._workspace.session
         if session is None:
             return
-        around = session.surroundings
+        around = session.decorations
         self._chosen = background = around.background
         titles = {**{name: title for title, name in NAMED.items()}, "napari": NAPARIS}
         default = COLOR if background.image is None else IMAGE

@@ -116,12 +116,12 @@ class InspectionBox(QWidget):
         session, object_id = self._workspace.session, self._inspected
         if session is None or not object_id:
             return
-        own = session.study(object_id).transfer_function
+        own = session.style(object_id).transfer_function
         if self._points is not None:
             colors = session.transfer_function_of(object_id).colors
             with errors_shown():
                 own = TransferFunction(self._points, colors)
-        session.set_study(object_id, ObjectStyle(own, self._cutting_plane()))
+        session.set_style(object_id, ObjectStyle(own, self._cutting_plane()))
 
     def _cutting_plane(self) -> tuple[Vector, Vector] | None:
         """Return the plane that cuts the nearest part away, as the object is turned now."""
@@ -137,7 +137,7 @@ class InspectionBox(QWidget):
     def _reset(self) -> None:
         session = self._workspace.session
         if session is not None and self._inspected:
-            session.set_study(self._inspected, None)
+            session.set_style(self._inspected, None)
             self._load(session, self._inspected)
 
 

@@ -15,7 +15,7 @@ from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
-    from napari_unpack.session.label_edits import LabelEditor, Repair
+    from napari_unpack.session.label_edits import EditedLabels, LabelEditor
     from napari_unpack.viewer.label_sync import LabelSync
     from napari_unpack.viewer.split_tool import SplitTool, Voxel
 
@@ -107,7 +107,7 @@ class RepairTools(QObject):
         self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
         self.busy.emit(True)
 
-    def _take(self, session: Session, edit: Repair | None) -> None:
+    def _take(self, session: Session, edit: EditedLabels | None) -> None:
         self.busy.emit(False)
         # A repair of a session that is no longer shown would come as a surprise.
         if edit is None or session is not self._workspace.session:

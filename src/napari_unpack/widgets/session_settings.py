@@ -112,4 +112,4 @@ class SessionSettings:
         """
         if (session := self._workspace.session) is not None:
             with errors_shown():
-                session.surroundings = make()
+                session.decorations = make()

@@ -1,0 +1,302 @@
+"""What the verbs of a session do to its state: pure functions, without rays and without events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.session.labels import Edit
+from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
+from napari_unpack.session.state import Group, Placement, SessionState
+from napari_unpack.unpacking import Queue
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """One object or group that leaves.
+
+    Parameters
+    ----------
+    group : tuple of int
+        What leaves together.
+    direction : (3,) ndarray of float64
+        Along which, unit vector in world.
+    packed : int
+        How many objects are in the bag before.
+    source : OcclusionResult or NextUnpackable, optional
+        The result that says it can leave; None where it is not known any more.
+    least_occluded : bool
+        Whether it leaves for want of anything unpackable.
+    """
+
+    group: Group
+    direction: Vector
+    packed: int
+    source: OcclusionResult | NextUnpackable | None
+    least_occluded: bool = False
+
+    @property
+    def ratio(self) -> float:
+        """Occlusion ratio (`first_hit`); 0 but for the least occluded object."""
+        if self.least_occluded and isinstance(self.source, OcclusionResult):
+            return float(self.source.first_hit.get(self.group[0], 0.0))
+        return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RemovalPlan:
+    """What leaves by one command, in order.
+
+    Parameters
+    ----------
+    removals : tuple of Removal
+    queue : Queue
+        As they leave it behind.
+    """
+
+    removals: tuple[Removal, ...]
+    queue: Queue
+
+    @property
+    def ids(self) -> Group:
+        """Every object that leaves, in order."""
+        return tuple(i for removal in self.removals for i in removal.group)
+
+
+Hold = Callable[[int, int, Group, Vector], Placement]
+"""Given an object, its slot, its group and D, chooses how the object is held."""
+
+
+def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> SessionState:
+    """Take objects out of the bag.
+
+    Parameters
+    ----------
+    state : SessionState
+    plan : RemovalPlan
+        Made for this state.
+    hold : callable
+        Given an object, its slot, its group and D, returns its placement.
+    slots : int
+        How many slots there are; objects take the first that are empty.
+    """
+    placements = dict(state.placements)
+    for removal in plan.removals:
+        taken = {placement.slot for placement in placements.values()}
+        empty = (k for k in range(slots) if k not in taken)
+        for object_id, slot in zip(removal.group, empty, strict=False):
+            placements[object_id] = hold(object_id, slot, removal.group, removal.direction)
+    return replace(state, placements=placements, queue=plan.queue, undone=())
+
+
+def returning(state: SessionState, wanted: Iterable[int]) -> Group:
+    """Return what goes back where some objects are to, the latest to leave first.
+
+    What left as a group returns as one; a hidden member returns with it and stays hidden.
+    """
+    mates = {mate for i in wanted for mate in state.placements[i].group}
+    return tuple(i for i in reversed(state.placements) if i in mates)
+
+
+def restore(state: SessionState, ids: Sequence[int]) -> SessionState:
+    """Put objects back into the bag.
+
+    Parameters
+    ----------
+    state : SessionState
+    ids : sequence of int
+        The latest to leave first: the one restored last was the first to leave, so it stands at
+        the head of the queue.
+    """
+    inspected = None if state.inspected in ids else state.inspected
+    return replace(_put_back(state, ids[::-1]), inspected=inspected, undone=())
+
+
+def _put_back(state: SessionState, ids: Sequence[int]) -> SessionState:
+    gone = set(ids)
+    kept = {i: placement for i, placement in state.placements.items() if i not in gone}
+    return replace(state, placements=kept, queue=state.queue.put_back(ids))
+
+
+def go_to(state: SessionState, step: int) -> SessionState:
+    """Take back or repeat removals until so many are done, as far as they are known.
+
+    Parameters
+    ----------
+    state : SessionState
+    step : int
+        Hidden objects go back too at 0: the start of an unpacking is a packed bag.
+    """
+    done = state.removals
+    if step >= len(done):
+        known = state.undone[: step - len(done)]
+        again = {i: placement for removal in known for i, placement in removal.items()}
+        return replace(
+            state,
+            placements={**state.placements, **again},
+            queue=state.queue.without(again),
+            undone=state.undone[len(known) :],
+            inspected=None,
+        )
+    placements = state.placements
+    gone = [{i: placements[i] for i in group if i in placements} for group in done[step:]]
+    back = _put_back(state, [i for removal in gone for i in removal])
+    return replace(back, undone=(*gone, *state.undone), inspected=None)
+
+
+def inspect(state: SessionState, object_id: int | None) -> SessionState:
+    """Look at one object alone, or at none.
+
+    Parameters
+    ----------
+    state : SessionState
+    object_id : int or None
+    """
+    return replace(state, inspected=object_id)
+
+
+def hide(state: SessionState, ids: Iterable[int]) -> SessionState:
+    """Put objects out of sight.
+
+    Parameters
+    ----------
+    state : SessionState
+    ids : iterable of int
+    """
+    gone = frozenset(ids)
+    inspected = None if state.inspected in gone else state.inspected
+    queue = state.queue.without(gone)
+    return replace(state, hidden=state.hidden | gone, inspected=inspected, queue=queue, undone=())
+
+
+def show(state: SessionState, ids: Iterable[int]) -> SessionState:
+    """Bring hidden objects into sight again.
+
+    Parameters
+    ----------
+    state : SessionState
+    ids : iterable of int
+        The queue is emptied where one of them is in the bag: it may block others.
+    """
+    back = frozenset(ids) & state.hidden
+    blocking = any(i not in state.placements for i in back)
+    queue = replace(state.queue, groups=()) if blocking else state.queue
+    return replace(state, hidden=state.hidden - back, queue=queue, undone=())
+
+
+def isolate(state: SessionState, ids: Iterable[int], known: frozenset[int]) -> SessionState:
+    """Show these objects and hide all others.
+
+    Parameters
+    ----------
+    state : SessionState
+    ids : iterable of int
+    known : frozenset of int
+        Every object.
+    """
+    wanted = frozenset(ids)
+    return hide(show(state, wanted), known - wanted)
+
+
+def move(state: SessionState, object_id: int, placement: Placement) -> SessionState:
+    """Keep an unpacked object another way: elsewhere, or turned.
+
+    Parameters
+    ----------
+    state : SessionState
+    object_id : int
+    placement : Placement
+    """
+    return replace(state, placements={**state.placements, object_id: placement})
+
+
+def place(
+    placement: Placement,
+    pose: Pose,
+    window_mm: tuple[float, float],
+    picture: Callable[[Matrix], tuple[float, float]],
+) -> Placement:
+    """Return a placement put somewhere else by hand.
+
+    Parameters
+    ----------
+    placement : Placement
+    pose : Pose
+        In pivot space.
+    window_mm : (float, float)
+        Height and width of the window, mm.
+    picture : callable
+        Given how the object is held, returns width and height of its picture, mm.
+    """
+    placed = replace(placement, placed=pose, within=window_mm)
+    if np.array_equal(placed.rotation, pose.rotation):
+        return placed
+    return placed.turned(pose.rotation, picture(pose.rotation))
+
+
+def mirror(state: SessionState) -> SessionState:
+    """Mirror all pictures, since the bag is mirrored from now on."""
+    placements = {i: placement.mirrored() for i, placement in state.placements.items()}
+    return replace(state, placements=placements)
+
+
+def rename(state: SessionState, object_id: int, name: str) -> SessionState:
+    """Give an object a name.
+
+    Parameters
+    ----------
+    state : SessionState
+    object_id : int
+    name : str
+    """
+    return replace(state, names={**state.names, object_id: name})
+
+
+def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) -> SessionState:
+    """Give an object an opacity or a cut of its own.
+
+    Parameters
+    ----------
+    state : SessionState
+    object_id : int
+    style : ObjectStyle or None
+        None, or one that says nothing, takes both away.
+    """
+    styles = {i: one for i, one in state.styles.items() if i != object_id}
+    if style is not None and (style.transfer_function or style.cut):
+        styles[object_id] = style
+    return replace(state, styles=styles)
+
+
+def edit_labels(
+    state: SessionState, edit: Edit, known: frozenset[int], new_hues: Mapping[int, float]
+) -> SessionState:
+    """Follow an edit of the labels.
+
+    Parameters
+    ----------
+    state : SessionState
+    edit : Edit
+        The last one made.
+    known : frozenset of int
+        The objects there are then.
+    new_hues : mapping of int to float
+        Of those that were not there before.
+    """
+    return replace(
+        state,
+        hues={i: hue for i, hue in state.hues.items() if i in known} | dict(new_hues),
+        names={i: name for i, name in state.names.items() if i in known},
+        hidden=state.hidden & known,
+        examples=state.examples & known,
+        inspected=None if state.inspected in edit.change.touched else state.inspected,
+        # Other objects may block each other now.
+        queue=Queue(),
+        undone=(),
+        labels_edit=edit,
+    )

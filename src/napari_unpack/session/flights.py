@@ -1,0 +1,115 @@
+"""What changes with time: objects on their way out of the bag and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.session.placement import Bag, launch
+from napari_unpack.session.state import Placement, SessionState
+from napari_unpack.unpacking import Flight, Slots
+
+
+class FlightControl(Mapping[int, Flight]):
+    """The flights in the air, by ID: starts, reverses and lands them.
+
+    Parameters
+    ----------
+    clock : callable
+        Returns the time in seconds by which flights go.
+
+    Attributes
+    ----------
+    animated : bool
+        False: nothing flies, verbs finish at once.
+    seconds : float
+        What one flight takes.
+    version : int
+        Counts the changes.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.clock = clock
+        self.animated = False
+        # Long enough to see where an object goes, short enough to unpack twenty.
+        self.seconds = 1.2
+        self.version = 0
+        self._flights: dict[int, Flight] = {}
+
+    def __getitem__(self, object_id: int) -> Flight:
+        return self._flights[object_id]
+
+    def __iter__(self) -> Iterator[int]:
+        # Workers may look on while objects land.
+        return iter(tuple(self._flights))
+
+    def __len__(self) -> int:
+        return len(self._flights)
+
+    def follow(
+        self, before: SessionState, after: SessionState, bag: Bag, slots: Slots, stretch: Matrix
+    ) -> None:
+        """Start and reverse flights as one state becomes another.
+
+        Parameters
+        ----------
+        before, after : SessionState
+        bag : Bag
+        slots : Slots
+            Where unpacked objects wait.
+        stretch : (3, 3) ndarray of float64
+            How the bag is stretched (`Camera.stretch`).
+        """
+        self.land(i for i in self if i in after.hidden or i == after.inspected)
+        out, was = after.placements, before.placements
+        moved = [i for i in {**out, **was} if (i in was) != (i in out)]
+        if not self.animated:
+            self.land(moved)
+            return
+        now = self.clock()
+        flights = dict(self._flights)
+        starting: dict[bool, dict[int, Placement]] = {False: {}, True: {}}
+        for i in moved:
+            if i in before.hidden or i in after.hidden:
+                continue
+            back = i in was
+            placement = (was if back else out)[i]
+            if i not in flights:
+                starting[back][i] = placement
+            elif flights[i].back != back:
+                # It turns round where it is.
+                flights[i] = flights[i].reversed(now).toward(placement.pose(slots, stretch))
+        for back, placements in starting.items():
+            order = reversed(list(placements.items())) if back else placements.items()
+            flights |= launch(bag, dict(order), slots, stretch, now, self.seconds, back)
+        self._take(flights)
+
+    def land(self, ids: Iterable[int]) -> bool:
+        """End flights where they were going; return whether there was one."""
+        gone = set(ids)
+        left = {i: flight for i, flight in self._flights.items() if i not in gone}
+        if len(left) == len(self._flights):
+            return False
+        self._take(left)
+        return True
+
+    def redirect(self, placements: Mapping[int, Placement], slots: Slots, stretch: Matrix) -> None:
+        """Send flights to where the slots are now.
+
+        Parameters
+        ----------
+        placements : mapping of int to Placement
+            Of all objects outside the bag.
+        slots : Slots
+        stretch : (3, 3) ndarray of float64
+            How the bag is stretched (`Camera.stretch`).
+        """
+        flights = dict(self._flights)
+        for i in flights.keys() & placements.keys():
+            flights[i] = flights[i].toward(placements[i].pose(slots, stretch))
+        self._take(flights)
+
+    def _take(self, flights: dict[int, Flight]) -> None:
+        # A new dictionary each time, so that a worker's view of one never changes size.
+        self._flights = flights
+        self.version += 1

@@ -1,0 +1,321 @@
+"""What can leave along D: the whole result, and the quick one that is enough for one command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.boxes import LabelBoxes, box_corners
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.view import Camera
+from napari_unpack.session.ray_queries import BlockingTable, Mask, RayQueries, Size
+from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
+from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
+from napari_unpack.unpacking.occlusion import Rule
+
+Group = tuple[int, ...]
+
+# Share of an object's samples behind others above which it is held by more than the corners of
+# its neighbours' voxels, so that moving it would tell nothing new.
+SURELY_HELD = 0.35
+
+# Rays along one side: four million rays bound the time and the memory of one question.
+MOST_RAYS = 2048
+
+# Unit vectors come from cameras whose angles are rounded: closer than this they are one.
+SAME_DIRECTION = 1e-6
+
+
+@dataclass(frozen=True)
+class OcclusionKey:
+    """What a result on occlusion depends on.
+
+    Parameters
+    ----------
+    revision : int
+        Of the labels.
+    direction : (float, float, float)
+        D, unit vector in world.
+    rule, tolerance
+        See `UnpackingRules`.
+    packed : frozenset of int
+        Objects in the bag.
+    """
+
+    revision: int
+    direction: tuple[float, float, float]
+    rule: Rule
+    tolerance: float
+    packed: frozenset[int]
+
+    def same_question(self, other: OcclusionKey) -> bool:
+        """Tell whether another key differs at most in what is packed."""
+        return (
+            (self.revision, self.rule, self.tolerance)
+            == (other.revision, other.rule, other.tolerance)
+        ) and bool(np.allclose(self.direction, other.direction, rtol=0, atol=SAME_DIRECTION))
+
+    def covers(self, wanted: OcclusionKey) -> bool:
+        """Tell whether a result under this key serves: for fewer packed objects it does."""
+        return self.same_question(wanted) and wanted.packed <= self.packed
+
+    def equals(self, wanted: OcclusionKey) -> bool:
+        """Tell whether a result under this key is for just these packed objects."""
+        return self.same_question(wanted) and wanted.packed == self.packed
+
+
+@dataclass(frozen=True, eq=False)
+class OcclusionResult:
+    """What can leave along D of the objects that were in the bag.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D, unit vector in world.
+    packed : frozenset of int
+        Objects that were in the bag.
+    unpackable : frozenset of int
+        Those that nothing blocked. What no ray meets counts too: nothing is known to be in
+        front of it.
+    blocking : BlockingGraph, optional
+        What blocks what; None where there is no table.
+    first_hit : mapping of int to float
+        The paper's occlusion ratio, which ranks the objects where nothing is unpackable.
+    seconds : float
+        What it took.
+    """
+
+    direction: Vector
+    packed: frozenset[int]
+    unpackable: frozenset[int]
+    blocking: BlockingGraph | None
+    first_hit: Mapping[int, float]
+    seconds: float
+
+    def groups(self, packed: frozenset[int], max_group_size: int) -> list[Group]:
+        """Return what can leave: single objects, and interlocked groups.
+
+        Parameters
+        ----------
+        packed : frozenset of int
+            Objects in the bag now, of those that were.
+        max_group_size : int
+            Larger groups stay.
+        """
+        if self.blocking is None:
+            return [(i,) for i in sorted(self.unpackable & packed)]
+        whole = self.blocking.among(packed).unpackable_groups()
+        return [group for group in whole if len(group) <= max_group_size]
+
+    def least_occluded(self, packed: frozenset[int]) -> int:
+        """Return the packed object with the least occlusion ratio, ties by ID."""
+        return min(packed, key=lambda i: (self.first_hit.get(i, 0.0), i))
+
+
+def find_occlusion(
+    key: OcclusionKey, rays: RayQueries, camera: Camera, size: Size, visible: Mask, backend: str
+) -> OcclusionResult:
+    """Find what can leave along D (Li et al. 2012, section 5.1); runs on any thread.
+
+    Parameters
+    ----------
+    key : OcclusionKey
+    rays : RayQueries
+    camera : Camera
+        From `view_along`, with `size`.
+    size : (int, int)
+        Rays, height and width.
+    visible : (M,) ndarray of bool
+        By ID, what is packed.
+    backend : {"auto", "cpu", "gl"}
+
+    Notes
+    -----
+    Rays rank the objects and tell what is unpackable within the tolerance. What blocks what is
+    what the voxels themselves meet on their way, where that can be had: off the axes rays find
+    things that merely touch to be held by the corners of each other's voxels. What is held by
+    more than a few corners need not be moved: there the rays' table serves.
+    """
+    start = perf_counter()
+    direction = np.array(key.direction)
+    counts = rays.occlusion_counts(camera, visible, size, backend)
+    unseen = key.packed - {int(i) for i in counts.ids}
+    unpackable = frozenset(unpackable_ids(counts, key.rule, key.tolerance)) | unseen
+    table = _swept_table(key, rays, direction, visible, counts)
+    if table is None:
+        blocking = BlockingGraph.of(counts, key.rule, key.tolerance)
+    else:
+        ids, blocks = table
+        exempt = unpackable if key.tolerance > 0 else frozenset()
+        blocking = BlockingGraph(blocking_graph(blocks, ids, exempt))
+        unpackable = frozenset(i for i, before in blocking.graph.in_degree() if not before)
+    if blocking is not None:
+        blocking.graph.add_nodes_from(unseen)
+    seconds = perf_counter() - start
+    return OcclusionResult(direction, key.packed, unpackable, blocking, ratios(counts), seconds)
+
+
+def _swept_table(
+    key: OcclusionKey, rays: RayQueries, direction: Vector, visible: Mask, counts: OcclusionCounts
+) -> BlockingTable | None:
+    """Return what blocks what among the packed, by voxels where rays leave it open."""
+    if not rays.can_sweep or key.rule != "exact" or counts.blocks is None:
+        return None
+    held = counts.exact_samples > SURELY_HELD * counts.samples
+    table = rays.sweep_table(direction, visible, ~held)
+    if table is None:
+        return None
+    ids, blocks = table
+    # Every ID that a ray meets is among those moved or held.
+    places = np.searchsorted(ids, counts.ids)
+    columns = held[counts.ids]
+    blocks[np.ix_(places, places[columns])] = counts.blocks[:, columns]
+    return ids, blocks
+
+
+@dataclass(frozen=True)
+class NextUnpackableKey:
+    """What the next to leave depend on.
+
+    Parameters
+    ----------
+    occlusion : OcclusionKey
+    chosen : frozenset of int, optional
+        Those asked about; None where it is about what comes next.
+    count : int
+        How many objects are to leave.
+    max_group_size : int
+    restored : tuple of int
+        What the queue asks about first.
+    """
+
+    occlusion: OcclusionKey
+    chosen: frozenset[int] | None
+    count: int
+    max_group_size: int
+    restored: Group
+
+    def covers(self, wanted: NextUnpackableKey) -> bool:
+        """Tell whether a result under this key serves: for fewer objects it does."""
+        alike = replace(self, occlusion=wanted.occlusion, count=wanted.count) == wanted
+        return alike and wanted.count <= self.count and self.occlusion.equals(wanted.occlusion)
+
+
+@dataclass(frozen=True, eq=False)
+class NextUnpackable:
+    """Enough of what is unpackable to carry out one command.
+
+    Parameters
+    ----------
+    groups : tuple of tuple of int
+        What can leave, in the order of the queue.
+    seconds : float
+        What it took.
+    """
+
+    groups: tuple[Group, ...]
+    seconds: float
+
+
+def find_next_unpackable(
+    key: NextUnpackableKey,
+    order: Group,
+    rays: RayQueries,
+    visible: Mask,
+    boxes: LabelBoxes,
+    seconds: float,
+    clock: Callable[[], float],
+) -> NextUnpackable | None:
+    """Find what leaves first along D by moving the foremost objects alone; runs on any thread.
+
+    Parameters
+    ----------
+    key : NextUnpackableKey
+        Of the rule "exact" without tolerance.
+    order : tuple of int
+        What to ask about, one after the other.
+    rays : RayQueries
+        That can sweep.
+    visible : (M,) ndarray of bool
+        By ID, what is packed.
+    boxes : LabelBoxes
+    seconds : float
+        No further object is moved after so long.
+    clock : callable
+        Returns the time in seconds.
+
+    Returns
+    -------
+    NextUnpackable or None
+        None where the time did not suffice or fewer can leave than are to.
+
+    Notes
+    -----
+    What is unpackable by this rule is decided by moving an object's voxels, and the queue is
+    ordered by where objects lie: neither needs all of them. What is found first stands first in
+    the queue of the whole result.
+    """
+    start = clock()
+    blockers = rays.sweep_test(np.array(key.occlusion.direction), visible)
+
+    def in_time(object_id: int, most: int) -> frozenset[int]:
+        if clock() - start > seconds:
+            raise TimeoutError
+        return blockers(object_id, boxes.slices(object_id), most)
+
+    found: list[Group] = []
+    groups = leading_groups(order, in_time, key.max_group_size)
+    try:
+        while sum(map(len, found)) < key.count:
+            found.append(next(groups))
+    except (StopIteration, TimeoutError):
+        return None
+    return NextUnpackable(tuple(found), clock() - start)
+
+
+def view_along(
+    direction: Vector,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    pitch: float,
+    camera: Camera,
+) -> tuple[Camera, Size]:
+    """Return the orthographic camera and size of the picture that decides what can leave along D.
+
+    Parameters
+    ----------
+    direction : (3,) ndarray of float64
+        D; the camera looks along -D.
+    lower, upper : (3,) ndarray of float64
+        The bag's box, world mm.
+    pitch : float
+        Distance of rays, mm: the voxel pitch, so that nothing thin slips between them.
+    camera : Camera
+        The user's, whose up is kept where D is towards the viewer.
+
+    Returns
+    -------
+    camera : Camera
+        Just holding the box.
+    size : (int, int)
+        Rays, height and width.
+
+    Notes
+    -----
+    Across an axis whose voxels are one pitch long, rays go through the voxels' middles: on
+    their faces rounding would pass over one row and look at its neighbour twice.
+    """
+    same = float(direction @ -camera.direction) > 1 - 1e-12
+    center = (lower + upper) / 2
+    looking = Camera.looking(-direction, camera.up if same else None, center, 1.0)
+    flat = (box_corners(lower, upper) - center) @ looking.rotation[1:].T
+    extent = np.ptp(flat, axis=0)
+    pitch = max(pitch, float(extent.max()) / MOST_RAYS)
+    # A whole number of rays, give or take a rounding error, is centred on the voxels.
+    rows, columns = (int(n) for n in np.maximum(np.ceil(extent / pitch - 1e-6), 1))
+    return Camera(looking.rotation, center, rows * pitch), (rows, columns)
