@@ -7,7 +7,7 @@ from bags import session_of, stack_of_plates
 
 from napari_unpack.appearance import TransferFunction, hue_distance
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.session import Session, colors
+from napari_unpack.session import Session
 
 
 def side_by_side() -> np.ndarray:
@@ -42,22 +42,6 @@ def test_the_same_table_is_handed_out_until_something_changes():
     assert session.packed_tints() is session.packed_tints()
     with pytest.raises(ValueError, match="read-only"):
         session.packed_tints()[0] = 1
-
-
-def test_a_table_overtaken_by_a_change_is_not_kept(monkeypatch):
-    # A worker's table is under way when object 1 is hidden on the main thread.
-    session = session_of(stack_of_plates(2))
-    make = colors.tints_of
-
-    def overtaken(*arguments, **settings):
-        monkeypatch.setattr(colors, "tints_of", make)
-        table = make(*arguments, **settings)
-        session.hide(1)
-        return table
-
-    monkeypatch.setattr(colors, "tints_of", overtaken)
-    assert session.packed_tints()[:, 3].tolist() == [0, 1, 1]
-    assert session.packed_tints()[:, 3].tolist() == [0, 0, 1]
 
 
 def test_matter_of_no_object_shows_as_a_grey_veil_where_wanted():
