@@ -16,8 +16,14 @@ class Cancelled(Exception):
     """The user asked the work to stop."""
 
 
-def no_progress(fraction: float, text: str) -> None:
-    """Report to nobody."""
+def no_progress(_fraction: float, _text: str) -> None:
+    """Report to nobody.
+
+    Parameters
+    ----------
+    _fraction, _text : float, str
+        See `Progress`.
+    """
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,14 @@ class Decorations:
 
     @classmethod
     def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Decorations:
-        """Make them of what `Background.of` takes and names out of "box" and "scale".
+        """Make decorations of a background and names.
+
+        Parameters
+        ----------
+        background : object
+            See `Background.of`.
+        decorations : iterable of str
+            Out of "box" and "scale".
 
         Raises
         ------
@@ -66,7 +73,15 @@ class Decorations:
 def box_edges(
     lower: NDArray[np.float64], upper: NDArray[np.float64], camera: Camera
 ) -> NDArray[np.float64]:
-    """Return the (12, 2, 3) edges of a box of the world (mm) in the camera's pivot space."""
+    """Return the (12, 2, 3) edges of a box in the camera's pivot space.
+
+    Parameters
+    ----------
+    lower, upper : (3,) ndarray of float64
+        Its corners, world mm.
+    camera : Camera
+        Whose pivot space it is.
+    """
     corners = transform_points(camera.pivot_from_world(), box_corners(lower, upper))
     return corners[np.array(EDGES)]
 

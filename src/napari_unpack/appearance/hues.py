@@ -44,7 +44,13 @@ def _largest_first(graph: nx.Graph, colors: dict[int, int]) -> list[Any]:
 
 
 def hue_distance(a: float, b: float) -> float:
-    """Return the distance of two hues around the circle, at most 0.5."""
+    """Return the distance of two hues around the circle, at most 0.5.
+
+    Parameters
+    ----------
+    a, b : float
+        Hues, 0 to 1.
+    """
     return abs((a - b + 0.5) % 1.0 - 0.5)
 
 

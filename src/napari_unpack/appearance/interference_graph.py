@@ -78,7 +78,18 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
 
 
 def checked_layers(ids: ArrayLike, distance: float, layers: int | None) -> NDArray[np.integer]:
-    """Return the (L, H, W) layers that count; raise as `interference` says."""
+    """Return the (L, H, W) layers that count.
+
+    Parameters
+    ----------
+    ids, distance, layers : see `interference`
+        What it was called with.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `interference` says.
+    """
     stack = np.asarray(ids)
     if stack.ndim == 2:
         stack = stack[None]

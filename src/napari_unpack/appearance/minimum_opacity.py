@@ -89,7 +89,15 @@ def minimum_opacity(
 
 
 def at_least(shown: TransferFunction, least: float) -> TransferFunction:
-    """Return a transfer function that is nowhere more transparent than so."""
+    """Return a transfer function that is nowhere more transparent than so.
+
+    Parameters
+    ----------
+    shown : TransferFunction
+        What is raised.
+    least : float
+        Opacity per voxel.
+    """
     points = [(density, max(opacity, least)) for density, opacity in shown.points]
     return TransferFunction(points, shown.colors)
 

@@ -218,6 +218,11 @@ class TransferFunction:
         n : int
             Rows, at least 2; the first and last are the ends of the domain.
 
+        Raises
+        ------
+        ValueError
+            If there are fewer than two rows.
+
         Returns
         -------
         (n, 4) ndarray of float32

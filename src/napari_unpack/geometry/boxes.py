@@ -32,26 +32,56 @@ class LabelBoxes:
     counts: NDArray[np.int64]
 
     def index(self, object_id: int) -> int:
-        """Return the row of an ID; raise `KeyError` where there is no such object."""
+        """Return the row of an ID.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such object.
+        """
         row = int(np.searchsorted(self.ids, object_id))
         if row == len(self.ids) or self.ids[row] != object_id:
             raise KeyError(f"no object {object_id} in the label volume")
         return row
 
     def slices(self, object_id: int, margin: int = 0) -> tuple[slice, slice, slice]:
-        """Return the slices of an object's box, widened by a margin but not below zero."""
+        """Return the slices of an object's box, widened by a margin but not below zero.
+
+        Parameters
+        ----------
+        object_id : int
+            One of `ids`.
+        margin : int
+            Voxels on every side.
+        """
         row = self.index(object_id)
         low = np.maximum(self.lower[row] - margin, 0)
         high = self.upper[row] + margin
         return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
 
     def center(self, object_id: int, spacing: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the centre of an object's box in world mm, z y x."""
+        """Return the centre of an object's box in world mm, z y x.
+
+        Parameters
+        ----------
+        object_id : int
+            One of `ids`.
+        spacing : (3,) ndarray of float64
+            Voxel size, mm, z y x.
+        """
         row = self.index(object_id)
         return (self.lower[row] + self.upper[row] - 1) / 2 * spacing
 
     def corners(self, object_id: int, spacing: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (8, 3) outer corners of an object's box in world mm, z y x."""
+        """Return the (8, 3) outer corners of an object's box in world mm, z y x.
+
+        Parameters
+        ----------
+        object_id : int
+            One of `ids`.
+        spacing : (3,) ndarray of float64
+            Voxel size, mm, z y x.
+        """
         row = self.index(object_id)
         return box_corners(self.lower[row] - 0.5, self.upper[row] - 0.5) * spacing
 
@@ -99,7 +129,13 @@ class LabelBoxes:
 
 
 def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (8, 3) corners of an axis-aligned box."""
+    """Return the (8, 3) corners of an axis-aligned box.
+
+    Parameters
+    ----------
+    lower, upper : (3,) ndarray
+        Least and greatest coordinates, z y x.
+    """
     bits = np.indices((2, 2, 2)).reshape(3, 8).T
     return np.where(bits == 1, upper, lower).astype(np.float64)
 

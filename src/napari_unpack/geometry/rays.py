@@ -44,12 +44,28 @@ class Rays:
     near: float = -np.inf
 
     def point(self, row: float, col: float, t: float) -> Vector:
-        """Return the voxel coordinates of one point on one ray."""
+        """Return the voxel coordinates of one point on one ray.
+
+        Parameters
+        ----------
+        row, col : float
+            Pixel.
+        t : float
+            Depth along the ray, mm.
+        """
         weights = np.array([1.0, row, col])
         return weights @ self.table[:3] + t * (weights @ self.table[3:])
 
     def window(self, row: int, col: int, size: tuple[int, int]) -> Rays:
-        """Return the rays of a sub-rectangle whose first pixel is (row, col)."""
+        """Return the rays of a sub-rectangle.
+
+        Parameters
+        ----------
+        row, col : int
+            Its first pixel.
+        size : (int, int)
+            Its height and width, pixels.
+        """
         table = self.table.copy()
         for first in (0, 3):
             table[first] += row * table[first + 1] + col * table[first + 2]

@@ -23,12 +23,28 @@ def translation(offset: ArrayLike) -> Matrix:
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Matrix:
-    """Return the (3, 3) rotation by `angle` radians about an axis, right-handed in (z, y, x)."""
+    """Return the (3, 3) rotation about an axis, right-handed in (z, y, x).
+
+    Parameters
+    ----------
+    axis : (3,) array_like
+        z y x, of any length but 0.
+    angle : float
+        Radians.
+    """
     return Rotation.from_rotvec(unit(axis, "axis") * angle).as_matrix()
 
 
 def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
-    """Interpolate two (3, 3) rotations along the shortest arc, 0 giving the first."""
+    """Interpolate two (3, 3) rotations along the shortest arc.
+
+    Parameters
+    ----------
+    first, second : (3, 3) ndarray
+        Rotations.
+    fraction : float
+        0 gives the first, 1 the second.
+    """
     both = Rotation.from_matrix(np.stack([first, second]))
     return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
 
@@ -67,6 +83,13 @@ class Pose:
     def world_from_world(self, box_center: ArrayLike, camera: Camera) -> Matrix:
         """Return the T of eq. 3 with M = 1: the extra world-side transformation.
 
+        Parameters
+        ----------
+        box_center : (3,) array_like
+            Centre of the object's box, world mm.
+        camera : Camera
+            V.
+
         Notes
         -----
         Li et al. 2012, eq. 3, w = V T M v. V is the camera's pivot map here, M the
@@ -75,7 +98,15 @@ class Pose:
         return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
 
     def toward(self, other: Pose, fraction: float) -> Pose:
-        """Interpolate to another pose: straight centre, shortest turn, geometric size."""
+        """Interpolate to another pose: straight centre, shortest turn, geometric size.
+
+        Parameters
+        ----------
+        other : Pose
+            Where to.
+        fraction : float
+            0 gives this pose, 1 the other.
+        """
         f = float(np.clip(fraction, 0.0, 1.0))
         return replace(
             self,
@@ -86,7 +117,17 @@ class Pose:
 
 
 def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0, 0)) -> Pose:
-    """Return the pose of an object at its packed place, moved by a world offset in mm."""
+    """Return the pose of an object at its packed place, moved by a world offset.
+
+    Parameters
+    ----------
+    box_center : (3,) array_like
+        Centre of the object's box, world mm.
+    camera : Camera
+        Whose pivot space it is.
+    offset : (3,) array_like
+        World mm.
+    """
     moved = np.asarray(box_center, dtype=np.float64) + np.asarray(offset, dtype=np.float64)
     center = transform_points(camera.pivot_from_world(), moved)
     return Pose(center, camera.rotation.copy(), stretch=camera.stretch)

@@ -140,7 +140,21 @@ class Camera:
         fov: float = 0.0,
         stretch: Matrix | None = None,
     ) -> Camera:
-        """Make a camera from a direction of looking and an up vector, both in world."""
+        """Make a camera from a direction of looking and an up vector.
+
+        Parameters
+        ----------
+        direction, up : (3,) array_like
+            World; without `up`, gravity decides.
+        center : (3,) array_like
+            What is looked at, world mm.
+        height : float
+            Visible height at the centre, mm.
+        fov : float
+            Vertical field of view, degrees; 0 is parallel.
+        stretch : (3, 3) ndarray, optional
+            The camera's fourth part; by default the identity.
+        """
         towards = -unit(direction, "direction")
         wanted = np.asarray(GRAVITY_UP if up is None else up, dtype=np.float64)
         if up is None and abs(towards @ wanted) > STEEPEST:
@@ -220,5 +234,13 @@ class Camera:
         return middle + p[..., 1:] * scale[..., None]
 
     def project(self, world_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
-        """Project world points (mm) to pixels (row, column); see `pixels`."""
+        """Project world points to pixels (row, column); see `pixels`.
+
+        Parameters
+        ----------
+        world_points : (..., 3) array_like
+            World mm.
+        size : (int, int)
+            Height and width of the image, pixels.
+        """
         return self.pixels(transform_points(self.pivot_from_world(), world_points), size)

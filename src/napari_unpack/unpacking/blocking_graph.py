@@ -49,8 +49,15 @@ class BlockingGraph:
     ) -> BlockingGraph | None:
         """Make the graph from counts, or return None where there is no table of blockers.
 
-        Objects that are free within the tolerance lose their incoming edges. The table is the
+        Objects that are unpackable within the tolerance lose their incoming edges. The table is the
         `exact` rule's; other rules have none.
+
+        Parameters
+        ----------
+        counts : OcclusionCounts
+            Along -D.
+        rule, tolerance : see `unpackable_ids`
+            Which objects count as unpackable.
         """
         if counts.blocks is None or rule != "exact":
             return None
@@ -212,6 +219,13 @@ def leading_groups(
 
 def reveal(graph: nx.DiGraph, target: int) -> set[int]:
     """Return the target and everything that must leave before it, directly or not.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        An edge leads from the blocking object to the blocked one.
+    target : int
+        ID of the buried object.
 
     Raises
     ------

@@ -52,8 +52,19 @@ class DirectionalBlocking:
     ) -> DirectionalBlocking | None:
         """Make it from counts along -D; None where they hold no table.
 
-        Objects that no ray meets block no object; objects free within the tolerance are blocked by
+        Objects that no ray meets block no object; objects unpackable within the tolerance are blocked by
         no object.
+
+        Parameters
+        ----------
+        direction : (3,) ndarray
+            D, world.
+        counts : OcclusionCounts
+            Along -D.
+        packed : collection of int
+            IDs in the bag.
+        tolerance : float
+            Share of an object that may be occluded.
         """
         if counts.blocks is None:
             return None
@@ -181,7 +192,16 @@ def smallest_reveal_plan(
 ) -> RevealPlan:
     """Return the direction along which the fewest must leave for a buried object to leave.
 
-    Ties go to the direction nearest `near`.
+    Parameters
+    ----------
+    blockings : sequence of DirectionalBlocking
+        One a direction.
+    packed : collection of int
+        IDs in the bag.
+    target : int
+        ID of the buried object.
+    near : (3,) ndarray
+        The direction that wins ties.
 
     Raises
     ------
@@ -189,7 +209,7 @@ def smallest_reveal_plan(
         If there is no blocking, or the target is not packed.
     """
     if not blockings or target not in packed:
-        raise ValueError(f"target must be a packed object and an outlook known, got {target!r}")
+        raise ValueError(f"target must be a packed object and a direction known, got {target!r}")
     found = [
         RevealPlan(target, blocking.direction, blocking.among(packed).needed(target))
         for blocking in blockings

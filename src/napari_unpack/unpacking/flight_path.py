@@ -204,7 +204,15 @@ class Flight:
         return self.pose_at(1.0 - passed if self.back else passed, camera)
 
     def pose_at(self, fraction: float, camera: Camera) -> Pose:
-        """Return the pose at a fraction of the way out, 0 packed, 1 at the target."""
+        """Return the pose at a fraction.
+
+        Parameters
+        ----------
+        fraction : float
+            Of the way out: 0 packed, 1 at the target.
+        camera : Camera
+            Whose pivot space it is.
+        """
         leaving = packed_pose(self.box_center, camera)
         outside = packed_pose(self.box_center, camera, self.direction * self.clear)
         outside = replace(outside, center=_before_the_eye(outside.center, camera))

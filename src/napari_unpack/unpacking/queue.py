@@ -56,6 +56,15 @@ class Queue:
 
         It must have been filled for this D and by these rules with all who are packed now in
         the bag, and hold something, all of it packed, and no restored object.
+
+        Parameters
+        ----------
+        direction : (3,) iterable of float
+            D.
+        packed : collection of int
+            IDs in the bag now.
+        rules : tuple
+            What it must have been filled by.
         """
         if self.direction is None or not self.groups or self.restored or rules != self.rules:
             return False

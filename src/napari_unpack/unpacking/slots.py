@@ -60,9 +60,14 @@ class Slots:
         return self.height_mm, self.width_mm
 
     def scale(self, width_mm: float, height_mm: float) -> float:
-        """Return the enlargement of a sprite whose image at scale 1 has this width and height.
+        """Return the enlargement of a sprite.
 
         True to the bag where the cell and the least size allow it.
+
+        Parameters
+        ----------
+        width_mm, height_mm : float
+            Of the sprite's image at scale 1.
         """
         longer = max(width_mm, height_mm)
         return float(np.clip(longer, self.least_mm, self.cell_mm) / longer)
