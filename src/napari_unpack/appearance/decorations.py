@@ -53,6 +53,12 @@ class Decorations:
         decorations : iterable of str
             Out of "box" and "scale".
 
+        Parameters
+        ----------
+        background : object
+            What `Background.of` takes.
+        decorations : iterable of {"box", "scale"}
+
         Raises
         ------
         ValueError

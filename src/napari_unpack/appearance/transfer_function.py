@@ -227,6 +227,11 @@ class TransferFunction:
         -------
         (n, 4) ndarray of float32
             Straight RGB and opacity per voxel.
+
+        Raises
+        ------
+        ValueError
+            If fewer than two rows are asked for.
         """
         if n < 2:
             raise ValueError(f"n must be at least 2 rows, got {n!r}")

@@ -301,7 +301,20 @@ def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFun
 
 
 def step_scale(step: float | None, spacing: NDArray[np.float64]) -> float:
-    """Return a step in mm as a multiple of `min(spacing)`; raise ValueError unless positive."""
+    """Return a step in mm as a multiple of `min(spacing)`; raise ValueError unless positive.
+
+    Parameters
+    ----------
+    step : float, optional
+        mm; by default `min(spacing)`.
+    spacing : (3,) ndarray of float64
+        mm, z y x.
+
+    Raises
+    ------
+    ValueError
+        If the step is not positive.
+    """
     if step is None:
         return 1.0
     if not (np.isfinite(step) and step > 0):

@@ -40,7 +40,13 @@ class RenderBackend(Protocol):
         bricks: Bricks | None = None,
         clipping: ArrayLike | None = None,
     ) -> NDArray[np.int32]:
-        """Return the (layers, H, W) distinct visible objects on every ray, nearest first."""
+        """Return the (layers, H, W) distinct visible objects on every ray, nearest first.
+
+        Parameters
+        ----------
+        labels, rays, visible, layers, bricks, clipping
+            See `rendering.cpu.id_layers`.
+        """
 
     def occlusion_counts(
         self,
@@ -49,7 +55,13 @@ class RenderBackend(Protocol):
         visible: NDArray[np.bool_],
         bricks: Bricks | None = None,
     ) -> OcclusionCounts:
-        """Return how much of every object is hidden by others."""
+        """Return how much of every object is hidden by others.
+
+        Parameters
+        ----------
+        labels, rays, visible, bricks
+            See `rendering.cpu.occlusion_counts`.
+        """
 
     def tinted(
         self,
@@ -65,10 +77,22 @@ class RenderBackend(Protocol):
         jitter: bool = False,
         clipping: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the premultiplied (H, W, 4) image and its (H, W) depth in mm."""
+        """Return the premultiplied (H, W, 4) image and its (H, W) depth in mm.
+
+        Parameters
+        ----------
+        volume, labels, rays, spacing, table, domain, tints, shading, bricks, jitter, clipping
+            See `rendering.cpu.tinted`.
+        """
 
     def interference(self, ids: NDArray[np.integer], distance: float = 5) -> nx.Graph:
-        """Return which objects of (layers, H, W) object-ID layers come near one another."""
+        """Return which objects of (layers, H, W) object-ID layers come near one another.
+
+        Parameters
+        ----------
+        ids, distance
+            See `appearance.interference`.
+        """
 
 
 class Driver(Protocol):

@@ -40,7 +40,15 @@ def box_patch(
 
 
 def on_background(image: Image, camera: Camera, decorations: Decorations) -> Image:
-    """Lay a premultiplied (H, W, 4) image over the background, and the scale bar over both."""
+    """Lay a premultiplied (H, W, 4) image over the background, and the scale bar over both.
+
+    Parameters
+    ----------
+    image : (H, W, 4) ndarray of float32
+        Premultiplied.
+    camera : Camera
+    decorations : Decorations
+    """
     size = image.shape[0], image.shape[1]
     far = np.full(size, np.inf, np.float32)
     patches = [ImagePatch(image, far, 0, 0)]

@@ -57,7 +57,15 @@ class ImagePatch:
         return self.depth.size == 0
 
     def at(self, row: int, col: int, plane: float) -> ImagePatch:
-        """Return the same patch elsewhere, its depths moved along with its plane."""
+        """Return the same patch elsewhere, its depths moved along with its plane.
+
+        Parameters
+        ----------
+        row, col : int
+            Pixel of the image where the patch's first pixel lies.
+        plane : float
+            mm.
+        """
         moved = self.depth + np.float32(plane - self.plane)
         return ImagePatch(self.rgba, moved, row, col, plane)
 

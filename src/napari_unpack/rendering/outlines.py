@@ -91,7 +91,13 @@ DIRECTIONS = 12
 
 @dataclass(frozen=True)
 class Silhouette:
-    """An outline and a shadow around what an image shows; colours straight, lengths in pixels."""
+    """An outline and a shadow around what an image shows; colours straight, lengths in pixels.
+
+    Parameters
+    ----------
+    outline, shadow : (r, g, b, a)
+        Straight colours.
+    """
 
     outline: RGBA = (1.0, 1.0, 1.0, 0.85)
     outline_width: float = 1.5

@@ -254,7 +254,13 @@ class RenderCache:
         boxes: LabelBoxes,
         spacing: NDArray[np.float64],
     ) -> SubvolumeCache:
-        """Return the subvolumes of a volume with some labels; parameters as `SubvolumeCache`."""
+        """Return the subvolumes of a volume with some labels; parameters as `SubvolumeCache`.
+
+        Parameters
+        ----------
+        volume, labels, boxes, spacing
+            As for `SubvolumeCache`.
+        """
         with self._lock:
             known = self._subvolumes
             if known is not None and known.volume is volume and known.labels is labels:

@@ -146,7 +146,15 @@ def divisions(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> tuple[
 
 
 def has_stairs(size: NDArray[np.int64], spacing: NDArray[np.float64]) -> bool:
-    """Return whether an object so large, in voxels, is small enough to show them."""
+    """Return whether an object so large, in voxels, is small enough to show them.
+
+    Parameters
+    ----------
+    size : (3,) ndarray of int64
+        Of the object's box, voxels.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+    """
     return _most_parts(size, spacing) > 1
 
 
@@ -155,7 +163,14 @@ def _most_parts(size: NDArray[np.int64], spacing: NDArray[np.float64]) -> int:
 
 
 def between(array: Array, axis: int, parts: int) -> Array:
-    """Divide the voxels along one axis; monotone cubics are between centres, which stay."""
+    """Divide the voxels along one axis; monotone cubics are between centres, which stay.
+
+    Parameters
+    ----------
+    array : (z, y, x) ndarray of float32
+    axis, parts : int
+        Which axis, and into how many parts its voxels are divided.
+    """
     count = array.shape[axis]
     if count == 1:
         return np.repeat(array, parts, axis)
@@ -164,7 +179,14 @@ def between(array: Array, axis: int, parts: int) -> Array:
 
 
 def smoothed(array: Array, axis: int, parts: int) -> Array:
-    """Divide the voxels along one axis, weighing them by cubic B-splines; beyond is nothing."""
+    """Divide the voxels along one axis, weighing them by cubic B-splines; beyond is nothing.
+
+    Parameters
+    ----------
+    array : (z, y, x) ndarray of float32
+    axis, parts : int
+        Which axis, and into how many parts its voxels are divided.
+    """
     count = array.shape[axis]
     knots = np.arange(-4, count + 4) + 0.0
     weights = BSpline.design_matrix(_parts(count, parts), knots, 3)[:, 2 : count + 2].toarray()

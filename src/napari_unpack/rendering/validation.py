@@ -60,6 +60,13 @@ class Labels:
     ) -> NDArray[np.float32]:
         """Return the (size, 4) float32 table of tints; white where none is given.
 
+        Parameters
+        ----------
+        tints : mapping of int to (r, g, b) or (r, g, b, a), optional
+            Straight, by given ID.
+        hidden : iterable of int
+            Given IDs.
+
         Raises
         ------
         ValueError
@@ -163,7 +170,13 @@ def checked_volume(
 
 
 def checked_view(view: View | None) -> View:
-    """Check a view, the default one for None; raise TypeError otherwise."""
+    """Check a view, the default one for None; raise TypeError otherwise.
+
+    Raises
+    ------
+    TypeError
+        If it is no View.
+    """
     if view is None:
         return View()
     if not isinstance(view, View):
@@ -172,14 +185,26 @@ def checked_view(view: View | None) -> View:
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:
-    """Check an image size: (height, width) of at least one pixel; raise ValueError otherwise."""
+    """Check an image size: (height, width) of at least one pixel; raise ValueError otherwise.
+
+    Raises
+    ------
+    ValueError
+        If it is not two positive whole numbers.
+    """
     if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
         raise ValueError(f"size must be two positive integers (height, width), got {size!r}")
     return int(size[0]), int(size[1])
 
 
 def checked_ids(ids: Iterable[int]) -> list[int]:
-    """Check object IDs such as `hidden`; raise TypeError unless they are integers."""
+    """Check object IDs such as `hidden`; raise TypeError unless they are integers.
+
+    Raises
+    ------
+    TypeError
+        If they are not a collection of integers.
+    """
     if isinstance(ids, (str, bytes)) or not isinstance(ids, Iterable):
         raise TypeError(f"hidden must be a collection of object IDs, got {ids!r}")
     out = list(ids)

@@ -203,6 +203,15 @@ def smallest_reveal_plan(
     near : (3,) ndarray
         The direction that wins ties.
 
+    Parameters
+    ----------
+    blockings : sequence of DirectionalBlocking
+    packed : collection of int
+        Objects in the bag now.
+    target : int
+    near : (3,) ndarray of float64
+        A direction, world.
+
     Raises
     ------
     ValueError

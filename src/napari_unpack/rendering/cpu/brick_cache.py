@@ -95,6 +95,19 @@ def fill(  # type: ignore[no-untyped-def]
     """Fill the block that begins at voxel `slot` with a brick; see `BrickCache`.
 
     `volume` and `labels` are flat, of shape (deep, high, wide).
+
+    Parameters
+    ----------
+    volume, labels : (Z * Y * X,) ndarray
+        Flat.
+    brick : int
+        Which to cache.
+    deep, high, wide : int
+        Shape of the volume.
+    slot : int
+        Where its voxels go in `cells` and `names`.
+    cells, names, around, starts, ids : ndarray
+        Of `BrickCache`; the first three are written.
     """
     bricks_high, bricks_wide = -(-high // BRICK), -(-wide // BRICK)
     z = brick // (bricks_wide * bricks_high) * BRICK

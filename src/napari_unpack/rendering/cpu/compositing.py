@@ -140,6 +140,21 @@ def shade(  # type: ignore[no-untyped-def]
     """Light the first samples of the chunk that begins at `at` of the queue and composite them.
 
     Rays whose pixel has become opaque end; returns whether there are any.
+
+    Parameters
+    ----------
+    at, count : int
+        First sample of the chunk in the queue, and how many to light.
+    cells, table, tints, look, corrected, families, shine
+        As for `march`.
+    queue, names : ndarray
+        Of the samples; see ray_lanes.py.
+    v, f, entries, colors : ndarray
+        Scratch of one chunk.
+    picture, depth : (H * W * 4,), (H * W,) ndarray of float32
+        Written.
+    rays, pixels : ndarray
+        Of the lanes.
     """
     zero, one, half, opaque = np.float32(0), np.float32(1), np.float32(0.5), np.float32(OPAQUE)
     thicken, finest = corrected.size > 0, np.float32(corrected.shape[1] - 1)
@@ -244,7 +259,15 @@ def _range(rays: Rays, mm: NDArray[np.float64]) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def family_of(exponent, exponents):  # type: ignore[no-untyped-def]
-    """Return the row of the table nearest to one ray's exponent."""
+    """Return the row of the table nearest to one ray's exponent.
+
+    Parameters
+    ----------
+    exponent : float
+        Step length over `min(spacing)`.
+    exponents : (n,) ndarray of float64
+        Of `correction`.
+    """
     last = exponents.shape[0] - 1
     if last == 0:
         return np.uint64(0)
@@ -261,6 +284,12 @@ def phase_of(row, col, jitter):  # type: ignore[no-untyped-def]
     """Return where in its step a ray is sampled: 1/2, or, jittered, a hash of the pixel.
 
     Jimenez's interleaved gradient noise, fract(52.9829189 fract(0.06711056 col + 0.00583715 row)).
+
+    Parameters
+    ----------
+    row, col : int
+        Pixel.
+    jitter : bool
     """
     if not jitter:
         return 0.5
@@ -278,6 +307,37 @@ def march(  # type: ignore[no-untyped-def]
     Each round of the loop (1) gives lanes without a ray the next pixel, (2) places one sample a
     lane, (3) caches the bricks it lies in, or skips where they are empty, (4) queues samples whose
     label is visible and advances, and (5) composites the queue when it is full.
+
+    Parameters
+    ----------
+    volume, labels : (Z, Y, X) ndarray
+        Density, and uint16 object IDs.
+    numbers, step, near
+        Of `ray_numbers`.
+    jitter : bool
+        Start rays at a hash of their pixel.
+    planes : (N, 2, 3) ndarray of float64
+        Clipping planes, voxels.
+    reach, slots
+        `Strides.grids` and `Strides.slots`.
+    table, tints : (n, 4) ndarray of float32
+        Transfer function, and tints by ID.
+    shown : (M,) ndarray of uint8
+        By ID, whether its tint is visible.
+    look : (14,) ndarray of float32
+        Domain, spacing and light; see `tinted`.
+    exponents, corrected : ndarray
+        Of `correction`.
+    shine : (n,) ndarray of float32
+        Powers of the highlight.
+    first_row, last_row : int
+        The band, half-open.
+    blocks : tuple
+        Arrays of this thread's `BrickCache`.
+    families : (H * W,) ndarray
+        Row of `corrected` by pixel; empty where no correction is needed.
+    image, depth : (H, W, 4), (H, W) ndarray of float32
+        Written.
     """
     # One long function: numba counts references to all arrays that a helper with several ways
     # out is handed, for every ray and every skip.

@@ -96,7 +96,14 @@ class Runs:
         return sum(part.nbytes for part in self.parts)
 
     def serves(self, rays: Rays, visible: NDArray[np.bool_]) -> bool:
-        """Tell whether these rays were cast, and no object is visible who was not."""
+        """Tell whether these rays were cast, and no object is visible who was not.
+
+        Parameters
+        ----------
+        rays : Rays
+        visible : (M,) ndarray of bool
+            By ID.
+        """
         mine = self.rays
         same = (mine.size, mine.step, mine.near) == (rays.size, rays.step, rays.near)
         return same and np.array_equal(mine.table, rays.table) and self._saw(visible)
@@ -163,7 +170,15 @@ class RunCounter:
         )  # fmt: skip
 
     def add(self, runs: NDArray[np.uint32], own: Counters) -> None:
-        """Count the runs of some rays."""
+        """Count the runs of some rays.
+
+        Parameters
+        ----------
+        runs : (n,) ndarray of uint32
+            As in `Runs.parts`.
+        own : tuple of ndarray
+            From `counters`, of this thread alone.
+        """
         counts, stamps, seen = own
         stamps.fill(-1)
         _count_runs(runs, self.visible, self.slots, counts, stamps, seen, self.blocks)
@@ -246,7 +261,13 @@ class Tracing:
         visible: NDArray[np.bool_],
         bricks: Bricks | None = None,
     ) -> Tracing:
-        """Prepare to cast; see `occlusion_counts`."""
+        """Prepare to cast; see `occlusion_counts`.
+
+        Parameters
+        ----------
+        labels, rays, visible, bricks
+            As for `occlusion_counts`.
+        """
         _, owners, reach, octants, axis, *voxels = ground(labels, bricks, visible, rays)
         looks, pairs = np.zeros(0, np.int32), np.zeros(0, np.uint32)
         if bricks is not None:
@@ -271,6 +292,13 @@ class Tracing:
     def runs(self, first: int, last: int, scratch: Scratch) -> Iterator[NDArray[np.uint32]]:
         """Cast a band of at most TILE rows.
 
+        Parameters
+        ----------
+        first, last : int
+            Rows of the band, half-open.
+        scratch : tuple of ndarray
+            From `scratch`, of this thread alone.
+
         Yields
         ------
         (n,) ndarray of uint32
@@ -286,6 +314,12 @@ class Tracing:
 
 def longest_ray(rays: Rays, shape: tuple[int, ...]) -> int:
     """Return a number of samples that no ray has more of in a volume.
+
+    Parameters
+    ----------
+    rays : Rays
+    shape : (int, int, int)
+        Of the volume, voxels.
 
     Notes
     -----

@@ -79,6 +79,19 @@ def bricks_ahead(  # type: ignore[no-untyped-def]
     `grid` is the one of `reach` that serves the ray, az, ay, ax are `per_voxel`. Returns whose
     they are (0 no object's that is visible, -1 the brick is mixed), the first sample that may lie
     elsewhere, and the brick.
+
+    Parameters
+    ----------
+    owners : (Bz, By, Bx) ndarray of int32
+        From `Bricks.owners`.
+    reach, grid, axis
+        Of `DirectionalSkipping`; the grid that serves the ray.
+    k, step : int, float
+        Number of the sample, and distance of samples, mm.
+    pz, py, px, dz, dy, dx : float
+        The ray, voxels.
+    az, ay, ax : float
+        From `per_voxel`.
     """
     _, vz, vy, vx = position(k, 0.5, step, pz, py, px, dz, dy, dx)
     z, y, x = int(vz + 0.5), int(vy + 0.5), int(vx + 0.5)
@@ -106,6 +119,19 @@ def read_compressed(  # type: ignore[no-untyped-def]
 
     `place` and `shift` are the brick's `CompressedLabels.first` and `bits`, `start` its
     `Bricks.starts`.
+
+    Parameters
+    ----------
+    words, place, shift
+        Of `CompressedLabels`: words, and the brick's `first` and `bits`.
+    ids, start
+        Of `Bricks`, and the brick's `starts`.
+    k, free : int
+        First sample, and the one after the last.
+    step, pz, py, px, dz, dy, dx : float
+        Distance of samples, mm, and the ray, voxels.
+    ahead : (AHEAD,) ndarray of int64
+        Written.
     """
     seven, six = np.int64(7), np.uint64(6)
     mask = np.uint64((np.int64(1) << (np.int64(1) << shift)) - 1)
@@ -127,6 +153,19 @@ def read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead):
     """Read the labels of samples k to `free` - 1 into `ahead` (AHEAD,) int64.
 
     All at once: most of them miss the cache, and so they miss it together.
+
+    Parameters
+    ----------
+    flat : (Z * Y * X,) ndarray of uint16
+        Labels.
+    high, wide : int
+        Their shape along y and x.
+    k, free : int
+        First sample, and the one after the last.
+    step, pz, py, px, dz, dy, dx : float
+        Distance of samples, mm, and the ray, voxels.
+    ahead : (AHEAD,) ndarray of int64
+        Written.
     """
     first, last = float(k), float(free - 1)
     for i in range(AHEAD):

@@ -66,6 +66,16 @@ def place(rays, step, high, wide, n, spot):  # type: ignore[no-untyped-def]
 
     Writes rows Z to NEAREST of `n`, and all of `spot`. Positions are at least -1/2: truncation
     does for a floor.
+
+    Parameters
+    ----------
+    rays : (RAY_ROWS * LANES,) ndarray of float64
+    step : float
+        Distance of samples, mm.
+    high, wide : int
+        Bricks along y and x.
+    n, spot : ndarray of int32 and float32
+        Written.
     """
     high, wide = np.int32(high), np.int32(wide)
     for i in range(LANES):
@@ -89,7 +99,15 @@ def place(rays, step, high, wide, n, spot):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find_blocks(places, n):  # type: ignore[no-untyped-def]
-    """Look up the blocks of the samples' bricks (SLOT); return whether one has none."""
+    """Look up the blocks of the samples' bricks (SLOT); return whether one has none.
+
+    Parameters
+    ----------
+    places : (B,) ndarray of int32
+        Slot of every brick in the cache, negative where it has none.
+    n : (PLACE_ROWS * LANES,) ndarray of int32
+        SLOT is written.
+    """
     least = np.int32(0)
     for i in range(LANES):
         slot = places[np.uint64(n[BRICK + i])]
@@ -103,6 +121,15 @@ def see(labels, shown, n):  # type: ignore[no-untyped-def]
     """Look at the labels of the samples; return whose are shown, a bit a lane.
 
     There is no branch, since none could be foretold. Lanes without a block look at any.
+
+    Parameters
+    ----------
+    labels : ndarray of uint16
+        Of the cached bricks.
+    shown : (M,) ndarray of uint8
+        By ID.
+    n : (PLACE_ROWS * LANES,) ndarray of int32
+        SEEN is written.
     """
     bits = np.uint64(0)
     for i in range(LANES):
@@ -117,6 +144,19 @@ def queue_up(bits, n, spot, pixels, lights, turning, waiting, queue, names):  # 
     """Add the samples of some lanes to the queue; return how many have been added in all.
 
     `turning` tells whether rays differ in the light's direction.
+
+    Parameters
+    ----------
+    bits : uint64
+        A bit a lane.
+    n, spot, pixels, lights : ndarray
+        Of the lanes.
+    turning : bool
+        In perspective.
+    waiting : int
+        Samples added so far.
+    queue, names : ndarray
+        Written.
     """
     while bits:
         i = lowest_of(bits)

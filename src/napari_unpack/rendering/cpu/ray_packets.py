@@ -154,6 +154,11 @@ def stretch(f, n):  # type: ignore[no-untyped-def]
     """Take what was looked at for the next stretch of every ray: STOP, COUNT, FOUND.
 
     What is found in mixed bricks remains to be looked up.
+
+    Parameters
+    ----------
+    f, n : ndarray of float64 and int32
+        Quantities of the lanes; see `look_ahead`.
     """
     for i in range(LANES):
         look, k = n[LOOK + i], f[K + i]
@@ -166,7 +171,13 @@ def stretch(f, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
 def go_on(f, n):  # type: ignore[no-untyped-def]
-    """Have all rays go to the end of their stretch, and tell which then need attention: EVENT."""
+    """Have all rays go to the end of their stretch, and tell which then need attention: EVENT.
+
+    Parameters
+    ----------
+    f, n : ndarray of float64 and int32
+        Quantities of the lanes; see `look_ahead`.
+    """
     none = np.int32(0)
     for i in range(LANES):
         found, count, current = n[FOUND + i], n[COUNT + i], n[CURRENT + i]

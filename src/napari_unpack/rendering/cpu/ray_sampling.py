@@ -16,7 +16,14 @@ from napari_unpack.rendering.cpu.ray_packets import ORDERED
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def density_at(volume, z, y, x):  # type: ignore[no-untyped-def]
-    """Interpolate the density at any point, in voxels; float32."""
+    """Interpolate the density at any point, in voxels; float32.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+    z, y, x : float
+        Voxels.
+    """
     iz, iy, ix = np.int64(np.floor(z)), np.int64(np.floor(y)), np.int64(np.floor(x))
     fz, fy, fx = np.float32(z - iz), np.float32(y - iy), np.float32(x - ix)
     bottom, right, back = volume.shape[1] - 1, volume.shape[2] - 1, volume.shape[0] - 1
@@ -71,7 +78,15 @@ def ray_numbers(rays: Rays) -> tuple[NDArray[np.float64], float, float]:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def ray_of(table, row, col):  # type: ignore[no-untyped-def]
-    """Return the origin and direction of one pixel's ray, voxels and voxels per mm."""
+    """Return the origin and direction of one pixel's ray, voxels and voxels per mm.
+
+    Parameters
+    ----------
+    table : (6, 3) ndarray of float64
+        `Rays.table`.
+    row, col : int
+        Pixel.
+    """
     return (
         table[0, 0] + row * table[1, 0] + col * table[2, 0],
         table[0, 1] + row * table[1, 1] + col * table[2, 1],
@@ -84,7 +99,15 @@ def ray_of(table, row, col):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def position(k, phase, step, pz, py, px, dz, dy, dx):  # type: ignore[no-untyped-def]
-    """Return t and the position of sample k; every kernel and `sample_range` agree to the bit."""
+    """Return t and the position of sample k; every kernel and `sample_range` agree to the bit.
+
+    Parameters
+    ----------
+    k, phase, step : float
+        Number of the sample, where in its step it lies, and the step, mm.
+    pz, py, px, dz, dy, dx : float
+        The ray, voxels.
+    """
     t = (k + phase) * step
     return t, pz + t * dz, py + t * dy, px + t * dx
 
@@ -114,6 +137,17 @@ def sample_range(box, planes, step, near, phase, pz, py, px, dz, dy, dx):  # typ
 
     `box` (2, 3) int64 holds the lower and upper voxel; `planes` cut further (`clipping_planes`);
     `phase` is 1/2 but for jittered rays.
+
+    Parameters
+    ----------
+    box : (2, 3) ndarray of int64
+        First voxel and the one after the last.
+    planes : (N, 2, 3) ndarray of float64
+        Clipping planes, voxels.
+    step, near, phase : float
+        Of the rays, mm; where in a step samples lie.
+    pz, py, px, dz, dy, dx : float
+        The ray, voxels.
     """
     # One way out only: with more, numba counts references to the arrays for every ray.
     first, last = -FAR * step, FAR * step
@@ -155,13 +189,27 @@ def sample_range(box, planes, step, near, phase, pz, py, px, dz, dy, dx):  # typ
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def per_voxel(direction, step):  # type: ignore[no-untyped-def]
-    """Return how many samples a ray has per voxel along one axis, at most FAR, with its sign."""
+    """Return how many samples a ray has per voxel along one axis, at most FAR, with its sign.
+
+    Parameters
+    ----------
+    direction : float
+        Voxels a mm along one axis.
+    step : float
+        mm.
+    """
     return min(max(1.0 / (direction * step), -FAR), FAR)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def octant_of(az, ay, ax):  # type: ignore[no-untyped-def]
-    """Return the octant a ray looks into, as `Strides` counts them; az, ay, ax are `per_voxel`."""
+    """Return the octant a ray looks into, as `Strides` counts them; az, ay, ax are `per_voxel`.
+
+    Parameters
+    ----------
+    az, ay, ax : float
+        From `per_voxel`.
+    """
     return (4 if az > 0 else 0) + (2 if ay > 0 else 0) + (1 if ax > 0 else 0)
 
 
@@ -171,6 +219,17 @@ def leap(distance, z, y, x, k, phase, pz, py, px, az, ay, ax):  # type: ignore[n
 
     The cube reaches `distance` - 1 bricks ahead of the voxel's own; az, ay, ax are `per_voxel`.
     Errs on the side of too few.
+
+    Parameters
+    ----------
+    distance : int
+        Bricks, as `Strides` counts them.
+    z, y, x : int
+        Voxel of the sample.
+    k, phase : float
+        Number of the sample, and where in its step it lies.
+    pz, py, px, az, ay, ax : float
+        Origin of the ray, voxels, and `per_voxel`.
     """
     # A brick's middle, and from there to the cube's face that the ray leaves by.
     half = distance * BRICK - 0.5 * BRICK
@@ -188,6 +247,17 @@ def leap_along(layers, at, k, phase, origin, pace):  # type: ignore[no-untyped-d
 
     The first of them is that of voxel `at`; `origin` is the ray's and `pace` its `per_voxel`.
     Errs on the side of too few.
+
+    Parameters
+    ----------
+    layers : int
+        Layers of bricks to skip.
+    at : int
+        Voxel of the sample along the axis.
+    k, phase : float
+        Number of the sample, and where in its step it lies.
+    origin, pace : float
+        Of the ray along the axis, voxels, and `per_voxel`.
     """
     half = layers * BRICK - 0.5 * BRICK
     edge = ((at & -BRICK) + (0.5 * BRICK - 0.5) - origin) * pace + half * abs(pace)

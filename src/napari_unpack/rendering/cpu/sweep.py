@@ -112,7 +112,13 @@ class SweepTest:
         visible: NDArray[np.bool_],
         bricks: Bricks | None = None,
     ) -> SweepTest:
-        """Make ready; arguments as for `sweep_blockers`."""
+        """Make ready; arguments as for `sweep_blockers`.
+
+        Parameters
+        ----------
+        labels, spacing, direction, visible, bricks
+            As for `sweep_blockers`.
+        """
         ids = np.flatnonzero(visible)
         rows = np.full(len(visible), -1, np.int32)
         rows[ids] = np.arange(len(ids))

@@ -40,7 +40,13 @@ class BrickMap(Protocol):
     def occupied(
         self, table: NDArray[np.float32], domain: tuple[float, float], tints: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Tell which bricks may hold something to be seen."""
+        """Tell which bricks may hold something to be seen.
+
+        Parameters
+        ----------
+        table, domain, tints
+            As for `tinted`.
+        """
 
     def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Tell which bricks hold a visible object."""
@@ -55,6 +61,11 @@ def id_layers(
     clipping: ArrayLike | None = None,
 ) -> NDArray[np.int32]:
     """List the distinct visible objects on every ray; see `rendering.cpu.id_layers`.
+
+    Parameters
+    ----------
+    labels, rays, visible, layers, bricks, clipping
+        As there.
 
     Returns
     -------
@@ -233,6 +244,11 @@ def tinted(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cast a tinted image; see `rendering.cpu.tinted`.
 
+    Parameters
+    ----------
+    volume, labels, rays, spacing, table, domain, tints, shading, bricks, jitter, clipping
+        As there.
+
     Returns
     -------
     image : (H, W, 4) ndarray of float32
@@ -287,11 +303,26 @@ class Workspace:
         self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}
 
     def id_target(self, index: int, size: tuple[int, int]) -> Target:
-        """Return the target of the index-th pass at a size."""
+        """Return the target of the index-th pass at a size.
+
+        Parameters
+        ----------
+        index : int
+            Of the pass.
+        size : (int, int)
+            Height and width, pixels.
+        """
         return self._id_targets.setdefault(index, Targets((4,))).get(size)
 
     def textures(self, labels: NDArray[np.uint16], volume: Density | None) -> VolumeTextures:
-        """Return the textures of these very arrays, uploading them if they are new."""
+        """Return the textures of these very arrays, uploading them if they are new.
+
+        Parameters
+        ----------
+        labels : (Z, Y, X) ndarray of uint16
+        volume : (Z, Y, X) ndarray, optional
+            Density; None where labels alone are drawn.
+        """
         for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
             if label_ref() is None or (volume_ref is not None and volume_ref() is None):
                 self._kept.pop(key)[2].delete()

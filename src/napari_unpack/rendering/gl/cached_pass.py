@@ -21,7 +21,15 @@ Where = Callable[[frozenset[int]], PixelWindow | None]
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """All that a tinted image depends on besides the volumes."""
+    """All that a tinted image depends on besides the volumes.
+
+    Parameters
+    ----------
+    rays, look, occupied, jitter, clipping
+        As in `TintedPass.draw`.
+    version : int
+        Of the volumes.
+    """
 
     rays: Rays
     look: Appearance

@@ -73,7 +73,13 @@ class ImageTexture:
     def update(
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
-        """Replace the contents, in place where size and type stay."""
+        """Replace the contents, in place where size and type stay.
+
+        Parameters
+        ----------
+        color, depth
+            As for the class.
+        """
         self._color, self._depth = _checked(color, depth)
         self._version += 1
         self._home = None
@@ -159,7 +165,17 @@ class ScreenPlace:
     def of_pixels(
         cls, row: int, col: int, size: tuple[int, int], canvas: tuple[int, int], t: float = 0.0
     ) -> ScreenPlace:
-        """Place a patch of `size` (h, w) whose first pixel is (row, col) of a canvas (H, W)."""
+        """Place a patch of `size` (h, w) whose first pixel is (row, col) of a canvas (H, W).
+
+        Parameters
+        ----------
+        row, col : int
+            First pixel.
+        size, canvas : (int, int)
+            Height and width of the patch and of the canvas, pixels.
+        t : float
+            Depth of what has none of its own, mm.
+        """
         height, width = canvas
         return cls(
             left=2 * col / width - 1,
@@ -404,7 +420,13 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         self._clip_from_pivot = np.asarray(matrix, dtype=np.float64)
 
     def attach(self, filt: Any, view: Any = None) -> None:
-        """Attach a filter; the node's opacity is taken over, its picking left out."""
+        """Attach a filter; the node's opacity is taken over, its picking left out.
+
+        Parameters
+        ----------
+        filt, view
+            As vispy hands them.
+        """
         if isinstance(filt, Alpha):
             self._alpha_filter = filt
         elif not isinstance(filt, PickingFilter):

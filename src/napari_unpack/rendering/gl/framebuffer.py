@@ -114,6 +114,15 @@ class Target:
 class Targets:
     """A few targets kept by size, so that a resolution used again costs nothing.
 
+    Parameters
+    ----------
+    channels : tuple of int
+        Channels of each colour attachment.
+    keep : int
+        Sizes whose targets stay.
+    smooth : bool
+        Whether textures are sampled linearly.
+
     Attributes
     ----------
     made : int
@@ -198,7 +207,13 @@ def namespace() -> Any:
 
 
 def current_context() -> GLContext:
-    """Return the context to draw in; raise `RuntimeError` if no canvas is current."""
+    """Return the context to draw in; raise `RuntimeError` if no canvas is current.
+
+    Raises
+    ------
+    RuntimeError
+        If no GL context is current.
+    """
     canvas = get_current_canvas()
     if canvas is None:
         raise RuntimeError("no GL context is current: draw inside a canvas, or in offscreen.use()")

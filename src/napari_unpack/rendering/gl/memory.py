@@ -27,6 +27,12 @@ class MemoryCounter:
     def enter(self, purpose: str, thing: Any) -> Any:
         """Enter a texture, or a buffer, and return it.
 
+        Parameters
+        ----------
+        purpose : str
+            One of the constants of this module.
+        thing : Texture or buffer
+
         Raises
         ------
         KeyError

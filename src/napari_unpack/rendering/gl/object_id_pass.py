@@ -64,6 +64,11 @@ class ObjectIdPass:
             Bricks of 8 voxels with a visible object.
         clipping : (N, 2, 3) array_like, optional
             Planes (point, normal), voxels.
+
+        Raises
+        ------
+        ValueError
+            If there are more layers or clipping planes than the shader takes.
         """
         if not 1 <= layers <= MOST_LAYERS:
             raise ValueError(

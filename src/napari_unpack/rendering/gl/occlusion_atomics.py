@@ -138,7 +138,15 @@ def _counts(
 
 
 def new_buffer(binding: int, values: NDArray[Any]) -> int:
-    """Make a shader storage buffer of an array and bind it; return its name."""
+    """Make a shader storage buffer of an array and bind it; return its name.
+
+    Parameters
+    ----------
+    binding : int
+        Of the shader's storage block.
+    values : ndarray
+        What it holds at first.
+    """
     from OpenGL import GL
 
     name = int(GL.glGenBuffers(1))
@@ -149,7 +157,15 @@ def new_buffer(binding: int, values: NDArray[Any]) -> int:
 
 
 def read_buffer(name: int, length: int) -> NDArray[np.uint32]:
-    """Return so many words of a shader storage buffer."""
+    """Return so many words of a shader storage buffer.
+
+    Parameters
+    ----------
+    name : int
+        From `new_buffer`.
+    length : int
+        Words to read.
+    """
     from OpenGL import GL
 
     # PyOpenGL's own wrapper writes past a numpy array given to it.

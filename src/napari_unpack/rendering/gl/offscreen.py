@@ -45,7 +45,13 @@ class Offscreen:
 
     @contextmanager
     def use(self) -> Iterator[Any]:
-        """Make the context current inside the `with`, then hand back the canvas before it."""
+        """Make the context current inside the `with`, then hand back the canvas before it.
+
+        Raises
+        ------
+        RuntimeError
+            In another thread than the one that made the context.
+        """
         from vispy.gloo.context import get_current_canvas
 
         if threading.get_ident() != self._thread:
@@ -79,7 +85,13 @@ def available() -> bool:
 
 
 def context() -> Offscreen:
-    """Return the process's offscreen context; raise `RuntimeError` with the reason if none."""
+    """Return the process's offscreen context; raise `RuntimeError` with the reason if none.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL, with the reason.
+    """
     made, reason = _probe()
     if made is None:
         raise RuntimeError(f"no offscreen GL: {reason}")

@@ -25,7 +25,15 @@ STRIDE = 100_000
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """A whole shader: GLSL without includes, and the files it came from, by number."""
+    """A whole shader: GLSL without includes, and the files it came from, by number.
+
+    Parameters
+    ----------
+    code : str
+        All files joined.
+    files : sequence of str
+        Their paths, by the numbers that `#line` gives them.
+    """
 
     code: str
     files: tuple[str, ...]
@@ -52,6 +60,17 @@ def load(
     read: Callable[[str], str] = read,
 ) -> ShaderSource:
     """Join a shader under shaders/ with what it includes, version and macros first.
+
+    Parameters
+    ----------
+    path : str
+        Below `shaders/`.
+    defines : mapping of str to object, optional
+        `#define`s put before the code.
+    version : str, optional
+        Of GLSL, as `#version` takes it.
+    read : callable
+        Given a path, returns the file's text.
 
     Raises
     ------
@@ -100,7 +119,14 @@ class Programs:
         defines: Mapping[str, object] | None = None,
         vertex: str = "fullscreen.vert",
     ) -> gloo.Program:
-        """Return the program of the current context; see `compiled`."""
+        """Return the program of the current context; see `compiled`.
+
+        Parameters
+        ----------
+        fragment, vertex : str
+            File names below `shaders/passes/`.
+        defines : mapping of str to object, optional
+        """
         made = self._made.setdefault(namespace(), {})
         key = fragment, vertex, *sorted((defines or {}).items())
         if key not in made:
@@ -147,7 +173,17 @@ def compiled(
 
 
 def linked(vertex: ShaderSource, fragment: ShaderSource) -> gloo.Program:
-    """Compile and link two sources in the current context; see `compiled`."""
+    """Compile and link two sources in the current context; see `compiled`.
+
+    Parameters
+    ----------
+    vertex, fragment : ShaderSource
+
+    Raises
+    ------
+    ShaderError
+        If the driver refuses, with its log.
+    """
     context = current_context()
     context.flush_commands()
     program = gloo.Program(vertex.code, fragment.code)

@@ -56,6 +56,13 @@ class VolumeTextures:
     notice : str or None
         A sentence for the user if the volume is drawn coarser than it is.
 
+    Raises
+    ------
+    ValueError
+        If labels are not 3D or empty, or density has another shape.
+    TypeError
+        If density is neither uint16 nor float32.
+
     Notes
     -----
     Labels take 1 byte a voxel up to ID 255 and 2 beyond, density its own type: 4 bytes a voxel
@@ -150,6 +157,11 @@ class VolumeTextures:
             Voxels outside which they are as before; by default all are sent.
         most : int, optional
             The largest label, where it is known.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another.
         """
         if labels.shape != self.shape:
             raise ValueError(f"labels must be {self.shape} as before, got {labels.shape}")

@@ -122,6 +122,11 @@ class TintedPass:
         window : (int, int, int, int), optional
             First column, first row, width and height of the pixels to cast; the others stay as
             the target holds them.
+
+        Raises
+        ------
+        ValueError
+            If the textures hold no density, or the target is not of the rays' size.
         """
         if textures.density is None:
             raise ValueError("textures must hold a volume to draw a tinted picture")

@@ -20,7 +20,13 @@ Uniforms = dict[str, Any]
 
 
 def ray_uniforms(rays: Rays, textures: VolumeTextures) -> Uniforms:
-    """Return the uniforms of lib/ray.glsl, lib/ray_box.glsl and lib/label_lookup.glsl."""
+    """Return the uniforms of lib/ray.glsl, lib/ray_box.glsl and lib/label_lookup.glsl.
+
+    Parameters
+    ----------
+    rays : Rays
+    textures : VolumeTextures
+    """
     names = ("origin", "origin_row", "origin_col", "direction", "direction_row", "direction_col")
     uniforms: Uniforms = {
         f"u_{name}": row for name, row in zip(names, flip(rays.table), strict=True)
@@ -165,7 +171,13 @@ def _exact_distances(occupied: NDArray[np.bool_], far: int) -> NDArray[np.int16]
 
 
 def assign(program: gloo.Program, uniforms: Uniforms) -> None:
-    """Set the uniforms that a program has, and leave the others."""
+    """Set the uniforms that a program has, and leave the others.
+
+    Parameters
+    ----------
+    program : vispy.gloo.Program
+    uniforms : mapping of str to value
+    """
     for name, value in uniforms.items():
         if name in program:
             program[name] = value

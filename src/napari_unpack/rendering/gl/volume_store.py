@@ -93,6 +93,11 @@ class VolumeStore:
         ----------
         labels, box, most
             As for `VolumeTextures.set_labels`.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another.
         """
         if labels.shape != self._labels.shape:
             raise ValueError(f"labels must be {self._labels.shape} as before, got {labels.shape}")

@@ -48,7 +48,20 @@ class VoxelBuffer:
         return self._buffer.glir
 
     def set_data(self, part: NDArray[np.generic], offset: tuple[int, int, int]) -> None:
-        """Take over whole planes, from the one on that `offset` (z, 0, 0) says."""
+        """Take over whole planes, from the one on that `offset` (z, 0, 0) says.
+
+        Parameters
+        ----------
+        part : (z, Y, X) ndarray
+            Some planes.
+        offset : (int, int, int)
+            First voxel of the part, z y x.
+
+        Raises
+        ------
+        ValueError
+            If the part is not whole planes of the volume.
+        """
         if part.shape[1:] != self.shape[1:]:
             raise ValueError(f"part must be of whole planes {self.shape[1:]}, got {part.shape}")
         first = offset[0] * self.shape[1] * self.shape[2]
