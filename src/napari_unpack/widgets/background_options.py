@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from napari_unpack.appearance import Background, Decorations
 
 DARK, NAPARIS, COLOR, IMAGE = "Dark", "napari's own", "A colour…", "A picture…"
+# Titles of the backgrounds that `Decorations.of` knows by name.
 NAMED = {
     DARK: "dark",
     "Dusk, a gradient": "dusk",
     "Light": "light",
     "Daylight, a gradient": "daylight",
 }
-"""Titles of the backgrounds that `Decorations.of` knows by name."""
 
 IMAGE_FILES = "Pictures (*.png *.jpg *.jpeg *.tif *.tiff *.bmp)"
+# Where the colour dialog starts: a dark grey, on which tints stand out.
 SUGGESTED_COLOR = "#20242c"
-"""Where the colour dialog starts: a dark grey, on which tints stand out."""
 
 
 class BackgroundOptions(Collapsible):

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 RGB = tuple[float, float, float]
 Stop = tuple[float, RGB]
 
+# How near to a colour's middle a press grabs it: its radius and a little more.
 GRAB_PIXELS = 7.0
-"""How near to a colour's middle a press grabs it: its radius and a little more."""
 
+# Samples of the ramp: between two the gradient is linear in x, which density is not.
 SHADES = 33
-"""Samples of the ramp: between two the gradient is linear in x, which density is not."""
 
 WHITE: RGB = (1.0, 1.0, 1.0)
 

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 AUTOMATIC = "Automatic"
 CUSTOM = "My own curve"
+# Titles of `TransferFunction.preset`, all for CT numbers.
 PRESETS = {
     "All matter": "all",
     "Soft: cloth to water": "soft",
     "Dense: solids": "dense",
     "Metal": "metal",
 }
-"""Titles of `TransferFunction.preset`, all for CT numbers."""
 
 MODES: dict[str, Mode] = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 

@@ -22,10 +22,6 @@ if TYPE_CHECKING:
 class Commands:
     """The commands, on the session that the workspace shows.
 
-    Parameters
-    ----------
-    workspace : Workspace
-
     Attributes
     ----------
     settings : SessionSettings

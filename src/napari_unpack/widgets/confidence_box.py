@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 SLOT = "confidence"
 FILES = "Oracle (*.npz)"
+# The fewest examples that `train_on_marked` accepts.
 NEEDED = 8
-"""The fewest examples that `train_on_marked` accepts."""
 
+# Where nine in ten of at least so many objects score lower than this, the oracle was trained on
+# other kinds of objects: in bags like its own, at least the whole objects score near 1.
 FEWEST_SCORES, UNKNOWN_SCORE = 5, 0.01
-"""Where nine in ten of at least so many objects score lower than this, the oracle was trained on
-other kinds of objects: in bags like its own, at least the whole objects score near 1."""
 
 
 class ConfidenceBox(Collapsible):

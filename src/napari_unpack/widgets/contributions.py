@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     import napari
     from napari.qt.threading import FunctionWorker
 
+# As napari's readers return layers: (data, attributes, layer type).
 LayerData = tuple[Any, ...]
-"""As napari's readers return layers: (data, attributes, layer type)."""
 
+# napari's answer of a reader that needs no layers added.
 READ_ELSEWHERE: list[LayerData] = [(None,)]
-"""napari's answer of a reader that needs no layers added."""
 
 PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
 
+# Voxels and objects of the sample: segmented in seconds, yet some objects block others.
 SAMPLE_SHAPE, SAMPLE_COUNT = (96, 120, 144), 18
-"""Voxels and objects of the sample: segmented in seconds, yet some objects block others."""
 
 
 def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
@@ -62,12 +62,7 @@ def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
 
 
 def restore_colors(viewer: napari.Viewer) -> None:
-    """Give the active Labels layer, or the only one, the colours it had before.
-
-    Parameters
-    ----------
-    viewer : napari.Viewer
-    """
+    """Give the active Labels layer, or the only one, the colours it had before."""
     from napari_unpack.viewer.view_colors import give_back
 
     layer = _labels_layer(viewer)

@@ -11,9 +11,10 @@ from napari_unpack.geometry.view import Camera
 
 Direction = str | tuple[float, float, float] | None
 TOWARDS_ME = "Towards me"
+# Shown for a direction that was drawn, or that has no name.
 ALONG_ARROW = "Along arrow"
-"""Shown for a direction that was drawn, or that has no name."""
 
+# As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up.
 DIRECTIONS: dict[str, Direction] = {
     TOWARDS_ME: None,
     "Out of the bag": "up",
@@ -24,14 +25,13 @@ DIRECTIONS: dict[str, Direction] = {
     "Front (+z)": (1.0, 0.0, 0.0),
     "Back (−z)": (-1.0, 0.0, 0.0),
 }
-"""As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up."""
 
 
+# Along the axes of pivot space, and against them.
 WORDS = (("towards you", "away from you"), ("down", "up"), ("to the right", "to the left"))
-"""Along the axes of pivot space, and against them."""
 
+# Smaller components of a unit vector are not named: below 15 degrees nobody would say them.
 LEAST_COMPONENT = 0.25
-"""Smaller components of a unit vector are not named: below 15 degrees nobody would say them."""
 
 
 def name_of(direction: Direction) -> str | None:

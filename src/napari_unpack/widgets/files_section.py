@@ -121,12 +121,7 @@ REFERRING = "Small session that refers to the volume's file (*.unpack)"
 
 
 class FilesSection(Section):
-    """Save, open and export in a worker, with progress and cancel.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    """
+    """Save, open and export in a worker, with progress and cancel."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__("5", "Files")

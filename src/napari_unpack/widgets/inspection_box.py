@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 SLOT = "facts of the inspected object"
 
+# A drag is applied 25 times a second: about as often as the object can be drawn.
 APPLY_MS = 40
-"""A drag is applied 25 times a second: about as often as the object can be drawn."""
 
+# Of what touched an object the largest contacts are named; more would fill the panel.
 NAMED_NEIGHBOURS = 4
-"""Of what touched an object the largest contacts are named; more would fill the panel."""
 
 
 class InspectionBox(QWidget):

@@ -113,17 +113,17 @@ def is_users(layer: Layer) -> bool:
     return not type(unwrap(layer)).__module__.startswith("napari_unpack")
 
 
+# Density of water, HU + 1000.
 WATER = 1000
-"""Density of water, HU + 1000."""
 
+# Of a voxel, beside the volume: int32 labels of the layer, of the session, and to work with.
 LABEL_BYTES = 12
-"""Of a voxel, beside the volume: int32 labels of the layer, of the session, and to work with."""
 
+# Share of the memory that volume and labels may fill; napari and the system need the rest.
 USABLE_MEMORY = 0.7
-"""Share of the memory that volume and labels may fill; napari and the system need the rest."""
 
+# What napari layers hold: a NumPy, dask or zarr array, with `shape` and `dtype` and slicing.
 LazyArray: TypeAlias = Any
-"""What napari layers hold: a NumPy, dask or zarr array, with `shape` and `dtype` and slicing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,10 +253,6 @@ def labels_of(layer: Labels, volume: Volume) -> LazyArray:
 def names_of(layer: Labels) -> dict[int, str]:
     """Read the names of objects that a Labels layer carries.
 
-    Parameters
-    ----------
-    layer : napari.layers.Labels
-
     Returns
     -------
     dict of int to str
@@ -271,10 +267,6 @@ def names_of(layer: Labels) -> dict[int, str]:
 
 def spacing_of(layer: Layer) -> tuple[float, float, float]:
     """Read the voxel size of a 3D layer from its transform.
-
-    Parameters
-    ----------
-    layer : napari.layers.Layer
 
     Returns
     -------

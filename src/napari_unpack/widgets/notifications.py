@@ -8,19 +8,15 @@ from datetime import datetime, timedelta
 
 from napari_unpack.tasks import Cancelled
 
+# How long napari shows a notification.
 SHOWN = timedelta(seconds=4)
-"""How long napari shows a notification."""
 
+# What bad input and a full memory or disk raise; anything else is a defect with a traceback.
 EXPECTED = (ValueError, TypeError, KeyError, MemoryError, OSError)
-"""What bad input and a full memory or disk raise; anything else is a defect with a traceback."""
 
 
 def sentence(error: BaseException) -> str:
     """Turn an exception into a sentence.
-
-    Parameters
-    ----------
-    error : BaseException
 
     Returns
     -------

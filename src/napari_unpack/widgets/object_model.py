@@ -31,6 +31,7 @@ _CELL = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
 _NAMED = _CELL | Qt.ItemFlag.ItemIsEditable
 _NO_COLOR: Rgb = (0.5, 0.5, 0.5)
 
+# Short enough for a narrow column.
 STATE_WORDS = {
     ObjectState.PACKED: "packed",
     ObjectState.FLYING_OUT: "flying",
@@ -39,17 +40,15 @@ STATE_WORDS = {
     ObjectState.INSPECTED: "alone",
     ObjectState.HIDDEN: "hidden",
 }
-"""Short enough for a narrow column."""
 
 UNPACKABLE, TOGETHER, FIRST = "ready", "group", "next"
+# What the state column says of some packed objects, and what it means. The column is too narrow for
+# "unpackable" beside the confidence.
 MARKS = {
     UNPACKABLE: "Unpackable: nothing blocks this object.",
     TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
     FIRST: "This object must leave before the one to be revealed.",
 }
-"""What the state column says of some packed objects, and what it means.
-
-The column is too narrow for "unpackable" beside the confidence."""
 
 
 class Column(IntEnum):
@@ -129,12 +128,7 @@ class ObjectModel(QAbstractTableModel):
         self._first: frozenset[int] = frozenset()
 
     def load(self, session: Session | None) -> None:
-        """Show the objects of a session, or nothing for None.
-
-        Parameters
-        ----------
-        session : napari_unpack.Session or None
-        """
+        """Show the objects of a session, or nothing for None."""
         self.beginResetModel()
         self._session = session
         self._facts = [] if session is None else _facts_of(session)

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
 
+# Height of a row, pixels: an eye and a swatch with room around them.
 ROW = 24
-"""Height of a row, pixels: an eye and a swatch with room around them."""
 
 WIDTHS = {
     Column.EYE: 22,
@@ -49,6 +49,7 @@ WIDTHS = {
     Column.DENSITY: 60,
     Column.CONFIDENCE: 44,
 }
+# Texts that a column must have room for in any font, with `PADDING` around them.
 WIDEST = {
     Column.NAME: "Object 100",
     Column.STATE: "packed",
@@ -57,13 +58,12 @@ WIDEST = {
     Column.DENSITY: "1234",
     Column.CONFIDENCE: "99 %",
 }
-"""Texts that a column must have room for in any font, with `PADDING` around them."""
 
+# Pixels: Qt's own margins of a cell and those of the style sheet.
 PADDING = 15
-"""Pixels: Qt's own margins of a cell and those of the style sheet."""
 
+# Columns shown where the table is wide enough, the most wanted first; tooltips have them all.
 WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
-"""Columns shown where the table is wide enough, the most wanted first; tooltips have them all."""
 
 
 class ObjectFilter(QSortFilterProxyModel):
@@ -199,10 +199,6 @@ class ObjectTable(QTableView):
 
     Signals: `eye_clicked`, `swatch_clicked` (object ID), `ids_selected` (frozenset of IDs, by
     the user only).
-
-    Parameters
-    ----------
-    model : ObjectModel
     """
 
     eye_clicked = Signal(int)

@@ -30,8 +30,8 @@ FILTERS: dict[str, frozenset[ObjectState] | None] = {
     "Hidden": frozenset({ObjectState.HIDDEN}),
 }
 
+# A repair would change the sprite of an unpacked object under the user's hand.
 REPAIRABLE = frozenset({ObjectState.PACKED, ObjectState.HIDDEN})
-"""A repair would change the sprite of an unpacked object under the user's hand."""
 
 
 class ObjectsSection(Section):

@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 
+# Pixels around the curve, so that points at its ends can be grabbed whole.
 MARGIN = 8.0
-"""Pixels around the curve, so that points at its ends can be grabbed whole."""
 
+# How near to a point a press grabs it: twice its radius, for hands that are not steady.
 GRAB_PIXELS = 9.0
-"""How near to a point a press grabs it: twice its radius, for hands that are not steady."""
 
+# Between neighbouring points, as a share of the densities shown: curves must ascend.
 SMALLEST_GAP = 1e-3
-"""Between neighbouring points, as a share of the densities shown: curves must ascend."""
 
+# Of the histogram: about one for two pixels of the editor.
 BINS = 128
-"""Of the histogram: about one for two pixels of the editor."""
 
+# Voxels counted at most: a million show the shape, and take milliseconds.
 SAMPLES = 1 << 20
-"""Voxels counted at most: a million show the shape, and take milliseconds."""
 
 
 def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.float64]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# As stored under `when_nobody_is_free`.
 TAKE_LEAST_OCCLUDED = "Take the least blocked"
-"""As stored under `when_nobody_is_free`."""
 
 BACKENDS = {"Best available": "auto", "Graphics card": "gl", "Processor": "cpu"}
 

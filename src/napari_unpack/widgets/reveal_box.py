@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from napari_unpack.unpacking.direction_survey import RevealPlan
 
 
+# One task runs and one waits: two at once would share the processors, and both come later.
 SLOT = "reveal planner"
-"""One task runs and one waits: two at once would share the processors, and both come later."""
 
 
 class RevealPlanner(QObject):
@@ -158,12 +158,7 @@ class RevealPlanner(QObject):
 
 
 class RevealBox(QWidget):
-    """A sentence on what blocks a buried object, and two buttons; shown while that is known.
-
-    Parameters
-    ----------
-    planner : RevealPlanner
-    """
+    """A sentence on what blocks a buried object, and two buttons; shown while that is known."""
 
     def __init__(self, planner: RevealPlanner) -> None:
         super().__init__()

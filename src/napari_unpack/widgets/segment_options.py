@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 from napari_unpack.widgets.section import Collapsible, form
 
 FIXED = "Fixed density"
+# How matter is told from air: `foreground` of `napari_unpack.segment`, and when to choose it.
 FOREGROUND_METHODS = {
     "Two levels, connected": (
         "hysteresis",
@@ -22,8 +23,8 @@ FOREGROUND_METHODS = {
     "One level": ("otsu", "Everything above the level between air and matter."),
     FIXED: (None, "Everything above the density given below."),
 }
-"""How matter is told from air: `foreground` of `napari_unpack.segment`, and when to choose it."""
 
+# What is done about noise: `grainy` of `napari_unpack.segment`, and when to choose it.
 NOISE = {
     "Automatic": (None, "Noise is removed where the volume is mostly noise, as most CT is not."),
     "Remove": (
@@ -33,7 +34,6 @@ NOISE = {
     ),
     "Keep": (False, "For CT scans: the volume is segmented as it is."),
 }
-"""What is done about noise: `grainy` of `napari_unpack.segment`, and when to choose it."""
 
 
 class SegmentOptions(Collapsible):

@@ -46,12 +46,7 @@ class _Order:
 
 
 class SegmentSection(Section):
-    """Choose a volume, and labels if there are any, and begin.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    """
+    """Choose a volume, and labels if there are any, and begin."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__("1", "Segment")

@@ -18,13 +18,13 @@ from napari_unpack.widgets.session_settings import GENTLE_FOV
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Share of an object that may be blocked and it still counts as unpackable. Labels of real scans are
+# ragged by a voxel here and there; in the paper's figure 7 up to 0.3 % of an object that leaves are
+# still occluded.
 TOLERANCE = 0.003
-"""Share of an object that may be blocked and it still counts as unpackable. Labels of real scans
-are ragged by a voxel here and there; in the paper's figure 7 up to 0.3 % of an object that leaves
-are still occluded."""
 
+# Of the progress bar: finding objects takes that much of the time in bags of any size.
 SEGMENTING_SHARE = 0.9
-"""Of the progress bar: finding objects takes that much of the time in bags of any size."""
 
 
 @dataclass(frozen=True, eq=False)

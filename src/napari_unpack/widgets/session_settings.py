@@ -14,18 +14,13 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.widgets.directions import Direction
 
+# Field of view of the gentle perspective, degrees: wide enough that an object which flies towards
+# the viewer is seen to come nearer, narrow enough that sprites at the edge look upright.
 GENTLE_FOV = 20.0
-"""Field of view of the gentle perspective, degrees: wide enough that an object which flies
-towards the viewer is seen to come nearer, narrow enough that sprites at the edge look upright."""
 
 
 class SessionSettings:
-    """Setters for the session that the workspace shows; without a session they do nothing.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    """
+    """Setters for the session that the workspace shows; without a session they do nothing."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace

@@ -18,11 +18,11 @@ from napari_unpack.widgets.workspace import Change, Workspace
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# How often playing checks whether the last object has landed, so that the next may fly.
 PLAY_MS = 60
-"""How often playing checks whether the last object has landed, so that the next may fly."""
 
+# Grey that shows on light and dark, until the panel sets the theme's.
 DEFAULT_INK = "#8a93a0"
-"""Grey that shows on light and dark, until the panel sets the theme's."""
 
 
 class StepSlider(QWidget):

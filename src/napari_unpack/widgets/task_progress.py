@@ -12,11 +12,11 @@ from napari_unpack.tasks import Progress, Task, TaskResult
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.section import button, column, label
 
+# More than the bar has pixels, so that it moves without steps.
 STEPS = 1000
-"""More than the bar has pixels, so that it moves without steps."""
 
+# About the time between two reports of a segmentation, so that the bar hardly ever stands.
 GLIDE_MS = 400
-"""About the time between two reports of a segmentation, so that the bar hardly ever stands."""
 
 
 class SmoothBar(QProgressBar):

@@ -14,11 +14,11 @@ from qtpy.QtGui import QColor
 if TYPE_CHECKING:
     from pydantic_extra_types.color import Color
 
+# Pixels between neighbouring controls; sections are two of them apart.
 GAP = 6
-"""Pixels between neighbouring controls; sections are two of them apart."""
 
+# Width of the column of field labels, pixels; the same in every step.
 LABELS = 66
-"""Width of the column of field labels, pixels; the same in every step."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +96,6 @@ def _mixed(a: QColor, b: QColor, part: float) -> str:
 
 def style_sheet(palette: Palette) -> str:
     """Write the style sheet of the whole panel.
-
-    Parameters
-    ----------
-    palette : Palette
 
     Returns
     -------

@@ -66,8 +66,8 @@ class KeepFramed(QObject):
         return np.array([camera.zoom, *camera.center], dtype=np.float64)
 
 
+# Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
 WIDTH = 328
-"""Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room."""
 
 
 class UnpackingWidget(QWidget):

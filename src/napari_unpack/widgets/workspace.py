@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from napari_unpack.viewer.controller import SessionController
     from napari_unpack.viewer.viewer_state import SavedView
 
+# Changes of one command come in bursts of up to a dozen; the panel is redrawn once for all.
 GATHER_MS = 30
-"""Changes of one command come in bursts of up to a dozen; the panel is redrawn once for all."""
 
 
 class Change(Flag):
