@@ -22,14 +22,11 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
-SORT = Qt.ItemDataRole.UserRole
-ID = Qt.ItemDataRole.UserRole + 1
-STATE = Qt.ItemDataRole.UserRole + 2
+Role = Qt.ItemDataRole
+SORT, ID, STATE = Role.UserRole, Role.UserRole + 1, Role.UserRole + 2
 
 Rgb = tuple[float, float, float]
-_CELL = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
-_NAMED = _CELL | Qt.ItemFlag.ItemIsEditable
-_NO_COLOR: Rgb = (0.5, 0.5, 0.5)
+NO_HUE: Rgb = (0.5, 0.5, 0.5)
 
 # Short enough for a narrow column.
 STATE_WORDS = {
@@ -41,9 +38,9 @@ STATE_WORDS = {
     ObjectState.HIDDEN: "hidden",
 }
 
+# What the state column says of some packed objects, and what it means. There is no room for the
+# word "unpackable" beside the confidence.
 UNPACKABLE, TOGETHER, FIRST = "ready", "group", "next"
-# What the state column says of some packed objects, and what it means. The column is too narrow for
-# "unpackable" beside the confidence.
 MARKS = {
     UNPACKABLE: "Unpackable: nothing blocks this object.",
     TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
@@ -74,35 +71,83 @@ TITLES = {
     Column.DENSITY: ("Density", "Mean density in the volume's own values."),
     Column.CONFIDENCE: ("Sure", "How sure the segmentation is that this is one whole object."),
 }
+# For bags of objects all below 1 cm³, such as nuclei under a microscope.
+TINY_TITLE = "mm³", "Volume in cubic millimetres."
 
 
 @dataclass(frozen=True)
-class _Facts:
-    """What never changes about an object, in cm³ and mm; `label` is its ID in the user's labels."""
+class _Row:
+    """What is known of an object; the fields from `name` on may change at any moment."""
 
     id: int
-    label: int
+    label: int  # Its ID in the user's own labels, which the session may have renumbered.
     volume: float
-    edges: tuple[float, float, float]
+    edges: tuple[float, ...]
     density: float
     confidence: float
-
-
-@dataclass(frozen=True)
-class _Live:
-    """What may change about an object at any moment."""
-
-    name: str
-    state: ObjectState
-    hue: float | None
-    color: Rgb
-    mark: str
+    name: str = ""
+    state: ObjectState = ObjectState.HIDDEN
+    hue: float | None = None
+    color: Rgb = NO_HUE
+    mark: str = ""
     is_example: bool = False
 
     @property
     def state_words(self) -> str:
         packed = self.state is ObjectState.PACKED
         return self.mark if self.mark and packed else STATE_WORDS[self.state]
+
+    def text(self, column: Column, tiny: bool = False) -> str:
+        match column:
+            case Column.NAME:
+                return self.name
+            case Column.STATE:
+                return self.state_words
+            case Column.VOLUME:
+                volume = self.volume * (1000 if tiny else 1)
+                return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
+            case Column.SIZE:
+                return " × ".join(f"{edge:.0f}" for edge in self.edges)
+            case Column.DENSITY:
+                return f"{self.density:.0f}" if abs(self.density) >= 10 else f"{self.density:.2g}"
+            case Column.CONFIDENCE:
+                return "–" if np.isnan(self.confidence) else percent(self.confidence)
+        return ""
+
+    def sort_key(self, column: Column) -> Any:
+        match column:
+            case Column.EYE:
+                return self.state is ObjectState.HIDDEN
+            case Column.SWATCH:
+                return -1.0 if self.hue is None else self.hue
+            case Column.NAME:
+                # Digits are padded, so that object 2 comes before object 10.
+                return re.sub(r"\d+", lambda found: found[0].zfill(12), self.name.casefold())
+            case Column.STATE:
+                return self.state_words
+            case Column.VOLUME:
+                return self.volume
+            case Column.SIZE:
+                return self.edges[0]
+            case Column.DENSITY:
+                return self.density
+        return -1.0 if np.isnan(self.confidence) else self.confidence
+
+    def tooltip(self, column: Column) -> str:
+        if column == Column.STATE and self.state_words in MARKS:
+            return MARKS[self.state_words]
+        if column in (Column.EYE, Column.SWATCH):
+            return TITLES[column][1]
+        lines = [
+            f"{self.name}, object {self.label}, {self.state_words}",
+            f"{self.text(Column.VOLUME)} cm³, {self.text(Column.SIZE)} mm",
+            f"density {self.text(Column.DENSITY)}",
+        ]
+        if not np.isnan(self.confidence):
+            lines.append(f"{percent(self.confidence)} sure that this is one whole object")
+        if self.is_example:
+            lines.append("an example to train the confidence on")
+        return "\n".join(lines)
 
 
 class ObjectModel(QAbstractTableModel):
@@ -119,11 +164,10 @@ class ObjectModel(QAbstractTableModel):
         super().__init__(parent)
         self._rename = rename
         self._session: Session | None = None
-        self._facts: list[_Facts] = []
-        self._rows: dict[int, int] = {}
-        self._live: list[_Live] = []
-        self._shows_mm3 = False
-        self._keys: dict[int, tuple[list[_Live], list[Any]]] = {}
+        self._rows: list[_Row] = []
+        self._row_of: dict[int, int] = {}
+        self._tiny = False
+        self._keys: dict[int, tuple[list[_Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
@@ -131,11 +175,11 @@ class ObjectModel(QAbstractTableModel):
         """Show the objects of a session, or nothing for None."""
         self.beginResetModel()
         self._session = session
-        self._facts = [] if session is None else _facts_of(session)
-        self._rows = {facts.id: row for row, facts in enumerate(self._facts)}
+        self._rows = [] if session is None else _rows_of(session)
+        self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
-        self._live = self._look()
-        self._shows_mm3 = bool(self._facts) and max(f.volume for f in self._facts) < 1.0
+        self._rows = self._read()
+        self._tiny = bool(self._rows) and max(row.volume for row in self._rows) < 1.0
         self.endResetModel()
 
     def refresh(
@@ -154,148 +198,144 @@ class ObjectModel(QAbstractTableModel):
             self._unpackable = frozenset(unpackable)
         if first is not None:
             self._first = frozenset(first)
-        before, self._live = self._live, self._look()
-        for row, (old, new) in enumerate(zip(before, self._live, strict=True)):
+        before, self._rows = self._rows, self._read()
+        for k, (old, new) in enumerate(zip(before, self._rows, strict=True)):
             if old != new:
                 # Hues change for all rows at once, while the bag turns: one cell a row is enough.
                 only_color = replace(old, hue=new.hue, color=new.color) == new
                 left = Column.SWATCH if only_color else Column.EYE
                 right = Column.SWATCH if only_color else Column.STATE
-                self.dataChanged.emit(self.index(row, left), self.index(row, right))
+                self.dataChanged.emit(self.index(k, left), self.index(k, right))
 
-    def _look(self) -> list[_Live]:
-        if self._session is None:
-            return []
+    def _read(self) -> list[_Row]:
         session = self._session
+        if session is None:
+            return []
         states, hues = session.states, session.hues
-        names = session.objects["name"].to_dict()
-        colors = _colors(hues, session.tint_mode)
+        names, colors = session.objects["name"].to_dict(), _colors(hues, session.tint_mode)
         groups = session.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
-        def mark(object_id: int) -> str:
-            if object_id in self._first:
+        def mark(i: int) -> str:
+            if i in self._first:
                 return FIRST
-            if object_id not in self._unpackable:
+            if i not in self._unpackable:
                 return ""
-            return TOGETHER if object_id in together else UNPACKABLE
+            return TOGETHER if i in together else UNPACKABLE
 
         return [
-            _Live(
-                str(names.get(f.id, "")),
-                states.get(f.id, ObjectState.HIDDEN),
-                float(hues[f.id]) % 1.0 if f.id in hues else None,
-                colors.get(f.id, _NO_COLOR),
-                mark(f.id),
-                f.id in session.examples,
+            replace(
+                row,
+                name=str(names.get(row.id, "")),
+                state=states.get(row.id, ObjectState.HIDDEN),
+                hue=float(hues[row.id]) % 1.0 if row.id in hues else None,
+                color=colors.get(row.id, NO_HUE),
+                mark=mark(row.id),
+                is_example=row.id in session.examples,
             )
-            for f in self._facts
+            for row in self._rows
         ]
 
     @property
     def knows_confidence(self) -> bool:
         """Whether the confidence of any object is known."""
-        return any(not np.isnan(facts.confidence) for facts in self._facts)
+        return any(not np.isnan(row.confidence) for row in self._rows)
 
     def sort_keys(self, column: int) -> list[Any]:
-        """Return what every row sorts by in a column; kept until something changes.
-
-        Qt compares some ten thousand pairs to sort a thousand rows.
-        """
+        """Return the key by which each row sorts in a column, kept until something changes."""
         kept = self._keys.get(column)
-        if kept is None or kept[0] is not self._live:
-            rows = zip(self._facts, self._live, strict=True)
-            kept = self._keys[column] = (
-                self._live,
-                [_sort_key(facts, live, Column(column)) for facts, live in rows],
-            )
+        # Qt compares some ten thousand pairs to sort a thousand rows.
+        if kept is None or kept[0] is not self._rows:
+            keys = [row.sort_key(Column(column)) for row in self._rows]
+            kept = self._keys[column] = self._rows, keys
         return kept[1]
 
     def row_of(self, object_id: int) -> int | None:
         """Return the row of an object, or None."""
-        return self._rows.get(object_id)
+        return self._row_of.get(object_id)
 
     def id_at(self, row: int) -> int:
         """Return the object's ID in a row."""
-        return self._facts[row].id
+        return self._rows[row].id
 
     def rowCount(self, parent: Index | None = None) -> int:
         """Return the number of objects."""
-        return 0 if parent is not None and parent.isValid() else len(self._facts)
+        return 0 if parent is not None and parent.isValid() else len(self._rows)
 
     def columnCount(self, parent: Index | None = None) -> int:
         """Return the number of columns."""
         return 0 if parent is not None and parent.isValid() else len(Column)
 
-    def headerData(self, section: int, orientation: Any, role: int = 0) -> Any:
-        """Return a column's title or its tooltip."""
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
+        """Return a column's title or its tooltip, as Qt asks for them.
+
+        Parameters
+        ----------
+        section : int
+            The column.
+        orientation : Qt.Orientation
+        role : int
+        """
         if orientation != Qt.Orientation.Horizontal:
             return None
-        title, tip = TITLES[Column(section)]
-        if section == Column.VOLUME and self._shows_mm3:
-            title, tip = "mm³", "Volume in cubic millimetres."
-        if role == Qt.ItemDataRole.DisplayRole:
-            return title
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return tip
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            return _alignment(Column(section))
-        return None
+        column = Column(section)
+        title, tip = TINY_TITLE if column == Column.VOLUME and self._tiny else TITLES[column]
+        answers = {Role.DisplayRole: title, Role.ToolTipRole: tip}
+        return _alignment(column) if role == Role.TextAlignmentRole else answers.get(role)
 
-    def flags(self, index: Index) -> Any:
+    def flags(self, index: Index) -> Qt.ItemFlag:
         """Return what a cell can do: all are selectable, names are editable."""
         if not index.isValid():
             return Qt.ItemFlag.NoItemFlags
-        return _NAMED if index.column() == Column.NAME else _CELL
+        flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
+        return flags | Qt.ItemFlag.ItemIsEditable if index.column() == Column.NAME else flags
 
     def data(self, index: Index, role: int = 0) -> Any:
-        """Return what a cell shows, sorts by, or is coloured with."""
+        """Return what a cell shows, sorts by, or is coloured with, as Qt asks for it.
+
+        Parameters
+        ----------
+        index : QModelIndex
+        role : int
+            One of Qt's, or `SORT`, `ID` or `STATE`.
+        """
         if not index.isValid() or self._session is None:
             return None
-        row, column = index.row(), Column(index.column())
-        facts, live = self._facts[row], self._live[row]
-        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
-            if column == Column.VOLUME:
-                return _amount(facts.volume * (1000 if self._shows_mm3 else 1))
-            shown = _text(facts, live, column)
-            marked = (
-                live.is_example and column == Column.NAME and role == Qt.ItemDataRole.DisplayRole
-            )
-            return f"{shown} ✓" if marked else shown
-        if (
-            role == Qt.ItemDataRole.FontRole
-            and column == Column.STATE
-            and live.state_words in MARKS
-        ):
-            return _bold()
-        if role == SORT:
-            return _sort_key(facts, live, column)
-        if role == ID:
-            return facts.id
-        if role == STATE:
-            return live.state
-        if role == Qt.ItemDataRole.DecorationRole and column == Column.SWATCH:
-            return QColor.fromRgbF(*live.color)
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            return _alignment(column)
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return _tip(facts, live, column)
-        return None
+        row, column = self._rows[index.row()], Column(index.column())
+        match role:
+            case Role.DisplayRole if column == Column.NAME and row.is_example:
+                return f"{row.name} ✓"
+            case Role.DisplayRole | Role.EditRole:
+                return row.text(column, self._tiny)
+            case Role.FontRole if column == Column.STATE and row.state_words in MARKS:
+                bold = QFont()
+                bold.setBold(True)
+                return bold
+            case Role.DecorationRole if column == Column.SWATCH:
+                return QColor.fromRgbF(*row.color)
+            case Role.TextAlignmentRole:
+                return _alignment(column)
+            case Role.ToolTipRole:
+                return row.tooltip(column)
+        own = {SORT: row.sort_key, ID: lambda _: row.id, STATE: lambda _: row.state}
+        return own[role](column) if role in own else None
 
-    def setData(self, index: Index, value: Any, role: int = 2) -> bool:
-        """Rename an object."""
+    def setData(self, index: Index, value: Any, role: int = Role.EditRole) -> bool:
+        """Rename an object.
+
+        Parameters
+        ----------
+        index : QModelIndex
+            Of its name.
+        value : str
+        role : int
+        """
         name = str(value).strip()
         if index.column() != Column.NAME or not name or self._session is None:
             return False
         self._rename(self.id_at(index.row()), name)
         self.refresh()
         return True
-
-
-def _bold() -> QFont:
-    font = QFont()
-    font.setBold(True)
-    return font
 
 
 def _colors(hues: Mapping[int, float], mode: Mode) -> dict[int, Rgb]:
@@ -308,84 +348,25 @@ def _colors(hues: Mapping[int, float], mode: Mode) -> dict[int, Rgb]:
     return {i: (float(tints[i, 0]), float(tints[i, 1]), float(tints[i, 2])) for i in hues}
 
 
-def _text(facts: _Facts, live: _Live, column: Column) -> str:
-    if column == Column.NAME:
-        return live.name
-    if column == Column.STATE:
-        return live.state_words
-    if column == Column.SIZE:
-        return " × ".join(f"{edge:.0f}" for edge in facts.edges)
-    if column == Column.DENSITY:
-        return f"{facts.density:.0f}" if abs(facts.density) >= 10 else f"{facts.density:.2g}"
-    if column == Column.CONFIDENCE:
-        return "–" if np.isnan(facts.confidence) else percent(facts.confidence)
-    return ""
-
-
-def _amount(volume: float) -> str:
-    return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
-
-
-def _sort_key(facts: _Facts, live: _Live, column: Column) -> Any:
-    match column:
-        case Column.EYE:
-            return live.state is ObjectState.HIDDEN
-        case Column.SWATCH:
-            return -1.0 if live.hue is None else live.hue
-        case Column.NAME:
-            return _natural(live.name)
-        case Column.STATE:
-            return live.state_words
-        case Column.VOLUME:
-            return facts.volume
-        case Column.SIZE:
-            return facts.edges[0]
-        case Column.DENSITY:
-            return facts.density
-    return -1.0 if np.isnan(facts.confidence) else facts.confidence
-
-
-def _tip(facts: _Facts, live: _Live, column: Column) -> str:
-    if column == Column.STATE and live.state_words in MARKS:
-        return MARKS[live.state_words]
-    if column in (Column.EYE, Column.SWATCH):
-        return TITLES[column][1]
-    lines = [
-        f"{live.name}, object {facts.label}, {live.state_words}",
-        f"{_amount(facts.volume)} cm³, {_text(facts, live, Column.SIZE)} mm",
-        f"density {_text(facts, live, Column.DENSITY)}",
-    ]
-    if not np.isnan(facts.confidence):
-        lines.append(f"{percent(facts.confidence)} sure that this is one whole object")
-    if live.is_example:
-        lines.append("an example to train the confidence on")
-    return "\n".join(lines)
-
-
-def _natural(name: str) -> str:
-    """Return a key by which object 2 sorts before object 10."""
-    return re.sub(r"\d+", lambda digits: digits.group().zfill(12), name.casefold())
-
-
-def _alignment(column: Column) -> Any:
-    numbers = column in (Column.VOLUME, Column.SIZE, Column.DENSITY, Column.CONFIDENCE)
-    side = Qt.AlignmentFlag.AlignRight if numbers else Qt.AlignmentFlag.AlignLeft
+def _alignment(column: Column) -> Qt.AlignmentFlag:
+    numbers = (Column.VOLUME, Column.SIZE, Column.DENSITY, Column.CONFIDENCE)
+    side = Qt.AlignmentFlag.AlignRight if column in numbers else Qt.AlignmentFlag.AlignLeft
     return side | Qt.AlignmentFlag.AlignVCenter
 
 
-def _facts_of(session: Session) -> list[_Facts]:
+def _rows_of(session: Session) -> list[_Row]:
     objects, boxes = session.objects, session.boxes
     edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
     by_id = dict(zip((int(i) for i in boxes.ids), edges, strict=True))
     return [
-        _Facts(
-            id=int(object_id),
-            label=int(session.label_of(int(object_id))),
+        _Row(
+            id=int(i),
+            label=int(session.label_of(int(i))),
             volume=float(record.volume_mm3) / 1000,
-            edges=tuple(float(edge) for edge in by_id[int(object_id)]),  # type: ignore[arg-type]
+            edges=tuple(float(edge) for edge in by_id[int(i)]),
             density=float(record.mean_density),
             confidence=float(getattr(record, "confidence", float("nan"))),
         )
-        for object_id, record in zip(objects.index, objects.itertuples(index=False), strict=True)
-        if int(object_id) in by_id
+        for i, record in zip(objects.index, objects.itertuples(index=False), strict=True)
+        if int(i) in by_id
     ]
