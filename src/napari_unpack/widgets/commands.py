@@ -93,7 +93,14 @@ class Commands:
         self._run(command)
 
     def reveal(self, object_id: int, direction: Direction = None) -> None:
-        """Fly a buried object out, and before it the objects that block it."""
+        """Fly a buried object out, and before it the objects that block it.
+
+        Parameters
+        ----------
+        object_id : int
+        direction : str or (3,) tuple of float, optional
+            Where they leave to; by default the session's direction.
+        """
         self._run(lambda controller: controller.reveal(object_id, direction))
 
     def restore(self, what: int | Iterable[int] = 1) -> None:
@@ -111,7 +118,14 @@ class Commands:
         self._run(command)
 
     def go_to(self, step: int, flying: bool = False) -> None:
-        """Run the unpacking to a step."""
+        """Run the unpacking to a step.
+
+        Parameters
+        ----------
+        step : int
+        flying : bool
+            Whether objects fly there; else they are there at once.
+        """
         self._run(lambda controller: controller.go_to(step, flying))
 
     def undo(self) -> None:
@@ -194,7 +208,13 @@ class Commands:
         self._run(lambda controller: controller.session.recolor())
 
     def lock_hues(self, ids: Iterable[int], locked: bool = True) -> None:
-        """Keep the hues of objects in every view, or let them change again."""
+        """Keep the hues of objects in every view, or let them change again.
+
+        Parameters
+        ----------
+        ids : iterable of int
+        locked : bool
+        """
 
         def command(controller: SessionController) -> None:
             session, chosen = controller.session, set(ids)
@@ -206,16 +226,35 @@ class Commands:
     # What is known of objects.
 
     def rename(self, object_id: int, name: str) -> None:
-        """Give an object a name."""
+        """Give an object a name.
+
+        Parameters
+        ----------
+        object_id : int
+        name : str
+        """
         self._run(lambda controller: controller.session.rename(object_id, name))
 
     def mark_examples(self, ids: Iterable[int], examples: bool = True) -> None:
-        """Mark objects as examples of whole ones, or unmark them."""
+        """Mark objects as examples of whole ones, or unmark them.
+
+        Parameters
+        ----------
+        ids : iterable of int
+        examples : bool
+        """
         self._run(lambda controller: controller.session.mark_examples(list(ids), examples))
 
 
 def objects_in(session: Session | None, *states: ObjectState) -> list[int]:
-    """Return the IDs of the objects that are in one of these states; none without a session."""
+    """Return the IDs of the objects in some states.
+
+    Parameters
+    ----------
+    session : Session, optional
+        Without one there are no objects.
+    *states : ObjectState
+    """
     if session is None:
         return []
     return [i for i, state in session.states.items() if state in states]

@@ -31,10 +31,8 @@ class ExportOptions:
     ----------
     size : (int, int)
         Height and width, pixels.
-    fps : int
-        Frames a second.
-    seconds : float
-        Duration of one flight.
+    fps, seconds : int, float
+        Frames a second, and the duration of one flight.
     """
 
     size: tuple[int, int]
@@ -296,6 +294,12 @@ def _pixels(value: int) -> QSpinBox:
 
 
 def with_suffix(path: str, *suffixes: str) -> Path:
-    """Return a path, with the first of the suffixes where it has none of them."""
+    """Return a path, with the first of the suffixes where it has none of them.
+
+    Parameters
+    ----------
+    path : str
+    *suffixes : str
+    """
     found = Path(path)
     return found if found.suffix.lower() in suffixes else found.with_name(found.name + suffixes[0])

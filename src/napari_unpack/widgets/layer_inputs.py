@@ -295,7 +295,12 @@ def _millimetres(unit: pint.Unit) -> float:
 
 
 def same_shape(image: Layer, labels: Layer) -> bool:
-    """Return whether labels may belong to an image; reads no voxels."""
+    """Return whether labels may belong to an image; reads no voxels.
+
+    Parameters
+    ----------
+    image, labels : napari.layers.Layer
+    """
     a = image.data[0] if image.multiscale else image.data
     b = labels.data[0] if labels.multiscale else labels.data
     return np.shape(a) == np.shape(b)

@@ -95,12 +95,26 @@ class ObjectFilter(QSortFilterProxyModel):
             self.invalidateFilter()
 
     def lessThan(self, left: Index, right: Index) -> bool:
-        """Compare two rows by the keys the model keeps."""
+        """Compare two rows by the keys that the model keeps.
+
+        Parameters
+        ----------
+        left, right : QModelIndex
+            Of the model, in the column to sort by.
+        """
         keys = self.sourceModel().sort_keys(left.column())
         return bool(keys[left.row()] < keys[right.row()])
 
     def filterAcceptsRow(self, row: int, parent: Index) -> bool:
-        """Return whether a row is listed."""
+        """Return whether a row is listed.
+
+        Parameters
+        ----------
+        row : int
+            Of the model.
+        parent : QModelIndex
+            Invalid: the model has no levels.
+        """
         model = self.sourceModel()
         index = model.index(row, Column.NAME, parent)
         if self._states is not None and model.data(index, STATE) not in self._states:
@@ -109,15 +123,8 @@ class ObjectFilter(QSortFilterProxyModel):
         return self._text in name or self._text == str(model.data(index, ID))
 
 
-class ClickDelegate(QStyledItemDelegate):
-    """A drawn cell that acts on one click, without changing the selection.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws the cell: (painter, cell, index, option).
-    parent : QWidget
-    """
+class _ClickDelegate(QStyledItemDelegate):
+    """A drawn cell that emits one click and leaves the selection as it is."""
 
     clicked = Signal(int)
 
@@ -132,7 +139,6 @@ class ClickDelegate(QStyledItemDelegate):
         option: QStyleOptionViewItem,
         index: QModelIndex,
     ) -> bool:
-        """Emit a click, and keep the mouse from the selection."""
         if (
             event.type() == QEvent.Type.MouseButtonRelease
             and event.button() == Qt.MouseButton.LeftButton
@@ -145,7 +151,6 @@ class ClickDelegate(QStyledItemDelegate):
         )
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
-        """Draw the cell, on the selection's colour where the row is selected."""
         if option.state & QStyle.StateFlag.State_Selected:
             painter.fillRect(option.rect, option.palette.highlight())
         painter.save()
@@ -154,14 +159,13 @@ class ClickDelegate(QStyledItemDelegate):
         painter.restore()
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex) -> QSize:
-        """Return a square."""
         return QSize(ROW, ROW)
 
 
-def draw_swatch(
+def _draw_swatch(
     painter: QPainter, cell: QRectF, index: QModelIndex, _option: QStyleOptionViewItem
 ) -> None:
-    """Draw the hue of an object, for `ClickDelegate`: full in the bag, else a ring."""
+    """Draw the hue of an object: full in the bag, else a ring."""
     color = index.data(Qt.ItemDataRole.DecorationRole)
     square = QRectF(0, 0, 12, 12)
     square.moveCenter(cell.center())
@@ -175,10 +179,10 @@ def draw_swatch(
     painter.drawRoundedRect(square, 3, 3)
 
 
-def draw_eye(
+def _draw_eye(
     painter: QPainter, cell: QRectF, index: QModelIndex, option: QStyleOptionViewItem
 ) -> None:
-    """Draw an eye for `ClickDelegate`: open, or faint and closed where the object is hidden."""
+    """Draw an eye: open, or faint and closed where the object is hidden."""
     hidden = index.data(STATE) is ObjectState.HIDDEN
     color = QColor(option.palette.text().color())
     color.setAlphaF(0.35 if hidden else 0.85)
@@ -215,7 +219,7 @@ class ObjectTable(QTableView):
         self._silent = False
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
-        self._delegates = ClickDelegate(draw_eye, self), ClickDelegate(draw_swatch, self)
+        self._delegates = _ClickDelegate(_draw_eye, self), _ClickDelegate(_draw_swatch, self)
         self._delegates[0].clicked.connect(self.eye_clicked)
         self._delegates[1].clicked.connect(self.swatch_clicked)
         self.setItemDelegateForColumn(Column.EYE, self._delegates[0])

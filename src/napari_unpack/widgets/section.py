@@ -29,10 +29,8 @@ class Section(QWidget):
 
     Parameters
     ----------
-    number : str
-        Shown in the badge.
-    title : str
-        The step's name.
+    number, title : str
+        In the badge, and beside it.
     parent : QWidget, optional
     """
 
@@ -121,10 +119,7 @@ class Collapsible(QWidget):
 
     Parameters
     ----------
-    title : str
-        The line of text.
-    tooltip : str
-        Of that line.
+    title, tooltip : str
     """
 
     def __init__(self, title: str, tooltip: str) -> None:
@@ -182,7 +177,15 @@ def form(**fields: QWidget) -> QFormLayout:
 
 
 def label(text: str, role: str, wrap: bool = False) -> QLabel:
-    """Make a label in one of the panel's roles."""
+    """Make a label.
+
+    Parameters
+    ----------
+    text, role : str
+        The roles are those of the style sheet in `theme`.
+    wrap : bool
+        Break long text, so that it does not widen the panel.
+    """
     made = QLabel(text)
     made.setProperty("role", role)
     made.setWordWrap(wrap)
@@ -192,7 +195,14 @@ def label(text: str, role: str, wrap: bool = False) -> QLabel:
 
 
 def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
-    """Make a push button; a section has one primary."""
+    """Make a push button.
+
+    Parameters
+    ----------
+    text, tooltip : str
+    primary : bool
+        Whether it stands out; a section has one such.
+    """
     made = QPushButton(text)
     made.setToolTip(tooltip)
     # Keys such as N and Space belong to the viewer, also just after a click.

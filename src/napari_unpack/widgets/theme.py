@@ -23,20 +23,13 @@ LABELS = 66
 
 @dataclass(frozen=True)
 class Palette:
-    """The colours of the panel, as CSS strings.
+    """The colours of the panel.
 
     Parameters
     ----------
-    background, raised, line : str
-        The panel, controls upon it, and thin rules.
-    text, faint : str
-        Text, and text of less weight.
-    accent, accent_hover, on_accent : str
-        The primary button, the same under the mouse, and text on it.
-    chosen : str
-        Behind selected rows.
-    warning : str
-        Text of warnings.
+    background, raised, line, text, faint, accent, accent_hover, on_accent, chosen, warning : str
+        CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, the
+        primary button, the same under the mouse, text on it, selected rows, and warnings.
     """
 
     background: str
@@ -52,17 +45,7 @@ class Palette:
 
 
 def palette_of(theme: str) -> Palette:
-    """Derive the palette from a napari theme.
-
-    Parameters
-    ----------
-    theme : str
-        Name of the theme, as in ``viewer.theme``.
-
-    Returns
-    -------
-    Palette
-    """
+    """Derive the palette from a napari theme, by its name as in ``viewer.theme``."""
     from napari.utils.theme import get_theme
 
     colors = get_theme(theme)
@@ -95,13 +78,7 @@ def _mixed(a: QColor, b: QColor, part: float) -> str:
 
 
 def style_sheet(palette: Palette) -> str:
-    """Write the style sheet of the whole panel.
-
-    Returns
-    -------
-    str
-        Qt style sheet; roles as in the module's description.
-    """
+    """Write Qt's style sheet of the whole panel."""
     p = palette
     return f"""
     QWidget#unpacking_panel {{ background: {p.background}; }}

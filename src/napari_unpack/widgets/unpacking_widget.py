@@ -161,7 +161,13 @@ class UnpackingWidget(QWidget):
         self.window().installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """End after the window closed."""
+        """End after the window closed.
+
+        Parameters
+        ----------
+        watched : QObject
+        event : QEvent
+        """
         if event.type() == QEvent.Type.Close and watched is self.window():
             # Only after: the user may still call a close off, and then nothing may have ended.
             self.workspace.scheduler.soon(self._end_with_window)
