@@ -78,6 +78,7 @@ class BackgroundOptions(Collapsible):
         elif name == IMAGE:
             path = QFileDialog.getOpenFileName(self, "Background", "", IMAGE_FILES)[0]
             chosen = Path(path) if path else None
+        # A dialog that was cancelled changes nothing.
         if chosen is None:
             self.background.setCurrentText(self._before)
             return
@@ -87,6 +88,7 @@ class BackgroundOptions(Collapsible):
 
     def end(self) -> None:
         """Listen to the viewer no longer."""
+        # The viewer lives longer than the panel, and would keep it alive.
         self._workspace.viewer.events.theme.disconnect(self._follow_theme)
 
     def _apply(self) -> None:
@@ -106,6 +108,7 @@ class BackgroundOptions(Collapsible):
         around = session.decorations
         self._chosen = background = around.background
         titles = {**{name: title for title, name in NAMED.items()}, "napari": NAPARIS}
+        # A session may bring a colour that no entry of the list names.
         default = COLOR if background.image is None else IMAGE
         self._before = titles.get(background.name, default)
         self.background.setCurrentText(self._before)
@@ -123,5 +126,6 @@ class BackgroundOptions(Collapsible):
         return Background(((red, green, blue, 1.0),), name="napari")
 
     def _follow_theme(self, _event: Event | None = None) -> None:
+        # The colour was copied when it was chosen, so it must be copied again.
         if self._before == NAPARIS:
             self.choose(NAPARIS)

@@ -74,9 +74,11 @@ class ColorRampEditor(QWidget):
         domain : (float, float)
             Lowest and highest density shown.
         """
+        # The session sends back what is dragged, later than the mouse moves.
         if self._dragging:
             return
         self._stops = [(float(d), (rgb[0], rgb[1], rgb[2])) for d, rgb in colors or ()]
+        # A volume of one density still needs an axis of some length.
         self._domain = (float(domain[0]), max(float(domain[1]), float(domain[0]) + 1e-9))
         self._chosen = min(self._chosen, len(self._stops) - 1)
         self.update()
@@ -124,6 +126,7 @@ class ColorRampEditor(QWidget):
             return
         density = self._density_at(event.position().x())
         color = self._ask_color(self.color_at(density))
+        # Two colours of one density would make the ramp ambiguous.
         if color is not None and all(d != density for d, _ in self._stops):
             self._chosen = sum(d < density for d, _ in self._stops)
             self._stops.insert(self._chosen, (density, color))
@@ -131,7 +134,9 @@ class ColorRampEditor(QWidget):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move, change or remove the chosen colour."""
+        # In pixels, so that a step looks the same anywhere on the square-root scale.
         steps = {Qt.Key.Key_Left: -1.0, Qt.Key.Key_Right: 1.0}
+        # Without a mouse, an arrow key is the way to choose a colour.
         if self._chosen < 0 and self._stops and event.key() in steps:
             self._chosen = 0
             self.update()
@@ -185,6 +190,7 @@ class ColorRampEditor(QWidget):
     def _remove(self) -> None:
         if self._chosen >= 0:
             del self._stops[self._chosen]
+            # The next Delete must not remove a neighbour that nobody chose.
             self._chosen = -1
             self._emit()
 

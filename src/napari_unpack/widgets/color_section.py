@@ -133,6 +133,7 @@ class ColorSection(Section):
             return
         with QSignalBlocker(self.at_rest):
             self.at_rest.setChecked(bool(controller.recolor_at_rest))
+        # The panel keeps its choices from bag to bag.
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
         self.preset.setCurrentText(AUTOMATIC)
@@ -144,6 +145,7 @@ class ColorSection(Section):
 
     def _show_curve(self) -> None:
         session = self._workspace.session
+        # A histogram of a large volume takes time: none is counted for a closed editor.
         if session is None or not self.curve.toggle.isChecked():
             return
         shown = session.transfer_function
@@ -157,6 +159,7 @@ class ColorSection(Section):
 
     def _apply_preset(self) -> None:
         name = self.preset.currentText()
+        # "My own curve" has no curve of its own: it opens the editor.
         if name == CUSTOM:
             self.curve.toggle.setChecked(True)
         else:
@@ -173,6 +176,7 @@ class ColorSection(Section):
         self._apply_soon()
 
     def _apply_soon(self) -> None:
+        # The curve is no longer that of the preset.
         self.preset.setCurrentText(CUSTOM)
         self._workspace.scheduler.throttle(self._apply_curve, APPLY_MS, self._apply_curve)
 

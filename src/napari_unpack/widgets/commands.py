@@ -58,6 +58,7 @@ class Commands:
 
         def command(controller: SessionController) -> None:
             session = controller.session
+            # The rule holds for this command alone; the check box says what holds for others.
             before, session.take_least_occluded = session.take_least_occluded, True
             try:
                 controller.unpack(1)
@@ -71,6 +72,7 @@ class Commands:
 
         def command(controller: SessionController) -> None:
             session = controller.session
+            # Selected sprites are outside already.
             packed = objects_in(session, ObjectState.PACKED)
             chosen = [i for i in packed if i in session.selected]
             if chosen:
@@ -87,6 +89,7 @@ class Commands:
 
         def command(controller: SessionController) -> None:
             ids = controller.session.unpackable()
+            # Empty where every object is blocked and the rules force none.
             if ids:
                 controller.unpack(ids)
 
@@ -154,6 +157,7 @@ class Commands:
             if objects_in(session, ObjectState.INSPECTED):
                 controller.leave()
                 return
+            # The last unpacked one is what the user has just looked at.
             chosen = sorted(session.selected) or objects_in(session, ObjectState.UNPACKED)
             if chosen:
                 controller.inspect(chosen[-1])
@@ -172,6 +176,7 @@ class Commands:
 
     def hide(self, ids: Iterable[int]) -> None:
         """Hide objects in the 3D view; the labels stay as they are."""
+        # Iterators are read once here: the session goes through the IDs more than once.
         self._run(lambda controller: controller.session.hide(list(ids)))
 
     def hide_selected(self) -> None:

@@ -87,6 +87,7 @@ class ConfidenceBox(Collapsible):
         if self.running:
             self.sentence.setText("Working…")
         else:
+            # Said before a file is asked for, not after.
             wanted = f", training needs {NEEDED}" if 0 < len(marked) < NEEDED else ""
             count = "1 example" if len(marked) == 1 else f"{len(marked)} examples"
             self.sentence.setText(f"{count}{wanted}. Scored by {oracle} oracle.{self._doubt()}")
@@ -116,6 +117,7 @@ class ConfidenceBox(Collapsible):
     def _ask_where_to_save(self) -> None:
         path, _ = QFileDialog.getSaveFileName(self, "Train on the examples", "oracle.npz", FILES)
         if path:
+            # Some file dialogs add no suffix.
             self.train_to(path if path.endswith(".npz") else f"{path}.npz")
 
     def _ask_what_to_load(self) -> None:
@@ -157,6 +159,7 @@ class ConfidenceBox(Collapsible):
             from napari_unpack.segmentation import Oracle
 
             progress(0.0, "Scoring")
+            # None stands for the default oracle, also in the session.
             oracle = None if path is None else Oracle.load(path)
             return oracle, _scores(session, labels, oracle)
 
@@ -178,6 +181,7 @@ class ConfidenceBox(Collapsible):
 
     def _finish(self, session: Session, scored: Scored) -> None:
         with notifications.errors_shown():
+            # Kept for the sessions that are opened after this one.
             self._oracle, scores = scored
             session.use_oracle(self._oracle, scores)
             self._rescored()

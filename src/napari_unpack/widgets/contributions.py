@@ -49,10 +49,12 @@ def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
         return None
     with errors_shown():
         asked = question(viewer, layer)
+        # This command has no panel, and napari shows its progress in the activity dock.
         worker: FunctionWorker = create_worker(
             asked.answer, _start_thread=False, _progress={"desc": "Distinct colours"}
         )
         worker.returned.connect(
+            # The layer may have been removed meanwhile.
             lambda colors: put_on(layer, colors) if layer in viewer.layers else None
         )
         worker.errored.connect(lambda error: inform(f"No colours could be chosen: {error}"))
@@ -147,9 +149,11 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     """
     from napari import current_viewer
 
+    # napari hands over a list when one file is dropped.
     first = Path(path if isinstance(path, str) else path[0])
     viewer = current_viewer()
     if viewer is not None:
+        # Opens the panel, or finds the one that is open.
         _, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
         panel.files.open_from(first)
         return READ_ELSEWHERE

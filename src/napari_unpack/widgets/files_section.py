@@ -180,6 +180,7 @@ class FilesSection(Section):
         if controller is None:
             return
         session = controller.session
+        # Saved, so that the layers stand in the same place when the session is opened.
         files["standing"] = standing(controller.packed, session.spacing)
         work = partial(save_session, session, path, copy=not refer, **files)
         self._begin(lambda progress: work(progress=progress), self._say_written)
@@ -214,6 +215,7 @@ class FilesSection(Section):
         self.progress.stop()
 
     def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
+        # A second file would hide the progress of the first.
         if self.progress.running:
             notifications.inform("Wait for the file that is being written, or cancel it.")
             return
@@ -240,6 +242,7 @@ class FilesSection(Section):
         session.backend = preferred.backend
         viewer = self._workspace.viewer
         placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
+        # Hidden, because the 3D view shows the session in their place.
         placed |= {"affine": affine, "visible": False}
         image = viewer.add_image(session.volume, name=name, colormap="gray", **placed)
         labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
@@ -268,10 +271,12 @@ class FilesSection(Section):
             self, "Open session", "", "Sessions (*.unpack *.zip session.json)"
         )
         if path:
+            # A session that is a folder is chosen by the file in it.
             chosen = Path(path)
             self.open_from(chosen.parent if chosen.name == "session.json" else chosen)
 
     def _ask_save(self) -> None:
+        # Only a volume that came from a file can be referred to.
         forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
         path, chosen = QFileDialog.getSaveFileName(self, "Save session", "", ";;".join(forms))
         if path:

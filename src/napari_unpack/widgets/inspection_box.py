@@ -72,6 +72,7 @@ class InspectionBox(QWidget):
     def _follow(self) -> None:
         session = self._workspace.session
         inspected = next(iter(objects_in(session, ObjectState.INSPECTED)), 0)
+        # News come with every flight; only another object is of interest here.
         if inspected == self._inspected:
             return
         self._inspected = inspected
@@ -84,6 +85,7 @@ class InspectionBox(QWidget):
         from napari_unpack.session.object_facts import facts_of
 
         self.facts.setText("…")
+        # In a worker: the tightest box and the neighbours of a large object take a while.
         task = Task(object(), lambda _: facts_of(session, object_id))
         show = partial(self._show_facts, session, object_id)
         self._workspace.scheduler.submit(task, Worker.LONG, show, failed=show_error, slot=SLOT)
@@ -98,6 +100,7 @@ class InspectionBox(QWidget):
         self._points = None
 
     def _show_facts(self, session: Session, object_id: int, facts: Facts) -> None:
+        # The facts of an object left meanwhile come late.
         if session is self._workspace.session and object_id == self._inspected:
             names = session.objects["name"]
             self.facts.setText(describe(facts, [str(names[i]) for i in facts.neighbours]))
@@ -116,6 +119,7 @@ class InspectionBox(QWidget):
         session, object_id = self._workspace.session, self._inspected
         if session is None or not object_id:
             return
+        # A cut alone must keep the opacity set before.
         own = session.style(object_id).transfer_function
         if self._points is not None:
             colors = session.transfer_function_of(object_id).colors

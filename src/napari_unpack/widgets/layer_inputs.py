@@ -71,6 +71,7 @@ class LayerInput(QComboBox):
     def choose(self, layer: Layer | None) -> None:
         """Choose a listed layer; one that is not listed, or None, means the first entry."""
         position = next((k for k, each in enumerate(self._layers) if each == layer), None)
+        # -1 is how Qt says that nothing is chosen.
         first = 0 if self.count() else -1
         self.setCurrentIndex(first if position is None else position + (self._none is not None))
 
@@ -87,7 +88,9 @@ class LayerInput(QComboBox):
         self.choose(kept if kept in self._layers else self._first_choice())
         self.blockSignals(blocked)
         for layer in self._layers:
+            # Names are shown, so a renamed layer must be listed anew.
             layer.events.name.connect(self.refresh)
+        # Also where the chosen layer was removed.
         if self.layer is not kept:
             self.chosen.emit()
 
@@ -110,6 +113,7 @@ class LayerInput(QComboBox):
 
 def is_users(layer: Layer) -> bool:
     """Return whether a layer is the user's own, and not one of the plugin's."""
+    # By module, since importing our layers here would load the renderers with the window.
     return not type(unwrap(layer)).__module__.startswith("napari_unpack")
 
 
@@ -198,6 +202,7 @@ def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
         If volume and labels would fill most of the memory: both are shown whole.
     """
     data = volume.data
+    # In memory already: nothing can be refused any more.
     if isinstance(data, np.ndarray):
         return data
     voxels = float(np.prod([float(n) for n in data.shape]))
@@ -284,6 +289,7 @@ def spacing_of(layer: Layer) -> tuple[float, float, float]:
     # A QR decomposition of the edges, x first: on its diagonal stands what each edge adds at
     # right angles to those before it.
     lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
+    # Products of affines leave 0.7999999999: twelve digits hide it and keep real differences.
     z, y, x = (float(f"{mm:.12g}") for mm in lengths)
     return (z, y, x)
 

@@ -23,8 +23,10 @@ def sentence(error: BaseException) -> str:
     str
         Its message with a capital letter and a full stop.
     """
+    # str() of a KeyError puts quotes around its message.
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
     if isinstance(error, MemoryError):
+        # NumPy says how much was wanted; Python itself says nothing.
         text = text or "there is not enough memory for this volume"
     text = " ".join(text.split()) or type(error).__name__
     return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")

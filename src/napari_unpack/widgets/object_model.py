@@ -213,6 +213,7 @@ class ObjectModel(QAbstractTableModel):
             return []
         states, hues = session.states, session.hues
         names, colors = session.objects["name"].to_dict(), _colors(hues, session.tint_mode)
+        # Known without casting rays: the queue is used up before it is asked anew.
         groups = session.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
@@ -227,6 +228,7 @@ class ObjectModel(QAbstractTableModel):
             replace(
                 row,
                 name=str(names.get(row.id, "")),
+                # A repair may have deleted the object before its row is gone.
                 state=states.get(row.id, ObjectState.HIDDEN),
                 hue=float(hues[row.id]) % 1.0 if row.id in hues else None,
                 color=colors.get(row.id, NO_HUE),
@@ -356,6 +358,7 @@ def _alignment(column: Column) -> Qt.AlignmentFlag:
 
 def _rows_of(session: Session) -> list[_Row]:
     objects, boxes = session.objects, session.boxes
+    # The longest edge first: upright boxes of lying and standing objects compare.
     edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
     by_id = dict(zip((int(i) for i in boxes.ids), edges, strict=True))
     return [

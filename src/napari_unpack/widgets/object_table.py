@@ -144,6 +144,7 @@ class _ClickDelegate(QStyledItemDelegate):
             and event.button() == Qt.MouseButton.LeftButton
         ):
             self.clicked.emit(int(index.data(ID)))
+        # True says that the event was used: the view then leaves the selection alone.
         return event.type() in (
             QEvent.Type.MouseButtonPress,
             QEvent.Type.MouseButtonRelease,
@@ -242,6 +243,7 @@ class ObjectTable(QTableView):
         self.setWordWrap(False)
         # The ends of names tell objects apart: a number, a mark.
         self.setTextElideMode(Qt.TextElideMode.ElideMiddle)
+        # By pixels, as wide columns would jump otherwise.
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.verticalHeader().hide()
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
@@ -264,6 +266,7 @@ class ObjectTable(QTableView):
     def _fit_columns(self) -> None:
         measure = self.fontMetrics().horizontalAdvance
         widths = {c: max(w, measure(WIDEST.get(c, "")) + PADDING) for c, w in WIDTHS.items()}
+        # Setting widths resizes the view, which would call this again without end.
         if widths != self._widths:
             self._widths = widths
             for column, width in widths.items():
@@ -289,11 +292,13 @@ class ObjectTable(QTableView):
 
     def show_selection(self, ids: frozenset[int]) -> None:
         """Select these objects' rows and scroll to the first; emits nothing."""
+        # Most selections come from here: scrolling to the first row would take it from the mouse.
         if ids == frozenset(self.selected_ids()):
             return
         known = [row for row in map(self.objects.row_of, ids) if row is not None]
         there = [self.rows.mapFromSource(self.objects.index(row, Column.NAME)) for row in known]
         rows = sorted(index.row() for index in there if index.isValid())
+        # One range for neighbouring rows: Qt slows down with thousands of single ones.
         picked = QItemSelection()
         for run in _runs(rows):
             top, bottom = (self.rows.index(row, Column.NAME) for row in (run[0], run[-1]))
@@ -318,6 +323,7 @@ class ObjectTable(QTableView):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Pass letters and Ctrl+Z on to the viewer; arrows and the like stay the table's."""
         if event.text().strip() and self.state() != QAbstractItemView.State.EditingState:
+            # napari gets the event next, and its keymap has the commands.
             event.ignore()
             return
         super().keyPressEvent(event)

@@ -122,6 +122,7 @@ class ObjectsSection(Section):
         if session is None:
             return
         if Change.LABELS in change:
+            # Rows came or went, so that refreshing in place is not possible.
             self.model.load(session)
             self._count()
         elif change & (Change.STATES | Change.HUES | Change.QUEUE):
@@ -146,6 +147,7 @@ class ObjectsSection(Section):
     def _enable(self) -> None:
         session, chosen = self._workspace.session, self.table.selected_ids()
         is_open = session is not None
+        # One repair at a time: the second would start from labels that are about to change.
         idle = is_open and not self.repair.running
         self.isolate.setEnabled(is_open and bool(chosen))
         self.hide_chosen.setEnabled(is_open and bool(chosen))
@@ -167,6 +169,7 @@ class ObjectsSection(Section):
     def _toggle_isolated(self, object_id: int) -> None:
         session = self._workspace.session
         alone = objects_in(session, ObjectState.PACKED) == [object_id]
+        # A second click on the same swatch is the way back.
         if alone and objects_in(session, ObjectState.HIDDEN):
             self._commands.show_all()
         else:
@@ -218,6 +221,7 @@ class ObjectsSection(Section):
             ],
         ]
         menu = QMenu(self)
+        # Or every menu ever opened would stay with the panel.
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         for block in blocks:
             if not menu.isEmpty():

@@ -51,8 +51,10 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
     """
     values = np.asarray(volume).reshape(-1)
     values = values[:: max(1, values.size // SAMPLES)]
+    # Squares, as the editor draws densities on a square-root scale.
     edges = domain[0] + (domain[1] - domain[0]) * np.linspace(0.0, 1.0, BINS + 1) ** 2
     counts, _ = np.histogram(values[np.isfinite(values)], bins=edges)
+    # Air would flatten everything else on a linear scale.
     heights = np.log1p(counts.astype(np.float64))
     return heights / max(float(heights.max()), 1e-9)
 
@@ -160,6 +162,7 @@ class OpacityEditor(QWidget):
         below = self._points[index - 1][0] + gap if index > 0 else low
         last = index + 1 == len(self._points)
         above = max(high, self._points[-1][0]) if last else self._points[index + 1][0] - gap
+        # Points may not pass each other: the curve is a function of density.
         density = max(min(point[0], above), below)
         self._points[index] = (density, min(max(point[1], 0.0), 1.0))
         self._emit()
@@ -173,11 +176,13 @@ class OpacityEditor(QWidget):
         low, high = self._points[0][0], self._points[-1][0]
         shows = [density for density, opacity in self._points if opacity > 0] or [low, high]
         middle, width = (shows[0] + shows[-1]) / 2, high - low
+        # Twice, because both ends move; and never through zero, which would mirror the curve.
         stretch = max(1.0 + 2.0 * by / width, 0.05)
         self._points = [(middle + stretch * (d - middle), opacity) for d, opacity in self._points]
         self._emit()
 
     def _remove(self, index: int) -> None:
+        # A line needs two points.
         if index >= 0 and len(self._points) > 2:
             del self._points[index]
             self._chosen = -1
@@ -252,6 +257,7 @@ class OpacityEditor(QWidget):
         painter.setBrush(ground)
         painter.drawRoundedRect(QRectF(self.rect()), 4, 4)
         self._paint_histogram(painter, ink)
+        # A window dragged along the axis leaves it on one side.
         painter.setClipRect(self.rect())
         self._paint_curve(painter)
         self._paint_label(painter, ink)

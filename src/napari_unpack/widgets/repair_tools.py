@@ -60,6 +60,7 @@ class RepairTools(QObject):
         """Wait for two clicks on one object; a second call stops waiting."""
         from napari_unpack.viewer.split_tool import SplitTool
 
+        # The button is a toggle.
         if self._split_tool is not None or self._workspace.controller is None:
             self.cancel()
             return
@@ -97,6 +98,7 @@ class RepairTools(QObject):
             self._start(session, task_of(session.label_editor))
 
     def _ask(self, task: Task[Any]) -> bool:
+        # The stroke is compared again a moment later.
         if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
         self._start(self._workspace.session, task)
@@ -123,6 +125,7 @@ class RepairTools(QObject):
     def _follow(self) -> None:
         from napari_unpack.viewer.label_sync import LabelSync
 
+        # Clicks on the layers of another session would mean nothing.
         self.cancel()
         if self._label_sync is not None:
             self._label_sync.close()

@@ -77,6 +77,7 @@ class RevealPlanner(QObject):
         if session is None:
             return
         with errors_shown():
+            # None where the survey of directions is known: then the plan takes no time.
             task = session.queries.reveal_plan_task(object_id)
             if task is None:
                 self._show(session.reveal_plan(object_id))
@@ -98,6 +99,7 @@ class RevealPlanner(QObject):
         """Unpack the objects that block the buried one, and it as well."""
         plan = self.plan
         if plan is not None:
+            # Before unpacking, which would be news that cancels the plan.
             self.forget()
             z, y, x = (float(v) for v in plan.direction)
             self._commands.reveal(plan.target, (z, y, x))
@@ -117,6 +119,7 @@ class RevealPlanner(QObject):
 
     def _take(self, session: Session, task: Task[Any], object_id: int, result: Any) -> None:
         self.busy.emit(self.running)
+        # Another bag was opened meanwhile.
         if session is not self._workspace.session:
             return
         with errors_shown():
@@ -147,6 +150,7 @@ class RevealPlanner(QObject):
             self.forget()
         elif Change.STATES in change:
             states = session.states
+            # An object of the plan has left, so the plan is no longer what remains to be done.
             if any(states[i] is not ObjectState.PACKED for i in self.plan.ids):
                 self.forget()
 

@@ -80,6 +80,7 @@ class Section(QWidget):
         self.body.setEnabled(reason is None)
         self._reason.setText(reason or "")
         self._reason.setVisible(reason is not None)
+        # A locked step shows its reason alone, and comes back as it was folded.
         self.body.setVisible(reason is None and not self.fold.isChecked())
         self.fold.setVisible(reason is None)
         self._badge.setProperty("ready", "true" if reason is None else "false")
@@ -158,6 +159,7 @@ def row(*widgets: QWidget) -> QHBoxLayout:
     layout = QHBoxLayout()
     layout.setSpacing(GAP)
     for widget in widgets:
+        # Equal shares, whatever the texts.
         layout.addWidget(widget, stretch=1)
     return layout
 
@@ -171,6 +173,7 @@ def form(**fields: QWidget) -> QFormLayout:
     layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
     for name, field in fields.items():
         title = label(name.replace("_", " "), "field")
+        # Fixed, so that the fields of all steps stand in one line.
         title.setFixedWidth(LABELS)
         layout.addRow(title, field)
     return layout
@@ -190,6 +193,7 @@ def label(text: str, role: str, wrap: bool = False) -> QLabel:
     made.setProperty("role", role)
     made.setWordWrap(wrap)
     if wrap:
+        # Ignored, or a long sentence would widen the whole panel.
         made.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
     return made
 

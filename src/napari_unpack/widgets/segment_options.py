@@ -92,11 +92,13 @@ class SegmentOptions(Collapsible):
     def _explain(self, _text: str = "") -> None:
         method, help_text = FOREGROUND_METHODS[self.foreground.currentText()]
         self.foreground.setToolTip(f"How matter is told from air. {help_text}")
+        # A number left there would look as if it counted.
         if method is not None:
             self.threshold.clear()
         grainy, help_text = NOISE[self.noise.currentText()]
         self.noise.setToolTip(f"What is done about noise and haze. {help_text}")
         for box in (self.supports, self.shell):
+            # Nuclei lie on no table.
             box.setEnabled(grainy is not True)
 
     def _fix(self, text: str) -> None:
@@ -115,12 +117,14 @@ class SegmentOptions(Collapsible):
         return {
             "foreground": self._density() if method is None else method,
             "grainy": NOISE[self.noise.currentText()][0],
+            # 0 is shown as "automatic".
             "smallest": self.smallest.value() or None,
             "supports": self.supports.isChecked(),
             "shell": self.shell.isChecked(),
         }
 
     def _density(self) -> float:
+        # Many people type a decimal comma.
         text = self.threshold.text().strip().replace(",", ".")
         try:
             return float(text)

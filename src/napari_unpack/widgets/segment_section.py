@@ -81,6 +81,7 @@ class SegmentSection(Section):
         self.volume_input.chosen.connect(self._choose_volume)
         self.labels_input.chosen.connect(self._refresh)
         workspace.switched.connect(self._refresh)
+        # The step is done and makes room for the next; without a session it opens again.
         workspace.switched.connect(lambda: self.fold.setChecked(workspace.session is not None))
         workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
@@ -103,6 +104,7 @@ class SegmentSection(Section):
         )
 
     def _choose_volume(self) -> None:
+        # Which labels fit depends on the volume.
         self.labels_input.refresh()
         layer = self.volume_input.layer
         was_alone, self._labels_alone = self._labels_alone, _is_labels(layer)
@@ -113,6 +115,7 @@ class SegmentSection(Section):
     def _follow_selection(self, _event: Event | None = None) -> None:
         """Choose the layer that the user selects in the layer list, if it can be chosen here."""
         layer = unwrap(self._workspace.viewer.layers.selection.active)
+        # During a segmentation the inputs must stay as they were at its start.
         if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
         if self._fits(layer):
@@ -130,6 +133,7 @@ class SegmentSection(Section):
             else "Show the volume in the 3D view with the labels chosen above."
         )
         self.start.setEnabled(image is not None and idle)
+        # Offered only where there is nothing else to begin with.
         self.sample.setVisible(image is None or not _is_volume(image))
         self.sample.setEnabled(idle)
         self.options.setVisible(image is not None and labels is None and idle)
@@ -218,6 +222,7 @@ class SegmentSection(Section):
         preferred = preferences()
         built.session.backend = preferred.backend
         built.session.take_least_occluded = preferred.take_least_occluded
+        # Labels without a volume are both inputs at once.
         sources = [image] if labels is None or labels is image else [image, labels]
         self._workspace.open(
             built.session,

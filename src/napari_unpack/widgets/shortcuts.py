@@ -88,6 +88,7 @@ class Shortcuts:
         controller = self._workspace.controller
         if controller is None:
             return
+        # The active layer gets a key first, and one of ours is active in 3D.
         for owner in (unwrap(self._workspace.viewer), *controller.layers):
             for key, act in self._actions.items():
                 earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
@@ -95,6 +96,7 @@ class Shortcuts:
 
     def _release(self) -> None:
         for owner, key, earlier in self._bound:
+            # None as the earlier action unbinds the key.
             owner.bind_key(key, earlier, overwrite=True)
         self._bound.clear()
 
@@ -108,6 +110,7 @@ class Shortcuts:
         controller = self._workspace.controller
         if controller is None:
             return
+        # The order is from what lasts shortest to what lasts longest.
         if controller.interaction.drawing:
             controller.interaction.drawing = False
             controller.direction_drawn()

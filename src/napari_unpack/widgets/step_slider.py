@@ -132,6 +132,7 @@ class StepSlider(QWidget):
         if session is None:
             self.play.setChecked(False)
             return
+        # Played to its end, it begins again.
         if session.step == self.slider.maximum():
             self._commands.go_to(0)
         self._play_on()
@@ -147,6 +148,7 @@ class StepSlider(QWidget):
     def _fly_next(self) -> bool:
         """Return whether to play on."""
         controller = self._workspace.controller
+        # An inspection would be ended by the next flight.
         if controller is None or controller.inspected:
             return False
         if controller.flying:

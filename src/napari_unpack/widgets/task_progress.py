@@ -41,6 +41,7 @@ class SmoothBar(QProgressBar):
         target = round(STEPS * fraction)
         if target <= int(self._glide.endValue() or 0):
             return
+        # From where the bar is now, which an earlier move may not have reached.
         self._glide.stop()
         self._glide.setStartValue(self.value())
         self._glide.setEndValue(target)
@@ -114,6 +115,7 @@ class TaskProgress(QWidget):
 
     def stop(self) -> None:
         """Ask the task to stop; does nothing when none runs."""
+        # The task stops at its next report, which can take seconds: say that it was heard.
         self.cancel.setEnabled(False)
         self.text.setText("Stopping")
         self._scheduler.cancel(self._slot)

@@ -168,6 +168,7 @@ class UnpackSection(Section):
         self._unpackable = None
         self.lock("Available after step 1." if controller is None else None)
         if controller is not None:
+            # Shown, not set: the controls would write the values back.
             controls = (self.speed, self.backend, self.take_least, self.perspective)
             blockers = [QSignalBlocker(control) for control in controls]
             self.speed.setValue(round(controller.seconds * 10))
@@ -193,6 +194,7 @@ class UnpackSection(Section):
             Empty where every object is blocked, None while that is not known.
         """
         self._unpackable = ids
+        # Objects that leave change which direction is best.
         self._best = None
         self._refresh()
         if ids == frozenset() and not self._planner.running:
@@ -228,6 +230,7 @@ class UnpackSection(Section):
         """Show D; one without a name is listed as long as it is D."""
         name = name_of(session.direction)
         with QSignalBlocker(self.direction):
+            # At most one entry without a name, and none once the direction has one.
             while self.direction.count() > len(DIRECTIONS):
                 self.direction.removeItem(len(DIRECTIONS))
             if name is None:
@@ -251,10 +254,12 @@ class UnpackSection(Section):
         self.all_unpackable.setEnabled(can_unpack and bool(self._unpackable))
         for control in (self.back, self.all_back):
             control.setEnabled(can_restore)
+        # One button both ways, where the hand already is.
         self.inspect.setText("Leave" if inspected else "Inspect")
         selected = session is not None and bool(session.selected)
         self.inspect.setEnabled(inspected or out > 0 or selected)
         self.set_status(f"{packed} in, {out + flying + inspected} out" if states else "")
+        # None is not empty: nothing is offered while it is not known.
         stuck = self._unpackable == frozenset() and can_unpack and not flying
         self.force.setVisible(stuck and session is not None and not session.take_least_occluded)
         self.use_best.setVisible(stuck and self._best is not None)
@@ -284,6 +289,7 @@ class UnpackSection(Section):
 
     def _all_blocked(self, session: Session) -> str:
         """Name the least occluded object, and what another direction would make unpackable."""
+        # Three facts that people ask for one after another.
         words = ["Every object is blocked in this direction."]
         least = session.least_occluded_object()
         which = "The least occluded"

@@ -57,6 +57,7 @@ class KeepFramed(QObject):
         if session is None or Change.VIEW not in change or session.canvas_size == self._size:
             return
         self._size = session.canvas_size
+        # A thousandth allows for what napari rounds on its way to the canvas.
         if np.allclose(self._zoom_and_center(), self._framed, rtol=1e-3):
             self._workspace.frame()
             self._framed = self._zoom_and_center()
@@ -111,8 +112,10 @@ class UnpackingWidget(QWidget):
         column.setSpacing(2 * GAP)
         steps = (self.segment, self.color, self.unpack, self.objects, self.files)
         for k, step in enumerate(steps):
+            # A rule between two steps, none above the first.
             if k:
                 column.addWidget(rule())
+            # The table takes the height that is left.
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
@@ -181,6 +184,7 @@ class UnpackingWidget(QWidget):
         """End when napari takes the panel out of its dock: it is neither hidden nor closed then."""
         if event.type() == QEvent.Type.ParentAboutToChange:
             self._was_docked = self.parent() is not None
+        # napari neither hides nor closes a widget that it removes from its dock.
         taken_out = event.type() == QEvent.Type.ParentChange and self.parent() is None
         if taken_out and self._was_docked:
             self.end()

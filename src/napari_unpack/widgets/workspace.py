@@ -128,6 +128,7 @@ class Workspace(QObject):
         """
         from napari_unpack.viewer.controller import SessionController
 
+        # Two sessions would fight for the camera and the layers of one viewer.
         self.close()
         controller = SessionController(self.viewer, session, tuple(sources), self.scheduler)
         if seconds is not None:
@@ -137,6 +138,7 @@ class Workspace(QObject):
         controller.recolor_at_rest = recolor_at_rest
         controller.outer_session = outer_session
         self.controller = controller
+        # Before it opens, which already changes the view.
         self._listen(controller)
         controller.open()
         self._camera = camera
@@ -182,8 +184,10 @@ class Workspace(QObject):
             return
         session = controller.session
         inner = self._containers.open(session, object_id, controller.rotation_of(object_id))
+        # An inspection holds the camera; the view to return to is the one before it.
         controller.end_inspection()
         view = SavedView.of(self.viewer.scene.camera)
+        # What the user chose for the bag holds for its contents.
         inner.tint_mode = session.tint_mode
         self._switch_to(inner, [*self._outer, _OuterBag(session, controller.sources, view)])
 
@@ -216,6 +220,7 @@ class Workspace(QObject):
         """Show no session; the user's layers become as they were."""
         if self.controller is not None:
             controller = self.controller
+            # Before it closes: its last changes concern nobody.
             self._forget()
             controller.close()
 
