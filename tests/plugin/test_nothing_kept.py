@@ -1,4 +1,4 @@
-"""What is over is let go of: stages that were closed, and what finished jobs worked on."""
+"""What is over is let go of: controllers that were closed."""
 
 from __future__ import annotations
 
@@ -6,14 +6,6 @@ import gc
 import weakref
 
 from napari_unpack.viewer.controller import SessionController
-from napari_unpack.widgets.job import Job
-
-
-class Heavy:
-    """Something that a job works on."""
-
-    def work(self, _progress: object) -> int:
-        return 3
 
 
 def test_a_closed_controller_and_its_session_are_let_go_of_while_the_window_lives(
@@ -35,14 +27,3 @@ def test_a_closed_controller_and_its_session_are_let_go_of_while_the_window_live
         return [one() for one in kept] == [None, None]
 
     qtbot.waitUntil(gone, timeout=20000)
-
-
-def test_a_finished_job_keeps_nothing_of_what_it_worked_on(make_napari_viewer_proxy, qtbot) -> None:
-    make_napari_viewer_proxy()
-    job, heavy = Job(), Heavy()
-    kept = weakref.ref(heavy)
-    with qtbot.waitSignal(job.ended, timeout=20000):
-        job.start(heavy.work)
-    del heavy
-    gc.collect()
-    assert kept() is None

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from napari.layers import Labels
 
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, Task
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.notifications import errors_shown, inform
 
 if TYPE_CHECKING:
     import napari
-    from napari.qt.threading import FunctionWorker
+    from napari.utils.colormaps import DirectLabelColormap
 
 # As napari's readers return layers: (data, attributes, layer type).
 LayerData = tuple[Any, ...]
@@ -27,7 +28,7 @@ PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
 SAMPLE_SHAPE, SAMPLE_COUNT = (96, 120, 144), 18
 
 
-def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
+def distinct_colors(viewer: napari.Viewer) -> Scheduler | None:
     """Give objects that are near one another in the view colours that are far apart.
 
     Parameters
@@ -37,10 +38,10 @@ def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
 
     Returns
     -------
-    worker or None
-        It works out the colours; None where there is no such layer.
+    Scheduler or None
+        It works out the colours and is then closed; None where there is no such layer.
     """
-    from napari.qt.threading import create_worker
+    from napari.utils import progress
 
     from napari_unpack.viewer.view_colors import put_on, question
 
@@ -49,17 +50,25 @@ def distinct_colors(viewer: napari.Viewer) -> FunctionWorker | None:
         return None
     with errors_shown():
         asked = question(viewer, layer)
-        # This command has no panel, and napari shows its progress in the activity dock.
-        worker: FunctionWorker = create_worker(
-            asked.answer, _start_thread=False, _progress={"desc": "Distinct colours"}
-        )
-        worker.returned.connect(
+        # This command has no panel, so it shows its progress in napari's activity dock.
+        bar, scheduler = progress(total=0, desc="Distinct colours"), Scheduler()
+
+        def end() -> None:
+            bar.close()
+            scheduler.close()
+
+        def done(colors: DirectLabelColormap) -> None:
+            end()
             # The layer may have been removed meanwhile.
-            lambda colors: put_on(layer, colors) if layer in viewer.layers else None
-        )
-        worker.errored.connect(lambda error: inform(f"No colours could be chosen: {error}"))
-        worker.start()
-        return worker
+            if layer in viewer.layers:
+                put_on(layer, colors)
+
+        def failed(error: Exception) -> None:
+            end()
+            inform(f"No colours could be chosen: {error}")
+
+        scheduler.submit(Task(layer, lambda _: asked.answer()), Worker.LONG, done, failed=failed)
+        return scheduler
     return None
 
 
