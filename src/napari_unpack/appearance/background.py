@@ -82,6 +82,7 @@ class Background:
     def is_light(self) -> bool:
         """Whether dark writing is read better on it than white."""
         mean = np.mean([[c * a for c in rgb] for *rgb, a in self.colors], axis=0)
+        # Luminance weights of sRGB (Rec. 709): green looks brightest.
         return bool(mean @ (0.2126, 0.7152, 0.0722) > 0.5)
 
     @property
@@ -102,8 +103,10 @@ def _painted(background: Background, size: tuple[int, int]) -> NDArray[np.float3
         down = np.linspace(0.0, 1.0, size[0])[:, None]
         top, bottom = np.array(background.colors[0]), np.array(background.colors[-1])
         rows = (1 - down) * top + down * bottom
+        # Images are premultiplied inside.
         rows[:, :3] *= rows[:, 3:]
         image = np.repeat(rows[:, None].astype(np.float32), size[1], axis=1)
+    # It is kept for the next image of this size.
     image.flags.writeable = False
     return image
 
@@ -132,6 +135,7 @@ def _checked_picture(picture: NDArray[Any]) -> NDArray[np.uint8]:
     rgb = picture[..., :3]
     if rgb.dtype == np.uint8:
         return np.ascontiguousarray(rgb)
+    # Floats are taken to be in [0, 1], as imageio and napari have them.
     most = np.iinfo(rgb.dtype).max if np.issubdtype(rgb.dtype, np.integer) else 1.0
     return np.rint(np.clip(rgb / most, 0, 1) * 255).astype(np.uint8)
 
@@ -145,6 +149,7 @@ def _covering(picture: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.f
     from skimage.transform import resize
 
     height, width = picture.shape[:2]
+    # The larger of both, so that it covers the image, cut at two edges.
     scale = max(size[0] / height, size[1] / width)
     rows, cols = min(height, round(size[0] / scale)), min(width, round(size[1] / scale))
     top, left = (height - rows) // 2, (width - cols) // 2

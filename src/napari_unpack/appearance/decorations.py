@@ -14,8 +14,8 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
 
-# Pairs of the corners that `geometry.boxes.box_corners` lists.
 KINDS = ("box", "scale")
+# Pairs of the corners that `geometry.boxes.box_corners` lists.
 EDGES = (
     (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7),
 )  # fmt: skip
@@ -120,8 +120,10 @@ def draw_edges(
     the image.
     """
     alpha, depth = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
+    # Thinner than 0.8 pixels a line breaks up on small images.
     half = max(LINE * min(size) / 720, 0.8) / 2
     for ends in edges:
+        # An end behind the eye projects to the other side of the image.
         if (ends[:, 0] >= 0.98 * camera.distance).any():
             continue
         (r0, c0), (r1, c1) = camera.pixels(ends, size)
@@ -146,8 +148,10 @@ def draw_scale(camera: Camera, size: tuple[int, int], ink: Color) -> NDArray[np.
     """
     from PIL import Image, ImageDraw, ImageFont
 
+    # A fifth of the width is long enough to be read off, and leaves the bag free.
     length, words = round_length(0.2 * camera.height * size[1] / size[0])
     pixels = max(1, round(length * size[0] / camera.height))
+    # Sizes are those of an image 720 pixels high; below half of that writing is illegible.
     unit = max(min(size) / 720, 0.5)
     thick, edge = max(1, round(3 * unit)), round(24 * unit)
     canvas = Image.new("L", (size[1], size[0]))
@@ -181,6 +185,7 @@ def _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, distance):  # type: igno
     length = np.sqrt(dr * dr + dc * dc)
     if length < 1e-6:
         return
+    # Step along the longer axis, so that no pixel of the line is passed over.
     steep = abs(dr) >= abs(dc)
     a0, b0, da, db = (r0, c0, dr, dc) if steep else (c0, r0, dc, dr)
     most_a, most_b = (height, width) if steep else (width, height)
@@ -196,11 +201,13 @@ def _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, distance):  # type: igno
             along = ((row - r0) * dr + (col - c0) * dc) / (length * length)
             along = min(max(along, 0.0), 1.0)
             off = np.hypot(row - r0 - along * dr, col - c0 - along * dc)
+            # Coverage of the pixel by a line of this width, taken as a box one pixel wide.
             cover = min(max(half + 0.5 - off, 0.0), min(1.0, 2 * half))
             if cover > alpha[row, col]:
                 alpha[row, col] = cover
                 if distance == np.inf:
                     depth[row, col] = t0 + along * (t1 - t0)
                 else:
+                    # 1 / (distance + t) is linear in the image; t itself is not.
                     near = (1 - along) / (distance + t0) + along / (distance + t1)
                     depth[row, col] = 1 / near - distance

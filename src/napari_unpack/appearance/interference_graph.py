@@ -64,6 +64,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     def work(band: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return _meet(stack, starts, columns, labels, halves, top, *band)  # type: ignore[no-any-return]
 
+    # Four bands a core: rows with many borders do not keep the others waiting.
     edges = np.linspace(0, stack.shape[1], 1 + 4 * (os.cpu_count() or 1)).astype(int)
     bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -73,6 +74,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
                 before = graph.edges[a, b]["weight"] if graph.has_edge(a, b) else 0
                 graph.add_edge(a, b, weight=before + count)
     for _, _, data in graph.edges(data=True):
+        # Objects that only overlap in depth have no border length, and interfere all the same.
         data["weight"] = max(data["weight"], 1)
     return graph
 
@@ -112,6 +114,7 @@ def _compacted(
     """Return the stack for the kernels, whose tables have a row an ID, and the IDs' names."""
     if stack.size == 0 or int(stack.max()) < MOST_IDS:
         return np.ascontiguousarray(stack, dtype=np.int32), None
+    # Large IDs would make tables by ID too long, so they are numbered for the while.
     names = np.unique(stack)
     if names[0] != 0:
         names = np.concatenate([np.zeros(1, names.dtype), names])
@@ -145,6 +148,7 @@ def _borders(ids, top):  # type: ignore[no-untyped-def]
     for layer in range(layers):
         for row in range(height):
             if found + width > columns.size:
+                # Doubling keeps the time that copying takes proportional to what is found.
                 room = 2 * (found + width)
                 columns = np.concatenate((columns[:found], np.empty(room, np.int32)))
                 labels = np.concatenate((labels[:found], np.empty(room, np.int32)))
@@ -191,11 +195,13 @@ def _meet(ids, starts, columns, labels, halves, top, first, last):  # type: igno
             for pixel in range(starts[layer * height + row], starts[layer * height + row + 1]):
                 col, label = columns[pixel], labels[pixel]
                 stamp += 1
+                # A stamp a pixel says what was counted: no list has to be cleared.
                 stamps[label] = stamp
                 for other_layer in range(layers):
                     other = ids[other_layer, row, col]
                     if other != 0 and stamps[other] != stamp:
                         stamps[other] = stamp
+                        # One number a pair, smaller ID first, is quicker to look up than two.
                         pair = min(label, other) * top + max(label, other)
                         keys, counts, used = _add(keys, counts, used, pair, 1)
                     for k in range(max(0, reach - row), min(halves.size, height - row + reach)):
@@ -235,6 +241,7 @@ def _add(keys, counts, used, pair, count):  # type: ignore[no-untyped-def]
     """Add to a pair's count in an open-addressing table, which grows when half full."""
     place = _find(keys, pair)
     if keys[place] < 0:
+        # Half full at most, so that searches stay short.
         if 2 * (used + 1) > keys.size:
             larger = np.full(2 * keys.size, -1, np.int64)
             moved = np.zeros(2 * keys.size, np.int64)
@@ -254,6 +261,7 @@ def _add(keys, counts, used, pair, count):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _find(keys, pair):  # type: ignore[no-untyped-def]
     mask = keys.size - 1
+    # Shifted bits mix the smaller ID in, by which alone tables would fill in clusters.
     place = (pair ^ (pair >> 15)) & mask
     while keys[place] >= 0 and keys[place] != pair:
         place = (place + 1) & mask

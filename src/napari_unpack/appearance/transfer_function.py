@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+# Enough for quantiles to a thousandth; more only takes time.
 MOST_SAMPLES = 1_000_000
 
 
@@ -63,6 +64,7 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     lowest, highest = float(samples.min()), float(samples.max())
     if not highest > lowest:
         raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
+    # At least half of a scan is air around the bag.
     air, noise = _level(samples[samples <= np.median(samples)])
     # Metal raises Otsu's threshold up, so the densest are clipped, but never matter altogether.
     tops = np.percentile(samples, (97, 99, 99.5, 99.9, 100))
@@ -72,6 +74,7 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     matter = clipped[clipped > threshold]
     body = float(np.median(matter)) if matter.size else top
     air, noise = _level(clipped[clipped <= threshold])
+    # Above four deviations of noise air stays clear, below 0.8 of the threshold cloth shows.
     foot = min(max(air + 4.0 * noise, air + 0.45 * (threshold - air)), 0.8 * threshold + 0.2 * air)
     surface = max(threshold, foot + 0.25 * (body - foot))
     return Ramp(lowest, foot, surface, max(body, surface), max(top, (highest + top) / 2))
@@ -93,6 +96,7 @@ def _extremes(volume: NDArray[np.generic]) -> NDArray[np.float64]:
 def _level(background: NDArray[np.float64]) -> tuple[float, float]:
     """Return the background's typical density and its noise."""
     air = float(np.median(background))
+    # The factor turns the median deviation of a normal distribution into its standard deviation.
     return air, 1.4826 * float(np.median(np.abs(background - air)))
 
 
@@ -103,6 +107,7 @@ def _otsu(values: NDArray[np.float64]) -> float:
     above = below[-1] - below
     moment = np.cumsum(counts * middles)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Variance between the classes, Otsu 1979, eq. 18.
         spread = below * above * (moment / below - (moment[-1] - moment) / above) ** 2
     return float(edges[1:][np.nanargmax(spread[:-1])])
 
@@ -201,6 +206,7 @@ class TransferFunction:
         ]
         kept = [points[0]]
         for density, opacity in points[1:]:
+            # A scan with few values may have two points at one density.
             if density > kept[-1][0]:
                 kept.append((density, opacity))
         return cls(kept, _greys(ramp.foot, ramp.highest))

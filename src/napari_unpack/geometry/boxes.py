@@ -39,6 +39,7 @@ class LabelBoxes:
         KeyError
             Where there is no such object.
         """
+        # IDs are ascending, so a search finds the row without a table as long as the largest ID.
         row = int(np.searchsorted(self.ids, object_id))
         if row == len(self.ids) or self.ids[row] != object_id:
             raise KeyError(f"no object {object_id} in the label volume")
@@ -70,6 +71,7 @@ class LabelBoxes:
             Voxel size, mm, z y x.
         """
         row = self.index(object_id)
+        # Boxes are half-open and voxel centres are at integers.
         return (self.lower[row] + self.upper[row] - 1) / 2 * spacing
 
     def corners(self, object_id: int, spacing: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,6 +85,7 @@ class LabelBoxes:
             Voxel size, mm, z y x.
         """
         row = self.index(object_id)
+        # The outer faces of voxels lie half a voxel beyond their centres.
         return box_corners(self.lower[row] - 0.5, self.upper[row] - 0.5) * spacing
 
     def radius(
@@ -120,6 +123,7 @@ class LabelBoxes:
             Areas in square mm: those of the three visible faces, foreshortened.
         """
         edges = (self.upper - self.lower) * np.asarray(spacing, dtype=np.float64)
+        # A box seen from anywhere shows one face of each of its three pairs.
         faces = np.stack(
             [edges[:, 1] * edges[:, 2], edges[:, 0] * edges[:, 2], edges[:, 0] * edges[:, 1]],
             axis=1,
@@ -136,6 +140,7 @@ def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArr
     lower, upper : (3,) ndarray
         Least and greatest coordinates, z y x.
     """
+    # In the order that `appearance.decorations.EDGES` counts on.
     bits = np.indices((2, 2, 2)).reshape(3, 8).T
     return np.where(bits == 1, upper, lower).astype(np.float64)
 
@@ -168,6 +173,7 @@ def _scan(labels, top):  # type: ignore[no-untyped-def]
             x = 0
             while x < labels.shape[2]:
                 label = labels[z, y, x]
+                # Runs of one label are counted at once: labels seldom change along x.
                 start = x
                 while x < labels.shape[2] and labels[z, y, x] == label:
                     x += 1
@@ -196,6 +202,7 @@ def differing_box(a: NDArray[np.generic], b: NDArray[np.generic]) -> Box | None:
     (slice, slice, slice) or None
         None where they are the same everywhere.
     """
+    # Plane by plane, so that no array of the whole volume is made.
     planes = [z for z in range(len(a)) if not np.array_equal(a[z], b[z])]
     if not planes:
         return None

@@ -67,6 +67,7 @@ class Rays:
             Its height and width, pixels.
         """
         table = self.table.copy()
+        # Origins and directions are affine in the pixel: only the first pixel moves.
         for first in (0, 3):
             table[first] += row * table[first + 1] + col * table[first + 2]
         return Rays(table, size, self.step, self.near)
@@ -102,6 +103,7 @@ def cast_rays(
     if not (np.isfinite(step) and step > 0):
         raise ValueError(f"step must be a positive number of mm, got {step!r}")
     height, width = int(size[0]), int(size[1])
+    # Pixels are square, so the width follows from the height.
     pixel = camera.height / height
     towards, down, right = camera.in_world(np.diag([1.0, pixel, pixel]))
     first = camera.center - down * (height - 1) / 2 - right * (width - 1) / 2
@@ -116,6 +118,7 @@ def cast_rays(
     affine = np.asarray(voxel_from_world, dtype=np.float64)
     linear = affine[:3, :3]
     points = np.stack([first, down, right, *directions]) @ linear.T
+    # Directions are differences of points: the translation acts on the origin alone.
     points[0] += affine[:3, 3]
     return Rays(points, (height, width), float(step), near)
 

@@ -6,7 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# As many as uint16 tells apart from the background.
 MOST_OBJECTS = 65_535
+# A quarter full at most, so that a search ends after one or two places.
 _SLOTS = 1 << 18
 
 
@@ -39,6 +41,7 @@ def compact_labels(labels: NDArray[np.integer]) -> tuple[NDArray[np.uint16], NDA
     if _gather(labels, keys, MOST_OBJECTS) > MOST_OBJECTS:
         raise ValueError(f"labels must hold at most {MOST_OBJECTS:,} objects, got more")
     used = np.flatnonzero(keys >= 0)
+    # Ascending, so that the order of objects stays what it was.
     order = used[np.argsort(keys[used])]
     numbers = np.zeros(_SLOTS, np.uint16)
     numbers[order] = np.arange(1, len(order) + 1)
@@ -51,6 +54,7 @@ def compact_labels(labels: NDArray[np.integer]) -> tuple[NDArray[np.uint16], NDA
 def _slot(keys, label):  # type: ignore[no-untyped-def]
     """Return where a label stands or may be put: linear probing after Fibonacci hashing."""
     mask = np.int64(len(keys) - 1)
+    # Multiplication by 2^64 over the golden ratio spreads neighbouring IDs (Knuth 6.4).
     at = np.int64((np.uint64(label) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)) & mask
     while keys[at] != label and keys[at] != -1:
         at = (at + 1) & mask
@@ -62,6 +66,7 @@ def _gather(labels, keys, most):  # type: ignore[no-untyped-def]
     found = 0
     for z in range(labels.shape[0]):
         for y in range(labels.shape[1]):
+            # Neighbours along x mostly share a label, which spares the search.
             last = np.int64(0)
             for x in range(labels.shape[2]):
                 label = np.int64(labels[z, y, x])
@@ -83,6 +88,7 @@ def _gather(labels, keys, most):  # type: ignore[no-untyped-def]
 def _number(labels, keys, numbers, out):  # type: ignore[no-untyped-def]
     for z in range(labels.shape[0]):
         for y in range(labels.shape[1]):
+            # As above: the number found last serves until the label changes.
             last, number = np.int64(0), np.uint16(0)
             for x in range(labels.shape[2]):
                 label = np.int64(labels[z, y, x])

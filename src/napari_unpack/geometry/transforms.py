@@ -46,6 +46,7 @@ def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
         0 gives the first, 1 the second.
     """
     both = Rotation.from_matrix(np.stack([first, second]))
+    # At the ends the rotation is exactly one of the two.
     return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
 
 
@@ -112,6 +113,7 @@ class Pose:
             self,
             center=(1 - f) * self.center + f * other.center,
             rotation=slerp(self.rotation, other.rotation, f),
+            # Geometric, so that growing from 1 to 2 looks as steady as from 2 to 4.
             scale=self.scale ** (1 - f) * other.scale**f,
         )
 
@@ -128,6 +130,7 @@ def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0
     offset : (3,) array_like
         World mm.
     """
+    # The T of eq. 3 with the displacement of eq. 4: the object keeps its turn and moves along D.
     moved = np.asarray(box_center, dtype=np.float64) + np.asarray(offset, dtype=np.float64)
     center = transform_points(camera.pivot_from_world(), moved)
     return Pose(center, camera.rotation.copy(), stretch=camera.stretch)

@@ -52,6 +52,7 @@ class View:
         unit(self.direction, "direction")
         if self.up is not None:
             unit(self.up, "up")
+            # Nearly parallel vectors leave up in the image to rounding.
             if np.linalg.norm(np.cross(unit(self.direction), unit(self.up))) < 1e-6:
                 raise ValueError(
                     f"up must not be parallel to direction, got up={self.up!r}, "
@@ -63,6 +64,7 @@ class View:
                 raise ValueError(
                     f"center must be three finite numbers of mm (z, y, x), got {self.center!r}"
                 )
+        # Towards 180 degrees the eye comes to stand in the plane it looks at.
         if not 0.0 <= self.fov < 170.0:
             raise ValueError(f"fov must be in [0, 170) degrees, got {self.fov!r}")
         if self.height is not None and not (np.isfinite(self.height) and self.height > 0):
@@ -157,12 +159,15 @@ class Camera:
         """
         towards = -unit(direction, "direction")
         wanted = np.asarray(GRAVITY_UP if up is None else up, dtype=np.float64)
+        # Looking along gravity, -y is no direction in the image: -z stands in for it.
         if up is None and abs(towards @ wanted) > STEEPEST:
             wanted = np.array([-1.0, 0.0, 0.0])
         if stretch is None:
             stretch = np.eye(3)
         else:
+            # Pivot space is stretched as napari draws the bag, so both directions are taken there.
             towards, wanted = unit(stretch @ towards), stretch @ wanted
+        # Gram-Schmidt: up as far as it lies in the image plane.
         down = -(wanted - towards * (wanted @ towards))
         down /= np.linalg.norm(down)
         rotation = np.stack([towards, down, np.cross(towards, down)])

@@ -150,6 +150,7 @@ def _peeled(
     left, found = shown.copy(), []
     for _ in range(layers):
         found.append(cast(left, 1))
+        # Peeling by object: what a layer shows anywhere is air in the next.
         left[np.unique(found[-1])] = False
     return np.concatenate(found)
 
@@ -284,6 +285,7 @@ def pick(
         raise ValueError(f"pixel must lie inside a picture of {pixels}, got {(row, col)}")
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
+    # The same function as `render` takes, or a click would pick what is not seen.
     look = transfer_function or default_for(density)
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,

@@ -165,7 +165,9 @@ def sprite_image(
     ).max(0)
     half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
     size = int(2 * half[0] + 1), int(2 * half[1] + 1)
+    # Orthographic, in pivot space: the quad that shows it is turned to the viewer.
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
+    # A sprite stands still and is drawn once, so it gets the samples of an image at rest.
     step = step_scale / SAMPLES_AT_REST
     whole = object_image(scene, object_id, still, camera, size, step, backend, shading, smooth=True)
     patch = whole.trimmed()
@@ -261,6 +263,7 @@ def _placed_sprite(
     backend: str,
     shading: Shading | None,
 ) -> ImagePatch:
+    # Nearer to the eye a pixel covers less of pivot space.
     nearness = 1.0 - pose.center[0] / camera.distance
     if nearness <= 0.0:
         return nothing()

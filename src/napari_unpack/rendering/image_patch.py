@@ -115,11 +115,13 @@ def window_of(
     """
     corners = np.asarray(pivot_corners, dtype=np.float64)
     behind = corners[:, 0] >= camera.distance * (1 - 1e-6)
+    # Nothing behind the eye is seen.
     if behind.all():
         return None
     if behind.any():
         return 0, 0, size[0], size[1]
     pixels = camera.pixels(corners, size)
+    # Rounding must not drop a pixel whose centre lies on the edge.
     low = np.maximum(np.ceil(pixels.min(0) - 1e-9), 0).astype(int)
     high = np.minimum(np.floor(pixels.max(0) + 1e-9) + 1, size).astype(int)
     if (high <= low).any():
@@ -177,6 +179,7 @@ def _lay(image, nearest, rgba, depth, top, left, plane):  # type: ignore[no-unty
             alpha = rgba[r, c, 3]
             if alpha <= 0:
                 continue
+            # Translucent pixels have no depth of their own.
             t = depth[r, c] if depth[r, c] < np.inf else plane
             below, mine = image[top + r, left + c], rgba[r, c]
             if t <= nearest[top + r, left + c]:

@@ -132,6 +132,7 @@ class SubvolumeCache:
         with earlier._lock:
             kept = list(earlier._kept.items())
         for key, made in kept:
+            # Images depend on labels everywhere; only subvolumes can be compared cheaply.
             if not (isinstance(made, Subvolume) and isinstance(key, tuple) and key[0] == "object"):
                 continue
             try:
@@ -176,6 +177,7 @@ class SubvolumeCache:
 
         def make() -> Subvolume:
             row = self._boxes.index(object_id)
+            # Display labels reach two voxels beyond the object; see geometry.grow_labels.
             low = np.maximum(self._boxes.lower[row] - 2, 0)
             high = np.minimum(self._boxes.upper[row] + 2, self.volume.shape)
             middle = self._boxes.center(object_id, self._spacing)
@@ -202,6 +204,7 @@ class SubvolumeCache:
             if key not in self._kept:
                 self._kept[key] = made
                 self._bytes += made.nbytes
+            # The one just made stays, however large: it is about to be used.
             while self._bytes > self._limit and len(self._kept) > 1:
                 _, dropped = self._kept.popitem(last=False)
                 self._bytes -= dropped.nbytes

@@ -61,6 +61,7 @@ def upsampled(
     the packed bag is cast so.
     """
     finer = divisions(subvolume.labels == object_id, spacing)
+    # Large objects show no stairs, and their copies would be large.
     if max(finer) == 1:
         return subvolume
     coverage = (subvolume.labels == object_id).astype(np.float32)
@@ -71,6 +72,7 @@ def upsampled(
     ramp = np.clip((coverage - EDGE[0]) / (EDGE[1] - EDGE[0]), 0.0, 1.0)
     volume = air + (volume - air) * ramp
     if subvolume.volume.dtype == np.uint16:
+        # Kernels read CT numbers as whole numbers.
         volume = np.rint(volume)
     density = np.ascontiguousarray(volume.astype(subvolume.volume.dtype))
     labels = np.ascontiguousarray(np.where(coverage > REACH, object_id, 0).astype(np.uint16))
@@ -121,6 +123,7 @@ class _PerPart:
 
     def table(self, entries: int = 1024) -> NDArray[np.float32]:
         table = np.array(self.whole.table(entries))
+        # As many parts in a row let through what the whole voxel does.
         table[:, 3] = 1.0 - (1.0 - table[:, 3]) ** (1.0 / self.parts)
         return table
 

@@ -116,6 +116,7 @@ def checked_labels(labels: ArrayLike) -> Labels:
     if np.issubdtype(array.dtype, np.signedinteger) and array.min() < 0:
         raise ValueError(f"labels must not be negative, got {array.min()}")
     top = int(array.max())
+    # Below that no renumbering is needed, and no copy where the type fits.
     if top < MOST_IDS:
         return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)
     if top > np.iinfo(np.int64).max:
@@ -165,6 +166,7 @@ def checked_volume(
     if not finite.any():
         raise ValueError("volume must hold finite numbers, got none")
     low, high = float(density[finite].min()), float(density[finite].max())
+    # Kernels would spread NaN over every sample that touches it.
     known = np.nan_to_num(density, nan=low, posinf=high, neginf=low)
     return np.clip(known, -MOST_DENSITY, MOST_DENSITY, out=known)
 

@@ -59,6 +59,7 @@ class BlockingGraph:
         rule, tolerance : see `unpackable_ids`
             Which objects count as unpackable.
         """
+        # Other rules count rays or first objects, which do not say which object blocks.
         if counts.blocks is None or rule != "exact":
             return None
         free = unpackable_ids(counts, rule, tolerance)
@@ -74,11 +75,13 @@ class BlockingGraph:
         Quick enough to be asked at every change of a thousand objects: the graph is looked over
         once for all that are left of it.
         """
+        # Edges of the first graph are made once; what has left is masked out.
         ids, front, behind = (self._whole or self)._edges
         here = np.isin(ids, list(self.graph))
         both = here[front] & here[behind]
         front, behind = front[both], behind[both]
         size = len(ids), len(ids)
+        # Objects that block each other in a circle can only leave together: a strong component.
         _, part = connected_components(
             csr_array((np.ones(len(front), np.bool_), (front, behind)), size), connection="strong"
         )
@@ -102,7 +105,9 @@ class BlockingGraph:
     def removals(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
         """Order objects into groups so that none leaves before what blocks it."""
         part = self.graph.subgraph(ids)
+        # Components of a circle become one node, so the order below exists.
         condensed = nx.condensation(part)
+        # Ties go to the smallest ID, so that the same bag is unpacked alike on every machine.
         order = nx.lexicographical_topological_sort(
             condensed, key=lambda node: min(condensed.nodes[node]["members"])
         )
@@ -206,7 +211,9 @@ def leading_groups(
         graph: nx.DiGraph = nx.DiGraph()
         graph.add_node(first)
         asked: set[int] = set()
+        # Go from blockers to their blockers until the circle is closed or too large.
         while len(graph) <= most and (left := graph.nodes - asked):
+            # The smallest, so that the same objects are asked about on every run.
             one = min(left)
             asked.add(one)
             if one not in known:

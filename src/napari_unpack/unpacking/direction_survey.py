@@ -52,8 +52,8 @@ class DirectionalBlocking:
     ) -> DirectionalBlocking | None:
         """Make it from counts along -D; None where they hold no table.
 
-        Objects that no ray meets block no object; objects unpackable within the tolerance are blocked by
-        no object.
+        Objects that no ray meets block nothing. Objects that are unpackable within the tolerance
+        are blocked by nothing.
 
         Parameters
         ----------
@@ -70,6 +70,7 @@ class DirectionalBlocking:
             return None
         ids = np.array(sorted(packed), dtype=np.int64)
         blocks = np.zeros((len(ids), len(ids)), dtype=np.bool_)
+        # Counts name only the objects that a ray met.
         rows = np.searchsorted(ids, counts.ids)
         blocks[np.ix_(rows, rows)] = counts.blocks
         if tolerance > 0:
@@ -88,10 +89,12 @@ class DirectionalBlocking:
 
     def unpackable_groups(self) -> list[Group]:
         """Return the objects, and groups that hold together, that no object else blocks."""
+        # As in `BlockingGraph.unpackable_groups`, on a dense table: 26 of them are asked at once.
         count, part = connected_components(csr_array(self.blocks), connection="strong")
         front, behind = np.nonzero(self.blocks)
         free = np.ones(count, dtype=np.bool_)
         free[part[behind[part[front] != part[behind]]]] = False
+        # Sorted by part, members of a group stand side by side, in order of their IDs.
         order = np.argsort(part, kind="stable")
         members = np.split(self.ids[order], np.cumsum(np.bincount(part, minlength=count))[:-1])
         return [tuple(int(i) for i in members[k]) for k in np.flatnonzero(free)]
@@ -161,6 +164,7 @@ def best_direction(
     ways = [way for way in ways if way.groups]
     if not ways:
         return None
+    # Rounded, so that directions that are equally near do not depend on the last bit.
     return max(ways, key=lambda way: (len(way.ids), round(float(way.direction @ near), 6)))
 
 

@@ -77,6 +77,7 @@ class Queue:
         """Tell whether it was filled for this D."""
         if self.direction is None:
             return False
+        # D is a unit vector: 1e-6 is a ten-thousandth of a degree, well below a pixel.
         return bool(np.allclose(self.direction, tuple(direction), rtol=0.0, atol=1e-6))
 
     def without(self, ids: Iterable[int]) -> Queue:
@@ -96,6 +97,7 @@ class Queue:
         """Return the queue with restored objects at its head, the first given foremost."""
         new = tuple(ids)
         anew = set(new)
+        # Restored again it moves to the head, and stands there once.
         rest = tuple(i for i in self.restored if i not in anew)
         return replace(self, restored=new + rest, least_occluded=False)
 

@@ -124,6 +124,7 @@ def arrange(
     if min(canvas_size) < 1:
         raise ValueError(f"canvas_size must be at least (1, 1) pixels, got {canvas_size!r}")
     height, width = int(canvas_size[0]), int(canvas_size[1])
+    # More sprites than that would be too small to be made out.
     inside = min(count, MOST_INSIDE)
     side, radius, between = _best_plan(inside, height, width, least_pixels, gap)
     cells, visible = _cells(count, height, width, side, radius, between)
@@ -139,6 +140,7 @@ def _best_plan(
     """Return the cell side, the radius of the bag's circle, and the gap, pixels."""
     short = min(height, width)
     plans = []
+    # In steps of 2 pixels, which no one sees; beyond 0.3 of the window sprites outdo the bag.
     for side in np.arange(least_pixels, max(least_pixels, min(short * 0.3, 320)) + 1, 2):
         plan = _plan(count, height, width, side, gap)
         if plan is not None:
@@ -147,6 +149,7 @@ def _best_plan(
         return max(plans, key=lambda plan: plan[1] ** WEIGHT_OF_BAG * plan[0])
     side = float(least_pixels)
     while True:
+        # A tenth at a time finds a side within a tenth of the largest that fits.
         side *= 0.9
         plan = _plan(count, height, width, side, min(gap, side / 8))
         if plan is not None:
@@ -158,6 +161,7 @@ def _plan(
 ) -> tuple[float, float, float] | None:
     """Return side, radius and gap where `count` cells fit outside a bag that is large enough."""
     short = min(height, width)
+    # The bag may grow up to the nearest of the cells that are needed.
     reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
     if len(reach) < count:
         return None
@@ -219,5 +223,6 @@ def _in_order(cells: NDArray[np.float64]) -> NDArray[np.float64]:
 def _mm_per_pixel(radius_mm: float, radius_px: float, height_px: int, fov: float) -> float:
     if fov == 0.0:
         return radius_mm / radius_px
+    # In perspective a sphere covers more than its radius; see the notes of `arrange`.
     eye = height_px / (2 * float(np.tan(np.radians(fov) / 2)))
     return radius_mm * float(np.hypot(eye, radius_px)) / (radius_px * eye)

@@ -236,7 +236,9 @@ def _ranges(volume, first, last, low, high):  # type: ignore[no-untyped-def]
     most = np.empty(width, volume.dtype)
     for bz in range(first, last):
         for by in range(low.shape[1]):
+            # One voxel beyond the brick counts too: density is interpolated across its faces.
             z0, y0 = max(bz * BRICK - 1, 0), max(by * BRICK - 1, 0)
+            # Rows are reduced along x for all bricks at once, in the order of memory.
             least[:] = volume[z0, y0]
             most[:] = volume[z0, y0]
             for z in range(z0, min(bz * BRICK + BRICK + 1, depth)):
@@ -264,6 +266,7 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
     for bz in range(first, last):
         for by in range(counts.shape[1]):
             for bx in range(counts.shape[2]):
+                # A brick holds as many objects as voxels at most.
                 if used + BRICK**3 > ids.shape[0]:
                     larger = np.empty(2 * ids.shape[0], np.uint16)
                     larger[:used] = ids[:used]
@@ -301,6 +304,7 @@ def _occupied(low, high, starts, ids, opaque, lo, hi, seen, out):  # type: ignor
         # One entry of slack on both sides: the kernels look up in float32.
         first = max(int(a) - 1, 0)
         last = min(int(z) + 3, entries)
+        # Cumulated counts: equal ends mean that no entry between them is opaque.
         if opaque[last] == opaque[first]:
             continue
         for i in range(starts[b], starts[b + 1]):
@@ -325,6 +329,7 @@ def _owners(starts, ids, visible, out):  # type: ignore[no-untyped-def]
     for b in range(grid.shape[0]):
         for i in range(starts[b], starts[b + 1]):
             if visible[ids[i]]:
+                # Hidden matter in it makes a brick mixed too, for it is read as another label.
                 grid[b] = ids[i] if starts[b + 1] - starts[b] == 1 else -1
                 break
 
@@ -339,9 +344,11 @@ def _stride(owners, out):  # type: ignore[no-untyped-def]
                 if own < 0:
                     out[z, y, x] = 0
                     continue
+                # Values are uint8, and 255 would overflow by the brick itself.
                 least = 254
                 for corner in range(1, 8):
                     a, b, c = z + (corner >> 2), y + (corner >> 1 & 1), x + (corner & 1)
+                    # The cube ahead is alike if the cubes of all seven neighbours ahead are.
                     other = owners[a, b, c]
                     alike = (other == own) | (other == OUTSIDE)
                     least = min(least, int(out[a, b, c]) if alike else 0)
@@ -369,6 +376,7 @@ def relabelled(
     """
     touched = tuple(slice(s.start // BRICK, -(-s.stop // BRICK)) for s in box)
     voxels = tuple(slice(s.start * BRICK, s.stop * BRICK) for s in touched)
+    # Densities have not changed, so only the lists of objects are made anew.
     part = Bricks.of(np.ascontiguousarray(labels[voxels]))
     grid = bricks.low.shape
     begin = bricks.starts[:-1].reshape(grid).copy()

@@ -93,13 +93,6 @@ class DirectionalSkipping:
 def _spread(slopes: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return (layers, 2 axes, 2) bricks sideways, first and last, that rays may be in.
 
-    Parameters
-    ----------
-    slopes : (n, 2) ndarray of float64
-        Bricks sideways a brick ahead, of the rays at the corners.
-
-    Notes
-    -----
     A ray somewhere in a brick has gone between m - 1 and m + 1 bricks ahead while it is in the
     m-th layer after it, and aside by that times its slope, from a start within one brick.
     """
