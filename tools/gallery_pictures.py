@@ -84,7 +84,7 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
     yield path
 
 
-def opened(
+def open_session_on(
     volume: Any, labels: Any, spacing: Any, direction: tuple[float, float, float]
 ) -> Session:
     """Return a session whose camera just holds the bag."""

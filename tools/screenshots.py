@@ -12,7 +12,7 @@ from pathlib import Path
 
 from figures import LOOKING, film
 from figures import draw as draw_figures
-from gallery_pictures import draw, opened
+from gallery_pictures import draw, open_session_on
 
 from napari_unpack import segment, simulate_bag
 from napari_unpack.demo import run
@@ -37,11 +37,11 @@ def main(gallery: Path) -> None:
                 shutil.copy(Path(folder) / f"{picture}.png", gallery / f"{name}-{picture}.png")
         if source is None:
             bag = simulate_bag(seed=0)
-            session = opened(bag.volume, bag.labels, bag.spacing, (0.55, 0.35, 0.9))
+            session = open_session_on(bag.volume, bag.labels, bag.spacing, (0.55, 0.35, 0.9))
         else:
             scan = load_volume(source)
             labels = segment(scan.volume, scan.spacing).labels
-            session = opened(scan.volume, labels, scan.spacing, FROM_ABOVE)
+            session = open_session_on(scan.volume, labels, scan.spacing, FROM_ABOVE)
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
         draw_figures(session, gallery, name, LOOKING if source is None else FROM_ABOVE)

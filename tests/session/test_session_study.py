@@ -16,7 +16,7 @@ from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.rendering.compose import object_image, packed_image
 from napari_unpack.rendering.object_style import ObjectStyle, cut_open
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.session.containers import opened, parts_by_density, surrounded
+from napari_unpack.session.containers import open_container, parts_by_density, surrounded
 from napari_unpack.session.object_facts import facts_of
 from tin import tin
 
@@ -81,7 +81,7 @@ def test_a_cut_takes_away_what_lies_behind_its_plane(session):
 
 
 def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
-    inner = opened(session, 1)
+    inner = open_container(session, 1)
     assert len(inner.ids) == 3
     sizes = sorted(int(n) for n in inner.boxes.counts)
     assert sizes == pytest.approx([216, 216, 12 * 400 - 432], rel=0.3)
@@ -95,7 +95,7 @@ def test_a_closed_tin_is_opened_into_its_parts_of_different_density(session):
     assert inner.reveal_plan(inner.ids[-1]).ids
     assert session.labels[10, 10, 10] == 1
     with pytest.raises(ValueError, match="same density"):
-        opened(session, 2)
+        open_container(session, 2)
 
 
 def test_a_container_of_known_contents_is_opened_into_them():
@@ -104,7 +104,7 @@ def test_a_container_of_known_contents_is_opened_into_them():
     table = pd.DataFrame(
         {"name": ["Tin", "Block", "Key"], "parent": [0, 0, 1]}, index=pd.Index([1, 2, 3], name="id")
     )
-    inner = opened(Session(volume, labels, SPACING, table), 1)
+    inner = open_container(Session(volume, labels, SPACING, table), 1)
     assert inner.objects["name"].to_dict() == {1: "Tin", 3: "Key"}
     assert inner.states == {1: ObjectState.UNPACKED, 3: ObjectState.PACKED}
 
@@ -120,7 +120,7 @@ def test_what_stands_in_a_cup_is_its_contents_and_leaves_it_piece_by_piece(lid):
     assert surrounded(labels, 1) == {4, 5}
     assert surrounded(labels, 4) == set()
     turn = rotation_about((0.3, 1.0, 0.2), 0.7)
-    inner = opened(session, 1, turn)
+    inner = open_container(session, 1, turn)
     np.testing.assert_allclose(inner.camera.rotation, turn)
     assert inner.ids == (1, 4, 5)
     assert inner.states[1] is ObjectState.UNPACKED

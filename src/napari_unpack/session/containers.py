@@ -23,7 +23,7 @@ INSIDE = 2
 """Along so many of the three axes an object stands on both sides of what lies in it."""
 
 
-def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
+def open_container(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
     """Return a session of what is inside an object, the object itself taken off its contents.
 
     Parameters
@@ -49,7 +49,7 @@ def opened(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
 
     Notes
     -----
-    notes: readings 14. A closed container and what fills it are one object, so its contents
+    docs/paper.md, R14. A closed container and what fills it are one object, so its contents
     are found here by density: three classes by the thresholds of Otsu's method for several
     classes, connected, the smallest given to their neighbours.
     """
@@ -210,7 +210,7 @@ class OpenedBefore:
         Parameters
         ----------
         session, object_id, rotation
-            As for `opened`; a bag that is known lies as it was left.
+            As for `open_container`; a bag that is known lies as it was left.
 
         Returns
         -------
@@ -224,6 +224,6 @@ class OpenedBefore:
         bags = self._bags.setdefault(session, {})
         labels, bag = bags.get(object_id, (None, None))
         if labels is None or labels() is not session.labels:
-            bag = opened(session, object_id, rotation)
+            bag = open_container(session, object_id, rotation)
             bags[object_id] = ref(session.labels), bag
         return bag

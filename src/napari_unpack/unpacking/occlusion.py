@@ -39,7 +39,7 @@ def ratios(counts: OcclusionCounts, definition: Definition = "first_hit") -> dic
     first object is another, over all samples. `first_hit` is the occlusion-query method with the
     exact denominator (rays that meet the object); `first_hit_bbox` has the paper's approximate
     one. `listing` is the single-pass listing. `exact` also counts what re-appears behind another
-    object on a ray where it was first, which the paper's three do not (readings 1).
+    object on a ray where it was first, which the paper's three do not (docs/paper.md, R1).
     """
     if definition not in get_args(Definition):
         raise ValueError(f"definition must be one of {get_args(Definition)}, got {definition!r}")

@@ -34,7 +34,7 @@ class Queue:
     -----
     Li et al. 2012, section 5.4: filled whenever the direction changes, taken from the head,
     restored objects return to the head. Deviation: restored objects are checked before they
-    leave again (readings 9).
+    leave again (docs/paper.md, R9).
     """
 
     groups: tuple[Group, ...] = ()

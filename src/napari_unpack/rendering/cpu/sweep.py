@@ -55,7 +55,7 @@ def sweep_blockers(
     An object is moved by D s, rounded to whole voxels, for s in quarters of a voxel edge, and
     compared with what is there: its voxels stay voxels. Rays at the voxel pitch ask nearly the
     same and much faster, but off the axes they also cut the corners of voxels, and two things
-    that merely touch hold each other by the steps of their surfaces (notes: readings 1, 3).
+    that merely touch hold each other by the steps of their surfaces (docs/paper.md, R1, R3).
 
     Only voxels are moved from which one of the steps leaves the object. Who is met for the
     first time at some shift is met by such a voxel: had an inner one met it, the neighbour a
