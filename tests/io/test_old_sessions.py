@@ -25,7 +25,7 @@ DIGITS = 6
 
 
 class Today:
-    """What is read by names that README.md and DESIGN.md do not promise: to be renamed here."""
+    """What is read by names that README.md does not promise: to be renamed here."""
 
     ids = staticmethod(lambda s: list(s.ids))
     given_id = staticmethod(lambda s, i: s.label_of(i))

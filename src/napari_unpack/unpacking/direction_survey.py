@@ -1,4 +1,4 @@
-"""Blocking along 26 directions: the best direction, and the plan to reveal a buried object."""
+"""Which objects block which along 26 directions: the best one, and the plan of a reveal."""
 
 from __future__ import annotations
 
