@@ -148,7 +148,7 @@ def draw_scale(camera: Camera, size: tuple[int, int], ink: Color) -> NDArray[np.
     """
     from PIL import Image, ImageDraw, ImageFont
 
-    # A fifth of the width is long enough to be read off, and leaves the bag free.
+    # A fifth of the width is long enough to be read off, and leaves room for the bag.
     length, words = round_length(0.2 * camera.height * size[1] / size[0])
     pixels = max(1, round(length * size[0] / camera.height))
     # Sizes are those of an image 720 pixels high; below half of that writing is illegible.

@@ -19,7 +19,7 @@ GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
 # Direction of looking into an open bag that lies on a table: a good first view.
 FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
 
-# Beyond this cosine between looking and gravity, up in the image is -z unless told.
+# Beyond this cosine between looking and gravity, up in the image is -z unless asked otherwise.
 STEEPEST = 0.97
 
 
@@ -82,7 +82,7 @@ class View:
         spacing : (3,) array_like
             Voxel size in mm, z y x.
         stretch : (3, 3) ndarray of float64, optional
-            The camera's; none unless told.
+            The camera's; by default none.
         """
         size = np.asarray(shape, dtype=np.float64) * np.asarray(spacing, dtype=np.float64)
         middle = (size - np.asarray(spacing, dtype=np.float64)) / 2

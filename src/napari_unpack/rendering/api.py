@@ -351,7 +351,7 @@ def occlusion(
         The view, made orthographic, or a direction of looking. Objects leave towards the
         viewer: along D, the opposite of the direction of looking.
     size : (int, int)
-        Rays, height and width; at the voxel pitch or finer to decide what is free.
+        Rays, height and width; at the voxel pitch or finer to decide which objects are unpackable.
     hidden : iterable of int
         Objects that are as air.
     backend : {"auto", "cpu", "gl"}
@@ -385,7 +385,7 @@ def occlusion_ratios(
     step: float | None = None,
     method: Method = "one_pass",
 ) -> dict[int, float]:
-    """Measure how much of every object is hidden by others, 0 being free.
+    """Measure how much of every object is hidden by others, 0 being unpackable.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def object_image(
     subvolume = cache.of_object(object_id)
     if smooth:
         subvolume = cache.keep(
-            ("fine crop", object_id),
+            ("upsampled", object_id),
             lambda: upsampled(cache.of_object(object_id), object_id, scene.spacing, cache.air),
         )
     moved = pose.world_from_world(subvolume.center, camera)
@@ -144,7 +144,7 @@ def sprite_image(
     -------
     ImagePatch
         Orthographic, on a transparent ground, no row or column empty at its border. `row` and
-        `col` count from the pixel whose centre is the object's box centre, so the card's top
+        `col` count from the pixel whose centre is the object's box centre, so the quad's top
         left corner is (row - 0.5, col - 0.5) / pixels_per_mm from `pose.center` along the
         pivot's axes down and right. Depth and plane are relative to the box centre.
 

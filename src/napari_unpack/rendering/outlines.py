@@ -133,7 +133,7 @@ def decorated(rgba: NDArray[np.float32], silhouette: Silhouette) -> NDArray[np.f
     -----
     The outline is the most alpha found at its width in twelve directions, the shadow alpha
     blurred by a Gaussian cut at two deviations. Done by a shader, this cost the 36 texture reads
-    on every pixel of every card, decorated or not: software rasterisers run both sides of every
+    on every pixel of every quad, decorated or not: software rasterisers run both sides of every
     branch.
     """
     from scipy import ndimage

@@ -62,8 +62,8 @@ class BlockingGraph:
         # Other rules count rays or first objects, which do not say which object blocks.
         if counts.blocks is None or rule != "exact":
             return None
-        free = unpackable_ids(counts, rule, tolerance)
-        return cls(blocking_graph(counts.blocks, counts.ids, free))
+        unpackable = unpackable_ids(counts, rule, tolerance)
+        return cls(blocking_graph(counts.blocks, counts.ids, unpackable))
 
     def among(self, packed: Iterable[int]) -> BlockingGraph:
         """Return the graph of those still packed."""
@@ -85,11 +85,11 @@ class BlockingGraph:
         _, part = connected_components(
             csr_array((np.ones(len(front), np.bool_), (front, behind)), size), connection="strong"
         )
-        free = np.zeros(len(ids), np.bool_)
-        free[part[here]] = True
-        free[part[behind[part[front] != part[behind]]]] = False
+        unpackable = np.zeros(len(ids), np.bool_)
+        unpackable[part[here]] = True
+        unpackable[part[behind[part[front] != part[behind]]]] = False
         members: dict[int, list[int]] = {}
-        for place in np.flatnonzero(here & free[part]):
+        for place in np.flatnonzero(here & unpackable[part]):
             members.setdefault(int(part[place]), []).append(int(ids[place]))
         return sorted((tuple(group) for group in members.values()), key=lambda g: (len(g), g))
 
@@ -115,7 +115,7 @@ class BlockingGraph:
 
 
 def blocking_graph(
-    blocks: NDArray[np.bool_], ids: Iterable[int], free: Iterable[int] = ()
+    blocks: NDArray[np.bool_], ids: Iterable[int], unpackable: Iterable[int] = ()
 ) -> nx.DiGraph:
     """Make the graph of a table of blockers.
 
@@ -125,7 +125,7 @@ def blocking_graph(
         Row blocks column.
     ids : (n,) iterable of int
         The IDs of rows and columns.
-    free : iterable of int
+    unpackable : iterable of int
         IDs to be taken as blocked by no object.
 
     Returns
@@ -142,7 +142,7 @@ def blocking_graph(
     table = np.asarray(blocks, dtype=bool)
     if table.shape != (len(names), len(names)):
         raise ValueError(f"blocks must be ({len(names)}, {len(names)}), got shape {table.shape}")
-    exempt = set(free)
+    exempt = set(unpackable)
     graph = nx.DiGraph()
     graph.add_nodes_from(names)
     for row, column in zip(*np.nonzero(table), strict=True):
@@ -204,9 +204,9 @@ def leading_groups(
     more than `most` objects is in no such group.
     """
     known: dict[int, frozenset[int]] = {}
-    told: set[int] = set()
+    yielded: set[int] = set()
     for first in order:
-        if first in told:
+        if first in yielded:
             continue
         graph: nx.DiGraph = nx.DiGraph()
         graph.add_node(first)
@@ -220,7 +220,7 @@ def leading_groups(
                 known[one] = blockers(one, most - 1)
             graph.add_edges_from((other, one) for other in known[one])
         if len(graph) <= most and nx.is_strongly_connected(graph):
-            told.update(graph)
+            yielded.update(graph)
             yield tuple(sorted(graph))
 
 

@@ -92,12 +92,12 @@ class DirectionalBlocking:
         # As in `BlockingGraph.unpackable_groups`, on a dense table: 26 of them are asked at once.
         count, part = connected_components(csr_array(self.blocks), connection="strong")
         front, behind = np.nonzero(self.blocks)
-        free = np.ones(count, dtype=np.bool_)
-        free[part[behind[part[front] != part[behind]]]] = False
+        unpackable = np.ones(count, dtype=np.bool_)
+        unpackable[part[behind[part[front] != part[behind]]]] = False
         # Sorted by part, members of a group stand side by side, in order of their IDs.
         order = np.argsort(part, kind="stable")
         members = np.split(self.ids[order], np.cumsum(np.bincount(part, minlength=count))[:-1])
-        return [tuple(int(i) for i in members[k]) for k in np.flatnonzero(free)]
+        return [tuple(int(i) for i in members[k]) for k in np.flatnonzero(unpackable)]
 
     def needed(self, target: int) -> frozenset[int]:
         """Return the target and everything that must leave before it, directly or not.
@@ -155,7 +155,7 @@ def best_direction(
     Returns
     -------
     BestDirection or None
-        None where no object is free along any of them.
+        None where no object is unpackable along any of them.
     """
     ways = []
     for blocking in blockings:

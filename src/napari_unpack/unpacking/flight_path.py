@@ -33,7 +33,7 @@ class Ball:
     center : (3,) ndarray of float64
         Of the bag, world mm.
     radius : float
-        Of the bag and of whoever flies together, mm of pivot space.
+        Of the bag and of the objects that fly together, mm of pivot space.
     """
 
     center: Vector

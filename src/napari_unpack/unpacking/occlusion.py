@@ -25,8 +25,8 @@ def ratios(counts: OcclusionCounts, definition: Definition = "first_hit") -> dic
     Returns
     -------
     dict of int to float
-        Ratio in [0, 1] by ID, 0 being free. Objects that no ray meets are left out: nothing is
-        known about them at this resolution.
+        Ratio in [0, 1] by ID, 0 being unpackable. Objects that no ray meets are left out, since
+        nothing is known about them at this resolution.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def unpackable_ids(
         `exact` is what a straight pull needs; the others are the paper's and agree with each
         other.
     tolerance : float
-        Ratio in [0, 1) that still counts as free, for noisy scans.
+        Ratio in [0, 1) that still counts as unpackable, for noisy scans.
 
     Returns
     -------

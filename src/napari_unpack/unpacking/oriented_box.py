@@ -50,9 +50,9 @@ def outline(mask: NDArray[np.bool_], origin: ArrayLike, spacing: ArrayLike) -> N
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
-        A crop around an object.
+        A box around an object.
     origin : (3,) array_like
-        Voxel coordinates of the crop's first voxel.
+        Voxel coordinates of the box's first voxel.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
 

@@ -24,7 +24,7 @@ class Queue:
         Objects put back at the head, the next one first. They are no more than a wish until
         the queue is asked again: another object put back later may stand in front of them.
     least_occluded : bool
-        True when no object was free and the only entry is the least occluded object.
+        True when no object was unpackable and the only entry is the least occluded object.
     packed : frozenset of int
         Who was in the bag when it was filled. Who comes in later may stand in front of others.
     rules : tuple
@@ -131,15 +131,15 @@ class Queue:
         rank : mapping of int to float, optional
             Smaller leaves earlier; a group counts as its foremost member. Without it, by ID.
         least_occluded : bool
-            Whether this is the least occluded object for want of a free one.
+            Whether this is the least occluded object for want of an unpackable one.
         rules : tuple
-            The rules by which they are free.
+            The rules by which they are unpackable.
 
         Returns
         -------
         Queue
             Groups holding a restored object first, in the order of restoring; then by rank, ties
-            by ID. Wishes that are not free now are forgotten.
+            by ID. Wishes that are not unpackable now are forgotten.
         """
         key = self.precedence(rank or {})
         whole = (tuple(sorted(group)) for group in groups)

@@ -1,15 +1,32 @@
 import numpy as np
 import pytest
 
-from napari_unpack.geometry.view import View
+from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering.gl.depth_quads import (
     PivotPlace,
     ScreenPlace,
     clip_from_pivot,
-    clip_of_camera,
     depth_row,
 )
 from napari_unpack.rendering.gl.matrices import matrix_of
+
+
+def clip_of_camera(camera: Camera, aspect: float, depth: float = 1e4) -> np.ndarray:
+    """Return the clip matrix of a camera on a canvas of its own."""
+    matrix = np.zeros((4, 4))
+    matrix[0, 2] = 2 / (camera.height * aspect)
+    matrix[1, 1] = -2 / camera.height
+    if np.isinf(camera.distance):
+        matrix[2, 0], matrix[3, 3] = -1 / depth, 1.0
+        return matrix
+    far_eye, near_eye = camera.distance + depth, camera.distance / 100
+    # At eye distance e = distance + t: w = e / distance, z_ndc from -1 at near to 1 at far.
+    matrix[3, 0], matrix[3, 3] = -1 / camera.distance, 1.0
+    slope = (far_eye + near_eye) / (far_eye - near_eye)
+    shift = -2 * far_eye * near_eye / (far_eye - near_eye)
+    matrix[2, 0] = -slope / camera.distance
+    matrix[2, 3] = slope + shift / camera.distance
+    return matrix
 
 
 @pytest.mark.parametrize("fov", [0.0, 40.0])

@@ -15,46 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.brick_cache import ABSENT, BLOCK, CAPACITY, EMPTY, fill
-from napari_unpack.rendering.cpu.ray_lanes import (
-    AT,
-    AX,
-    AY,
-    AZ,
-    BRICK,
-    DEPTH,
-    DX,
-    DY,
-    DZ,
-    END,
-    FX,
-    FY,
-    FZ,
-    LABEL,
-    LANE,
-    LX,
-    LY,
-    LZ,
-    NAME_ROWS,
-    PHASE,
-    PIXEL,
-    PLACE_ROWS,
-    PX,
-    PY,
-    PZ,
-    QUEUE,
-    QUEUE_ROWS,
-    RAY_ROWS,
-    SLOT,
-    SPOT_ROWS,
-    K,
-    X,
-    Y,
-    Z,
-    find_blocks,
-    place,
-    queue_up,
-    see,
-)
 from napari_unpack.rendering.cpu.ray_sampling import (
     TILE,
     leap,
@@ -64,6 +24,14 @@ from napari_unpack.rendering.cpu.ray_sampling import (
     sample_range,
 )
 from napari_unpack.rendering.cpu.simd import LANES, blend_cell, forward, lay_over, look_up
+
+# isort: off
+from napari_unpack.rendering.cpu.ray_lanes import (
+    AT, AX, AY, AZ, BRICK, DEPTH, DX, DY, DZ, END, FX, FY, FZ, LABEL, LANE, LX, LY, LZ, NAME_ROWS,
+    PHASE, PIXEL, PLACE_ROWS, PX, PY, PZ, QUEUE, QUEUE_ROWS, RAY_ROWS, SLOT, SPOT_ROWS, K, X, Y, Z,
+    find_blocks, place, queue_up, see,
+)  # fmt: skip
+# isort: on
 
 # A ray ends once its alpha reaches this; the GLSL twin stops at the same.
 OPAQUE = 0.99

@@ -18,38 +18,6 @@ from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.cpu.bricks import Bricks
 from napari_unpack.rendering.cpu.object_ids import AHEAD, ground, read_compressed, read_labels
-from napari_unpack.rendering.cpu.ray_packets import (
-    AX,
-    AY,
-    AZ,
-    BRICK,
-    COUNT,
-    CURRENT,
-    DX,
-    DY,
-    DZ,
-    END,
-    ENDS,
-    EVENT,
-    FLOAT_ROWS,
-    FOUND,
-    FREE,
-    GRID,
-    INTEGER_ROWS,
-    LANES,
-    LENGTH,
-    LOOK,
-    PX,
-    PY,
-    PZ,
-    SEVERAL,
-    TURNS,
-    K,
-    go_on,
-    look_ahead,
-    looks_of,
-    stretch,
-)
 from napari_unpack.rendering.cpu.ray_sampling import (
     TILE,
     clipping_planes,
@@ -61,6 +29,14 @@ from napari_unpack.rendering.cpu.ray_sampling import (
 )
 from napari_unpack.rendering.cpu.simd import eight_bits, ones_of
 from napari_unpack.rendering.cpu.thread_pool import over_bands
+
+# isort: off
+from napari_unpack.rendering.cpu.ray_packets import (
+    AX, AY, AZ, BRICK, COUNT, CURRENT, DX, DY, DZ, END, ENDS, EVENT, FLOAT_ROWS, FOUND, FREE, GRID,
+    INTEGER_ROWS, LANES, LENGTH, LOOK, PX, PY, PZ, SEVERAL, TURNS, K, go_on, look_ahead, looks_of,
+    stretch,
+)  # fmt: skip
+# isort: on
 
 # Above this many objects there is no table of who blocks whom: it grows with their square.
 MOST_IN_TABLE = 4096
@@ -122,10 +98,10 @@ class Runs:
         Raises
         ------
         ValueError
-            If somebody is visible who was not.
+            If an object is visible that was not.
         """
         if not self._saw(visible):
-            raise ValueError("visible must hold nobody whom the rays did not see: cast them anew")
+            raise ValueError("visible must hold only objects the rays saw: cast them anew")
         counter = RunCounter.of(visible)
 
         def work(own: Counters, first: int, last: int) -> None:

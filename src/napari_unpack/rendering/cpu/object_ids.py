@@ -100,22 +100,22 @@ def bricks_ahead(  # type: ignore[no-untyped-def]
     layers = int(reach[grid, bz, by, bx])
     if axis >= 0 and layers > 1:
         if axis == 0:
-            free = leap_along(layers - 1, z, k, 0.5, pz, az)
+            beyond = leap_along(layers - 1, z, k, 0.5, pz, az)
         elif axis == 1:
-            free = leap_along(layers - 1, y, k, 0.5, py, ay)
+            beyond = leap_along(layers - 1, y, k, 0.5, py, ay)
         else:
-            free = leap_along(layers - 1, x, k, 0.5, px, ax)
+            beyond = leap_along(layers - 1, x, k, 0.5, px, ax)
     else:
-        free = leap(max(layers, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
+        beyond = leap(max(layers, 1), z, y, x, k, 0.5, pz, py, px, az, ay, ax)
     rows, columns = np.uint64(owners.shape[1]), np.uint64(owners.shape[2])
-    return own, free, (bz * rows + by) * columns + bx
+    return own, beyond, (bz * rows + by) * columns + bx
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def read_compressed(  # type: ignore[no-untyped-def]
-    words, place, shift, ids, start, k, free, step, pz, py, px, dz, dy, dx, ahead
+    words, place, shift, ids, start, k, beyond, step, pz, py, px, dz, dy, dx, ahead
 ):
-    """Read the labels of samples k to `free` - 1, all in one brick, into `ahead` (AHEAD,) int64.
+    """Read the labels of samples k to `beyond` - 1, all in one brick, into `ahead` (AHEAD,) int64.
 
     `place` and `shift` are the brick's `CompressedLabels.first` and `bits`, `start` its
     `Bricks.starts`.
@@ -126,7 +126,7 @@ def read_compressed(  # type: ignore[no-untyped-def]
         Of `CompressedLabels`: words, and the brick's `first` and `bits`.
     ids, start
         Of `Bricks`, and the brick's `starts`.
-    k, free : int
+    k, beyond : int
         First sample, and the one after the last.
     step, pz, py, px, dz, dy, dx : float
         Distance of samples, mm, and the ray, voxels.
@@ -142,15 +142,15 @@ def read_compressed(  # type: ignore[no-untyped-def]
         y = np.int64(py + t * dy + 0.5) & seven
         # All those wanted are in the brick; for the others any voxel of it will do.
         ahead[i] = ((z << 6) | (y << 3) | (np.int64(px + t * dx + 0.5) & seven)) << shift
-    for i in range(free - k):
+    for i in range(beyond - k):
         bit = np.uint64(ahead[i])
         number = (words[place + (bit >> six)] >> (bit & np.uint64(63))) & mask
         ahead[i] = np.int64(ids[start + number])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead):  # type: ignore[no-untyped-def]
-    """Read the labels of samples k to `free` - 1 into `ahead` (AHEAD,) int64.
+def read_labels(flat, high, wide, k, beyond, step, pz, py, px, dz, dy, dx, ahead):  # type: ignore[no-untyped-def]
+    """Read the labels of samples k to `beyond` - 1 into `ahead` (AHEAD,) int64.
 
     All at once: most of them miss the cache, and so they miss it together.
 
@@ -160,14 +160,14 @@ def read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead):
         Labels.
     high, wide : int
         Their shape along y and x.
-    k, free : int
+    k, beyond : int
         First sample, and the one after the last.
     step, pz, py, px, dz, dy, dx : float
         Distance of samples, mm, and the ray, voxels.
     ahead : (AHEAD,) ndarray of int64
         Written.
     """
-    first, last = float(k), float(free - 1)
+    first, last = float(k), float(beyond - 1)
     for i in range(AHEAD):
         t = (min(first + i, last) + 0.5) * step
         plane, line = np.int64(pz + t * dz + 0.5), np.int64(py + t * dy + 0.5)
@@ -249,28 +249,30 @@ def _cast(  # type: ignore[no-untyped-def]
             grid = octants[octant_of(az, ay, ax)]
             # Go from stretch to stretch of one label until enough objects are found.
             while k < end:
-                label, free, brick = -1, end, np.uint64(0)
+                label, beyond, brick = -1, end, np.uint64(0)
                 if skip:
-                    label, free, brick = bricks_ahead(
+                    label, beyond, brick = bricks_ahead(
                         owners, reach, grid, axis, k, step, pz, py, px, dz, dy, dx, az, ay, ax
                     )
-                    free = min(free, end)
+                    beyond = min(beyond, end)
                 # A uniform stretch is one label; in a mixed brick up to AHEAD labels are read.
                 stops = 1
                 if label >= 0:
                     ahead[0] = label
                 else:
-                    free = min(free, k + AHEAD)
-                    stops = free - k
+                    beyond = min(beyond, k + AHEAD)
+                    stops = beyond - k
                     if skip:
                         place, start = np.uint64(firsts[brick]), np.uint64(starts[brick])
                         read_compressed(
                             words, place, np.int64(bits[brick]), ids, start,
-                            k, free, step, pz, py, px, dz, dy, dx, ahead,
+                            k, beyond, step, pz, py, px, dz, dy, dx, ahead,
                         )  # fmt: skip
                     else:
-                        read_labels(flat, high, wide, k, free, step, pz, py, px, dz, dy, dx, ahead)
-                k = free
+                        read_labels(
+                            flat, high, wide, k, beyond, step, pz, py, px, dz, dy, dx, ahead
+                        )
+                k = beyond
                 for stop in range(stops):
                     label = ahead[stop]
                     if label == previous:

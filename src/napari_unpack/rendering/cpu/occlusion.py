@@ -27,7 +27,7 @@ def occlusion_counts(
     labels : (Z, Y, X) ndarray of uint16
         Object IDs, C-contiguous.
     rays : Rays
-        Orthographic, looking along -D; at the voxel pitch or finer to decide what is free.
+        Orthographic, looking along -D; at the voxel pitch or finer to decide what is unpackable.
     visible : (M,) ndarray of bool
         By ID, M above every label; `visible[0]` False. Hidden objects are as air.
     bricks : Bricks, optional

@@ -118,7 +118,7 @@ def _follow(owners, spread, first, last, out):  # type: ignore[no-untyped-def]
                     continue
                 layers = 0
                 while layers < spread.shape[0]:
-                    # Nothing lies beyond the volume, so the path ahead is free to its end.
+                    # Nothing lies beyond the volume, so the path ahead is uniform to its end.
                     if z + layers >= depth:
                         layers = spread.shape[0]
                         break

@@ -65,11 +65,6 @@ class ImageTexture:
         """Height and width, pixels."""
         return int(self._color.shape[0]), int(self._color.shape[1])
 
-    @property
-    def has_depth(self) -> bool:
-        """Whether there are depths."""
-        return self._depth is not None
-
     def update(
         self, color: PictureArray | Texture2D, depth: NDArray[np.float32] | Texture2D | None = None
     ) -> None:
@@ -284,40 +279,6 @@ def clip_from_pivot(render_from_world: ArrayLike, camera: Camera) -> Matrix:
     order = [2, 1, 0, 3]
     product: Matrix = (np.asarray(render_from_world, dtype=np.float64) @ world_from_pivot)[:, order]
     return product
-
-
-def clip_of_camera(camera: Camera, aspect: float, depth: float = 1e4) -> Matrix:
-    """Return the clip matrix of a camera on a canvas of its own, for images without napari.
-
-    Parameters
-    ----------
-    camera : Camera
-        In world mm.
-    aspect : float
-        Width of the canvas over its height.
-    depth : float
-        How many mm before and behind the pivot plane are kept; in perspective what is nearer
-        than a hundredth of the viewing distance is cut.
-
-    Returns
-    -------
-    (4, 4) ndarray of float64
-        From pivot space (towards, down, right, 1) to clip space.
-    """
-    matrix = np.zeros((4, 4))
-    matrix[0, 2] = 2 / (camera.height * aspect)
-    matrix[1, 1] = -2 / camera.height
-    if np.isinf(camera.distance):
-        matrix[2, 0], matrix[3, 3] = -1 / depth, 1.0
-        return matrix
-    far_eye, near_eye = camera.distance + depth, camera.distance / 100
-    # At eye distance e = distance + t: w = e / distance, z_ndc from -1 at near to 1 at far.
-    matrix[3, 0], matrix[3, 3] = -1 / camera.distance, 1.0
-    slope = (far_eye + near_eye) / (far_eye - near_eye)
-    shift = -2 * far_eye * near_eye / (far_eye - near_eye)
-    matrix[2, 0] = -slope / camera.distance
-    matrix[2, 3] = slope + shift / camera.distance
-    return matrix
 
 
 WHOLE_SCREEN = ScreenPlace()

@@ -200,8 +200,7 @@ def finish() -> None:
 def namespace() -> Any:
     """Return what stands for the GL objects of the current context.
 
-    It is another once the context itself was replaced: whoever keeps GL objects keeps them by
-    this, and finds none then.
+    GL objects are kept by it: a context that replaces another has another one.
     """
     return current_context().shared.parser
 

@@ -64,7 +64,7 @@ class Offscreen:
         try:
             yield self.canvas.context
         finally:
-            # Whoever made another canvas current meanwhile must not get our commands.
+            # Another canvas may have become current meanwhile; it must not get our commands.
             self.canvas.set_current()
             self.canvas.context.flush_commands()
             if previous is not None and previous is not self.canvas:
