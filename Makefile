@@ -40,15 +40,18 @@ demo: $(READY) kernels
 	@bash tools/on-a-screen.sh $(BIN)/napari-unpack demo $(if $(INPUT),"$(INPUT)") \
 	  $(if $(LABELS),--labels "$(LABELS)") --output "$(OUTPUT)"
 
+# They open a real viewer.
+VIEWER_TESTS := tests/layers tests/viewer tests/widgets
+
 test: test-plain test-plugin
 
 test-plain: $(READY)
 	@echo "[test 1/2] algorithms, ray casting, shaders"
-	@PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest $(WORKERS) tests --ignore=tests/plugin
+	@PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest $(WORKERS) tests $(addprefix --ignore=,$(VIEWER_TESTS))
 
 test-plugin: $(READY)
 	@echo "[test 2/2] the plugin in a real viewer on a virtual screen"
-	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(PLUGIN_WORKERS) tests/plugin
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(PLUGIN_WORKERS) $(VIEWER_TESTS)
 
 lint: $(READY)
 	@$(BIN)/ruff format --check .

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,9 +15,19 @@ FRESH_KERNELS = Path(__file__).parents[1] / "tools" / "fresh_kernels.py"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let no test run code that was compiled before its last edit."""
+    """Let no test run code compiled before its last edit, and give each worker its own screen."""
     if not hasattr(config, "workerinput"):
         subprocess.run([sys.executable, FRESH_KERNELS], check=True)
+    elif os.environ.get("UNPACK_VIRTUAL_SCREEN"):
+        # On one screen they would take the focus from each other.
+        from screens import Screen
+
+        config.add_cleanup(Screen().close)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the soak, which takes minutes: another worker does the rest meanwhile."""
+    items.sort(key=lambda item: item.path.name != "test_soak.py")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -3,7 +3,7 @@
 
 napari draws a layer with the visual registered for its class and shows the controls registered
 for its class. Both registries are private, so the
-three picture layers are put into them here and nowhere else. Where a registry is missing,
+three image layers are put into them here and nowhere else. Where a registry is missing,
 `supported()` is False, `problem()` says why in a sentence, and the plugin falls back to napari's
 own layers.
 """
@@ -43,7 +43,7 @@ except ImportError as error:
     VispyBaseLayer = QtLayerControls = SlicingState = object
     layer_to_visual, layer_to_controls = {}, {}
     _PROBLEM = (
-        f"This napari keeps its layer registry elsewhere ({error}), so the packed picture cannot "
+        f"This napari keeps its layer registry elsewhere ({error}), so the packed image cannot "
         "be drawn in the viewer. Use a napari of the series 0.9, or the Python API."
     )
 
@@ -260,7 +260,7 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
 
 
 class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
-    """Slicing state of a layer that is a picture and has no slices."""
+    """Slicing state of a layer that is an image and has no slices."""
 
     def _set_view_slice(self) -> None:
         return None
@@ -333,7 +333,13 @@ class PictureLayer(Layer):
 
     @property
     def data(self) -> NDArray[np.float64]:
-        """(N, 3) centres of this layer's objects, voxels z y x."""
+        """(N, 3) centres of this layer's objects, voxels z y x.
+
+        Raises
+        ------
+        AttributeError
+            On setting: the layer follows its session.
+        """
         return self._points
 
     @data.setter
@@ -341,11 +347,19 @@ class PictureLayer(Layer):
         raise AttributeError("this layer follows its session and cannot be given data")
 
     def set_table(self, points: NDArray[np.float64], **state: Any) -> None:
-        """Set what the layer is as a Points layer: centres in voxels, and Points arguments."""
+        """Set what the layer is as a Points layer.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray of float64
+            Centres, voxels z y x.
+        **state
+            Arguments of a Points layer.
+        """
         self._points, self._point_state = np.asarray(points, dtype=float), state
 
     def set_picture(self, rgba: NDArray[np.float32] | None) -> None:
-        """Set the picture whose small copy stands in the layer list, premultiplied (H, W, 4)."""
+        """Set the image whose small copy stands in the layer list, premultiplied (H, W, 4)."""
         if rgba is not None:
             self._thumbnail_source = rgba
             self._update_thumbnail()
@@ -363,7 +377,13 @@ class PictureLayer(Layer):
         return self._box + np.array([[-0.5], [0.5]])
 
     def get_status(self, *args: Any, **kwargs: Any) -> dict[str, str]:
-        """Say what the mouse is on, for napari's status bar."""
+        """Say what the mouse is on, for napari's status bar.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            Where the mouse is, as napari says it; not needed.
+        """
         status = dict(self._get_source_info())
         status |= {
             "layer_base": self.words or self.name,
@@ -411,7 +431,7 @@ class PictureLayer(Layer):
 
 
 class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
-    """Between a picture layer and the vispy node that draws it.
+    """Between one of our layers and the vispy node that draws it.
 
     Parameters
     ----------
@@ -460,7 +480,7 @@ def _controls(sentence: str) -> type[Any]:
     from qtpy.QtWidgets import QLabel, QSizePolicy
 
     class PictureControls(QtLayerControls):  # type: ignore[misc,valid-type]
-        """Controls with what applies to a picture: its opacity."""
+        """Controls with what applies to an image: its opacity."""
 
         PAN_ZOOM_ACTION_NAME = "activate_tracks_pan_zoom_mode"
         TRANSFORM_ACTION_NAME = "activate_tracks_transform_mode"

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import napari
     from vispy.scene import SceneCanvas
 
+# How often a canvas without a context is looked at; it has none while its widget is hidden.
 POLL_MS = 50
-"""How often a canvas without a context is looked at; it has none while its widget is hidden."""
 
 
 class ContextWatch:

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 LabelColormap: TypeAlias = CyclicLabelColormap | DirectLabelColormap
 
+# Beyond so many colours a `DirectLabelColormap` takes seconds to set, on the main thread.
 MOST_DIRECT = 1000
-"""Beyond so many colours a `DirectLabelColormap` takes seconds to set, on the main thread."""
 
+# Rows a cyclic colormap can have; where it has one for every ID it cycles nowhere.
 MOST_ROWS = 65_535
-"""Rows a cyclic colormap can have; where it has one for every ID it cycles nowhere."""
 
 
 def label_colormap(colors: Mapping[int, ArrayLike], other: ArrayLike) -> LabelColormap:

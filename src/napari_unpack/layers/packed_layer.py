@@ -26,8 +26,8 @@ from napari_unpack.rendering.gl.lines import Stroke
 if TYPE_CHECKING:
     import napari
 
+# Name of the background that is napari's own canvas colour.
 OWN = "napari"
-"""Name of the background that is napari's own canvas colour."""
 
 FARTHEST = ScreenPlace(ndc_depth=1.0)
 
@@ -65,7 +65,14 @@ class Backdrop:
         return [Quad(self._ground[1], FARTHEST)]
 
     def edges(self, frame: Frame, opacity: float) -> list[Quad]:
-        """Return the quads of the box's edges."""
+        """Return the quads of the box's edges.
+
+        Parameters
+        ----------
+        frame : Frame
+            What the canvas shows.
+        opacity : float
+        """
         if not self.around.box:
             return []
         if self._edges is None or self._edges[0] is not frame:

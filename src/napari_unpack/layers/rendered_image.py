@@ -140,8 +140,8 @@ CHOSEN_ON_LIGHT = Silhouette(
     outline=(0.05, 0.06, 0.09, 0.95), outline_width=2.0, shadow=(0.0, 0.0, 0.0, 0.22)
 )
 
+# Depth of what is before everything else, normalised device coordinates.
 FRONT = -0.999
-"""Depth of what is before everything else, normalised device coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,16 @@ class RenderedImage:
 
     @classmethod
     def of(cls, patch: ImagePatch, camera: Camera, size: tuple[int, int]) -> RenderedImage | None:
-        """Return the image of a patch; None where it has no pixels. For worker threads too."""
+        """Return the image of a patch; None where it has no pixels. For worker threads too.
+
+        Parameters
+        ----------
+        patch : ImagePatch
+        camera : Camera
+            What it was cast for.
+        size : (int, int)
+            Height and width of the whole image, pixels.
+        """
         if patch.is_empty:
             return None
         return cls(patch, ImageTexture(to_bytes(patch.rgba), patch.depth), camera, size)
@@ -196,13 +205,28 @@ class RenderedImage:
         )
 
     def mixed(self, before: RenderedImage, part: float) -> RenderedImage:
-        """Return the image that is so far on the way from another, which it must cover."""
+        """Return the image that is so far on the way from another.
+
+        Parameters
+        ----------
+        before : RenderedImage
+            Which it must cover.
+        part : float
+            Of the way, in [0, 1].
+        """
         rgba = before.patch.rgba + np.float32(part) * (self.patch.rgba - before.patch.rgba)
         patch = replace(self.patch, rgba=rgba)
         return replace(self, patch=patch, texture=ImageTexture(to_bytes(rgba), patch.depth))
 
     def quad(self, seen_by: Camera, opacity: float = 1.0) -> Quad:
-        """Return the quad that shows it where it belongs under a camera."""
+        """Return the quad that shows it where it belongs.
+
+        Parameters
+        ----------
+        seen_by : Camera
+            What looks now.
+        opacity : float, optional
+        """
         place = image_place(self.patch, self.camera, self.size, seen_by)
         if self.in_front:
             place = replace(place, ndc_depth=FRONT)
@@ -232,7 +256,16 @@ class Sprite:
 
     @classmethod
     def of(cls, patch: ImagePatch, pose: Pose, mm: float) -> Sprite | None:
-        """Return the sprite of a patch; None where it has no pixels. For worker threads too."""
+        """Return the sprite of a patch; None where it has no pixels. For worker threads too.
+
+        Parameters
+        ----------
+        patch : ImagePatch
+        pose : Pose
+            Where it waits and how it is turned.
+        mm : float
+            Size of a pixel, mm.
+        """
         if patch.is_empty:
             return None
         # Half precision, since it is kept for as long as the object is out.
@@ -261,7 +294,14 @@ class Sprite:
         return self.textures[silhouette]
 
     def quad(self, silhouette: Silhouette, opacity: float = 1.0) -> Quad:
-        """Return its quad."""
+        """Return its quad.
+
+        Parameters
+        ----------
+        silhouette : Silhouette
+            Laid under it.
+        opacity : float, optional
+        """
         z, y, x = (float(v) for v in self.pose.center)
         place = sprite_place(self.patch, (z, y, x), self.mm)
         margin = silhouette.margin * self.mm
@@ -269,7 +309,15 @@ class Sprite:
         return Quad(self.texture(silhouette), replace(place, half=half), opacity)
 
     def contains(self, pivot_point: NDArray[np.float64], margin: float = 0.0) -> bool:
-        """Return whether a point of its plane lies on its rectangle, widened by mm."""
+        """Return whether a point of its plane lies on its rectangle.
+
+        Parameters
+        ----------
+        pivot_point : (3,) ndarray of float64
+            Pivot space, mm.
+        margin : float, optional
+            By which the rectangle is widened, mm.
+        """
         place = sprite_place(self.patch, (0.0, *self.pose.center[1:]), self.mm)
         down, right = np.abs(pivot_point[1:] - place.center[1:])
         return bool(down <= place.half[0] + margin and right <= place.half[1] + margin)
@@ -280,8 +328,8 @@ def to_bytes(rgba: NDArray[np.float32]) -> NDArray[np.uint8]:
     return (np.clip(rgba, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
+# Windows are widened to multiples of this, so that few frame buffers serve all.
 WIDEN_PIXELS = 64
-"""Windows are widened to multiples of this, so that few frame buffers serve all."""
 
 
 @dataclass(frozen=True)
@@ -305,7 +353,15 @@ class Window:
 
     @classmethod
     def around(cls, window: tuple[int, int, int, int], plane: float) -> Window:
-        """Return (row, col, height, width) widened to the right and down."""
+        """Return a window widened to the right and down.
+
+        Parameters
+        ----------
+        window : (int, int, int, int)
+            First row and column, height and width, pixels.
+        plane : float
+            t of the middle of what is shown, mm.
+        """
         row, col, height, width = window
         return cls(
             row,
@@ -345,7 +401,14 @@ class CanvasImage:
     """Nothing is read back from the graphics card for the layer list."""
 
     def quad(self, seen_by: Camera, opacity: float = 1.0) -> Quad | None:
-        """Return the quad that shows it under a camera; None where it could not be cast."""
+        """Return the quad that shows it; None where it could not be cast.
+
+        Parameters
+        ----------
+        seen_by : Camera
+            What looks now.
+        opacity : float, optional
+        """
         if not self.ready:
             self._texture, self.ready = self.develop(), True
         if self._texture is None:

@@ -1,4 +1,4 @@
-"""The layer of what is unpacked: one small picture per object, in pivot space."""
+"""The layer of what is unpacked: one small image per object, in pivot space."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class SpriteLayer(PictureLayer):
 
     @property
     def nbytes(self) -> int:
-        """Memory of the pictures, bytes: as they were cast, and as textures, depths included."""
+        """Memory of the sprites, bytes: as they were cast, and as textures, depths included."""
         return sum(sprite.nbytes for sprite in self._sprites.values())
 
     def show(self, sprites: Mapping[int, Sprite]) -> None:
@@ -58,7 +58,7 @@ class SpriteLayer(PictureLayer):
         self.repaint()
 
     def choose(self, ids: frozenset[int]) -> None:
-        """Mark some objects with a brighter outline."""
+        """Give some objects a brighter outline."""
         if ids != self._chosen:
             for object_id in ids ^ self._chosen:
                 self._quads.pop(object_id, None)
@@ -117,6 +117,6 @@ class SpriteLayer(PictureLayer):
 register(
     SpriteLayer,
     QuadsAdapter,
-    "The unpacked objects, one small picture each. Double-click one to inspect it; drag it to "
+    "The unpacked objects, one small image each. Double-click one to inspect it; drag it to "
     "turn it.",
 )

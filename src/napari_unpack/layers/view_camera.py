@@ -30,18 +30,23 @@ class Frame:
     clip_from_pivot: Matrix
 
     def same_as(self, other: Frame | None) -> bool:
-        """Return whether another frame would show the same picture."""
+        """Return whether another frame would show the same image."""
         return (
             other is not None and self.size == other.size and same_camera(self.camera, other.camera)
         )
 
 
+# Relative lengths that differ by less count as equal.
 ALIKE = 1e-5
-"""Relative lengths that differ by less count as equal."""
 
 
 def same_camera(a: Camera, b: Camera) -> bool:
-    """Return whether two cameras see the same to within a thousandth of a pixel or so."""
+    """Return whether two cameras see the same to within a thousandth of a pixel or so.
+
+    Parameters
+    ----------
+    a, b : Camera
+    """
     scale = 1e-6 * a.height
     return bool(
         np.allclose(a.rotation, b.rotation, rtol=0, atol=1e-6)
@@ -61,7 +66,7 @@ def camera_from_render(render_from_world: ArrayLike, center: ArrayLike) -> Camer
         From a world (x, y, z, 1), napari's say, to clip space (x right, y up, z away, w), acting
         on column vectors. The map before the projection must be a similarity; it may mirror.
     center : (3,) array_like
-        World point the camera turns about, z y x; it is in the middle of the picture.
+        World point the camera turns about, z y x; it is in the middle of the image.
 
     Returns
     -------
@@ -91,7 +96,7 @@ def camera_from_render(render_from_world: ArrayLike, center: ArrayLike) -> Camer
     axes = np.stack([-away, down, np.cross(-away, down)])
     if axes[2] @ matrix[0, :3] >= 0:
         return Camera(axes, middle, height, fov)
-    # A canvas that shows left what is right: the axes of its picture are a proper turn of the
+    # A canvas that shows left what is right: the axes of its image are a proper turn of the
     # world reflected in a point.
     axes[2] *= -1
     return Camera(-axes, middle, height, fov, -np.eye(3))
@@ -148,7 +153,7 @@ def camera_in_session(seen: Camera, seen_from_world: Matrix) -> Camera:
     Returns
     -------
     Camera
-        In mm, with the stretch of the affine: it shows the same picture.
+        In mm, with the stretch of the affine: it shows the same image.
     """
     scale, rotation, stretch = parts_of(seen_from_world)
     back: Matrix = np.linalg.inv(seen_from_world).astype(np.float64)
@@ -181,7 +186,7 @@ def napari_view(
     zoom : float
         Logical pixels per unit of napari's world.
     direction, up : (3,) ndarray
-        Of looking, and up in the picture.
+        Of looking, and up in the image.
     """
     linear = napari_from_world[:3, :3]
     scale = abs(float(np.linalg.det(linear))) ** (1 / 3)

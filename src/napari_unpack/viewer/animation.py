@@ -83,8 +83,8 @@ def motion_reduced() -> bool:
 
 
 FRAMING_SECONDS = 0.35
+# How much of the view's shorter side the bounding sphere fills; sprites stay in view.
 SHARE_OF_VIEW = 0.72
-"""How much of the view's shorter side the bounding sphere fills; sprites stay in view."""
 
 
 @dataclass(frozen=True, eq=False)

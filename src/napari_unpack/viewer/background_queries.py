@@ -1,6 +1,6 @@
 """What is asked once nothing moves: what can leave next, and which hues suit the view.
 
-What the next flight needs is then made ready, while nobody waits for it.
+What the next flight needs is then made ready, before anything waits for it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Slot of the question what can leave; commands that need the answer wait for it.
 OCCLUSION = "occlusion"
-"""Slot of the question what can leave; commands that need the answer wait for it."""
 
+# How many of those next to leave are made ready; a click may unpack several.
 PREFETCHED = 3
-"""How many of those next to leave are made ready; a click may unpack several."""
 
+# Pixels of the images that are only cast to load kernels; enough for every code path.
 PREFETCH_SIZE = 48, 48
-"""Pixels of the images that are only cast to load kernels; enough for every code path."""
 
 
 class BackgroundQueries:
@@ -160,5 +160,7 @@ def prefetch(session: Session, object_id: int) -> None:
     session.bag.oriented(object_id, camera.stretch)
     pose = Pose(np.zeros(3), camera.rotation, stretch=camera.stretch)
     object_image(scene, object_id, pose, camera, PREFETCH_SIZE, 1.25, "cpu")
-    fine = 24.0 / camera.height
-    Sprite.of(sprite_image(scene, object_id, pose, fine, 3.0, "cpu"), pose, 1.0 / fine)
+    pixels_per_mm = 24.0 / camera.height
+    Sprite.of(
+        sprite_image(scene, object_id, pose, pixels_per_mm, 3.0, "cpu"), pose, 1.0 / pixels_per_mm
+    )

@@ -33,13 +33,13 @@ from napari_unpack.viewer.dirty_region import window_of_objects
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Around an object's box that its fringe reaches; see `geometry.grow_labels`.
 FRINGE_VOXELS = 2
-"""Around an object's box that its fringe reaches; see `geometry.grow_labels`."""
 
 BACKENDS = ("auto", "cpu", "gl")
 
+# What is sent to the graphics card while the canvas draws one frame: a few milliseconds.
 BYTES_A_FRAME = 16 * 2**20
-"""What is sent to the graphics card while the canvas draws one frame: a few milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class CanvasBackend:
     session : Session
     failed : callable
         Given a sentence when GL turns out not to serve; the CPU has taken over by then.
-    told : callable
+    message : callable
         Given a sentence where GL serves, but draws the volume coarser than it is.
 
     Attributes
@@ -72,16 +72,16 @@ class CanvasBackend:
 
     Notes
     -----
-    One density and one label texture serve all pictures. Pictures stay on the graphics card, and
+    One density and one label texture serve all images. Images stay on the graphics card, and
     rays are cast only when something they depend on has changed (`TintedCaster`).
     """
 
     def __init__(
-        self, session: Session, failed: Callable[[str], None], told: Callable[[str], None]
+        self, session: Session, failed: Callable[[str], None], message: Callable[[str], None]
     ) -> None:
         self.wanted = "auto"
         self.hues_on_the_way: dict[int, float] = {}
-        self._session, self._failed, self._told = session, failed, told
+        self._session, self._failed, self._message = session, failed, message
         self._notice: str | None = None
         self._renderer: str | None = None
         self._broken = False
@@ -115,7 +115,7 @@ class CanvasBackend:
 
     @property
     def rays_cast(self) -> int:
-        """Rays cast so far, for all pictures that are kept."""
+        """Rays cast so far, for all images that are kept."""
         return sum(caster.rays_cast for caster in self._casters.values())
 
     @property
@@ -138,7 +138,7 @@ class CanvasBackend:
         """Send a piece of what the graphics card lacks; to be called while the canvas draws.
 
         Until it has all of a volume the CPU goes on casting; until it has newer labels the
-        picture of those before stays.
+        image of those before stays.
         """
         if self._store is None or not self.waiting:
             return
@@ -174,14 +174,14 @@ class CanvasBackend:
         step: float,
         done: Callable[[float], None],
     ) -> CanvasImage | None:
-        """Return the picture of what is packed, to be cast when it is drawn.
+        """Return the image of what is packed, to be cast when it is drawn.
 
         Parameters
         ----------
         camera : Camera
             Where one looks from.
         size : (int, int)
-            Height and width of the picture, pixels.
+            Height and width of the image, pixels.
         step : float
             Distance of samples, smallest voxel edges.
         done : callable
@@ -204,7 +204,7 @@ class CanvasBackend:
         sizes: Callable[[Moving], tuple[tuple[int, int], float]],
         done: Callable[[float], None],
     ) -> dict[int, CanvasImage]:
-        """Return pictures of objects where they are now, without those out of view.
+        """Return images of objects where they are now, without those out of view.
 
         Parameters
         ----------
@@ -212,15 +212,15 @@ class CanvasBackend:
         camera, done
             As for `packed`.
         sizes : callable
-            Given a Moving: size of the whole picture and step.
+            Given a Moving: size of the whole image and step.
         """
         self._places = {i: k for i, k in self._places.items() if i in moving}
-        free = iter(k for k in range(len(moving)) if k not in self._places.values())
+        unused = iter(k for k in range(len(moving)) if k not in self._places.values())
         images = {}
         for object_id, one in moving.items():
             place = self._places.setdefault(object_id, -1)
             if place < 0:
-                place = self._places[object_id] = next(free)
+                place = self._places[object_id] = next(unused)
             image = self._object(object_id, place, one, camera, *sizes(one), done)
             if image is not None:
                 image.in_front = one.in_front
@@ -346,7 +346,7 @@ class CanvasBackend:
         # Drivers refuse in every way there is: compiler logs, incomplete buffers, no memory.
         try:
             framebuffer.forget_complaints()
-            picture = caster.cast(rays, known.appearance, known.occupied, False, clipping, where)
+            texture = caster.cast(rays, known.appearance, known.occupied, False, clipping, where)
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:
@@ -356,8 +356,8 @@ class CanvasBackend:
             done(perf_counter() - began)
         if self._notice is None and self._store.notice is not None:
             self._notice = self._store.notice
-            self._told(self._notice)
-        return picture
+            self._message(self._notice)
+        return texture
 
     def _break(self, error: Exception) -> None:
         self._broken = True

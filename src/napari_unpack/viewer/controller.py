@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 RIGHT_HANDED = ("towards", "down", "right")
 
+# What `settle` sleeps between looks: workers need the interpreter meanwhile.
 IDLE_SECONDS = 0.002
-"""What `settle` sleeps between looks: workers need the interpreter meanwhile."""
 
 
 class ControllerEvents(SignalGroup):
@@ -206,7 +206,13 @@ class SessionController:
 
     @property
     def backend(self) -> str:
-        """What casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware)."""
+        """What casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware).
+
+        Raises
+        ------
+        ValueError
+            On setting, for any other name.
+        """
         return self._renderer.canvas_backend.wanted
 
     @backend.setter
@@ -304,12 +310,25 @@ class SessionController:
         return self._session.restore(n_or_ids)
 
     def reveal(self, object_id: int, direction: Any = None) -> Any:
-        """Fly out what frees a buried object, and it as well; see `Session.reveal`."""
+        """Fly out what frees a buried object, and it as well.
+
+        Parameters
+        ----------
+        object_id, direction
+            As for `Session.reveal`.
+        """
         self._renderer.end_inspection()
         return self._session.reveal(object_id, direction)
 
     def go_to(self, step: int, flying: bool = False) -> int:
-        """Run the unpacking to a step, at once or flying; see `Session.go_to`."""
+        """Run the unpacking to a step; see `Session.go_to`.
+
+        Parameters
+        ----------
+        step : int
+        flying : bool, optional
+            Whether objects fly there; else they are there at once.
+        """
         self._renderer.end_inspection()
         if not flying:
             self.finish()

@@ -1,4 +1,4 @@
-"""The direction in which objects leave, as an arrow in the picture: shown, and drawn by hand."""
+"""The direction in which objects leave, as an arrow in the 3D view: shown, and drawn by hand."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 INK = (0.45, 0.9, 1.0, 1.0)
 HALO = (0.0, 0.0, 0.0, 0.55)
+# Length of the head's sides, as a part of the arrow.
 HEAD = 0.16
-"""Length of the head's sides, as a part of the arrow."""
 
+# A drag shorter than this draws no direction.
 LEAST_PIXELS = 12.0
-"""A drag shorter than this draws no direction."""
 
 
 class DirectionArrow:
@@ -71,7 +71,7 @@ class DirectionArrow:
         start = transform_points(camera.pivot_from_world(), bag.center)
         way = unit(camera.linear @ self._session.unpack_direction)
         points = np.stack([start, start + 1.05 * bag.radius_in(camera.stretch) * way])
-        # Flat: a tip that comes near the eye in perspective would fill the picture.
+        # Flat: a tip that comes near the eye in perspective would fill the view.
         points[:, 0] = 0.0
         return points
 
@@ -87,14 +87,28 @@ def arrow_lines(ends: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 def pivot_points(
     pixels: NDArray[np.float64], camera: Camera, size: tuple[int, int]
 ) -> NDArray[np.float64]:
-    """Return (n, 3) points of the pivot plane under (n, 2) pixels (row, column) of a frame."""
+    """Return the points of the pivot plane under pixels of a frame.
+
+    Parameters
+    ----------
+    pixels : (n, 2) ndarray of float64
+        Row and column.
+    camera : Camera
+    size : (int, int)
+        Height and width of the frame, pixels.
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+        Pivot space, mm.
+    """
     middle = (np.asarray(size, dtype=np.float64) - 1) / 2
     flat = (pixels - middle) * camera.height / size[0]
     return np.concatenate([np.zeros((len(flat), 1)), flat], axis=1)
 
 
 def drawn_direction(pixels: NDArray[np.float64], camera: Camera) -> Vector | None:
-    """Return the world direction of an arrow drawn in the picture plane.
+    """Return the world direction of an arrow drawn in the pivot plane.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ from napari_unpack.rendering.image_patch import ImagePatch, window_of
 from napari_unpack.rendering.scene import LIGHT, Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
+# Around an object's box where the image can change: two of fringe, one for interpolation.
 FRINGE_VOXELS = 3
-"""Around an object's box where the image can change: two of fringe, one for interpolation."""
 
 
 def recast_objects(

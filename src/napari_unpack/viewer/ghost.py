@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 FADE_SECONDS = 0.18
 FILL_OPACITY = 0.4
+# Of a ghost where something stands before it.
 HIDDEN_OPACITY = 0.3
-"""Of a ghost where something stands before it."""
 
 EDGE = Silhouette((1.0, 1.0, 1.0, 0.9), 1.2, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), 0.0)
 LEADER = (1.0, 1.0, 1.0, 0.55)

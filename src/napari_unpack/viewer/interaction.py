@@ -1,4 +1,4 @@
-"""The mouse in the picture: names under it, clicks that select, sprites to turn and to inspect."""
+"""The mouse in the viewer: names under it, clicks that select, sprites to turn and to inspect."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
     from napari_unpack.layers.view_camera import Frame
 
+# A drag no longer than this is a click: hands shake.
 CLICK_PIXELS = 4.0
-"""A drag no longer than this is a click: hands shake."""
 
+# A drag across 285 pixels turns an object by half a turn.
 RADIANS_PER_PIXEL = 0.011
-"""A drag across 285 pixels turns an object by half a turn."""
 
 DOWN, RIGHT = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -44,7 +44,7 @@ class Interaction:
     Attributes
     ----------
     drawing : bool
-        Whether the next drag in the picture draws the direction in which objects leave.
+        Whether the next drag in the 3D view draws the direction in which objects leave.
 
     Notes
     -----
@@ -151,7 +151,13 @@ class Interaction:
         self._target.renderer.move(object_id, scale * pixels)
 
     def show_arrow(self, start: Pixel, end: Pixel) -> None:
-        """Show an arrow under the hand."""
+        """Show an arrow under the hand.
+
+        Parameters
+        ----------
+        start, end : (2,) ndarray of float64
+            Pixels of the canvas.
+        """
         pixels = np.array([self.frame_pixel(start), self.frame_pixel(end)])
         self._target.overlays.arrow.drawn = pixels
         self._target.renderer.transition.repaint()
@@ -244,7 +250,7 @@ class Interaction:
         elif not moved and not self._target.renderer.inspected:
             self._click(start, "Alt" in modifiers)
 
-    def _grip(self, start: Pixel, modifiers: set[str]) -> Grip | None:
+    def _grip(self, start: Pixel, modifiers: set[str]) -> _Grip | None:
         """Return what a drag that begins here does; None turns the view."""
         inspected = self._target.renderer.inspected
         held = inspected or self.sprite_at(start)
@@ -294,14 +300,10 @@ class Interaction:
         self.select(there[which] if there else 0)
 
 
-class Grip(Protocol):
-    """What a drag does."""
+class _Grip(Protocol):
+    def drag(self, last: Pixel, pixel: Pixel) -> None: ...
 
-    def drag(self, last: Pixel, pixel: Pixel) -> None:
-        """Follow the mouse from one pixel to the next."""
-
-    def release(self) -> None:
-        """Let go."""
+    def release(self) -> None: ...
 
 
 @dataclass

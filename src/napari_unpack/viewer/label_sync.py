@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.tasks import Task
 
+# After the last stroke of a brush: a hand draws the next one within it.
 QUIET_MS = 300
-"""After the last stroke of a brush: a hand draws the next one within it."""
 
 
 class LabelSync:

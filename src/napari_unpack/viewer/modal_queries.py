@@ -13,11 +13,11 @@ from napari_unpack.viewer.scheduler import Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# How long objects are moved one by one before a worker goes on: not felt in a click.
 AT_ONCE_SECONDS = 0.04
-"""How long objects are moved one by one before a worker goes on: not felt in a click."""
 
+# How long a worker goes on so before it asks about all objects, which takes about as long.
 LONGER_SECONDS = 1.0
-"""How long a worker goes on so before it asks about all objects, which takes about as long."""
 
 
 def find_unpackable(

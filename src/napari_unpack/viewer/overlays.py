@@ -23,8 +23,8 @@ from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Between the full image (120 ms) and the queries (250 ms), which take the processor longer.
 OUTLINES_MS = 160
-"""Between the full image (120 ms) and the queries (250 ms), which take the processor longer."""
 
 UNPACKABLE = Ink((1.0, 1.0, 1.0, 0.5))
 INTERLOCKED = Ink((1.0, 0.82, 0.4, 0.9), width=2)
@@ -69,9 +69,11 @@ class Outlined:
         least : int
             The least occluded object, 0 while that is unknown.
         """
-        free = tuple(groups) if self.unpackable else ()
-        inks = {i: UNPACKABLE if len(group) == 1 else INTERLOCKED for group in free for i in group}
-        if self.unpackable and not free:
+        wanted = tuple(groups) if self.unpackable else ()
+        inks = {
+            i: UNPACKABLE if len(group) == 1 else INTERLOCKED for group in wanted for i in group
+        }
+        if self.unpackable and not wanted:
             inks[least] = LEAST_OCCLUDED
         if self.buried:
             inks = dict.fromkeys(self.leaving, LEAVING_FIRST)

@@ -23,23 +23,23 @@ from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Rays on the short side of the coarsest preview, however slow the machine is.
 FEWEST_RAYS = 384
-"""Rays on the short side of the coarsest preview, however slow the machine is."""
 
+# Of a preview on the processor; with all that comes round it, ten images a second and more.
 FRAME_SECONDS = 0.055
-"""Of a preview on the processor; with all that comes round it, ten images a second and more."""
 
+# Of a preview on the graphics card, which draws the rest of the canvas in the same 16 ms.
 GL_FRAME_SECONDS = 0.012
-"""Of a preview on the graphics card, which draws the rest of the canvas in the same 16 ms."""
 
+# On the graphics card the rays change in such steps, so that few frame buffers are made.
 GL_RAYS_STEP = 32
-"""On the graphics card the rays change in such steps, so that few frame buffers are made."""
 
+# Slow previews are far apart, and no sign that the camera rests: that takes up to this long.
 SLOWEST_IDLE_MS = 500
-"""Slow previews are far apart, and no sign that the camera rests: that takes up to this long."""
 
+# Where a full image takes the graphics card longer, new colours come at once.
 FADING_SECONDS = 0.03
-"""Where a full image takes the graphics card longer, new colours come at once."""
 
 
 class PackedRenderer:

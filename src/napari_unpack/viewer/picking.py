@@ -8,8 +8,8 @@ from napari_unpack.rendering.cpu import by_contribution, contributions
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
 
+# Contribution to a pixel below which an object cannot be seen there.
 LEAST_ALPHA = 0.02
-"""Contribution to a pixel below which an object cannot be seen there."""
 
 
 def pick_packed(

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from napari_unpack.viewer.overlays import Overlays
     from napari_unpack.viewer.scene_renderer import SceneRenderer
 
+# (2,) row and column of the canvas, logical pixels.
 Pixel = NDArray[np.float64]
-"""(2,) row and column of the canvas, logical pixels."""
 
 
 class Event(Protocol):

@@ -10,11 +10,11 @@ from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.viewer.scheduler import Scheduler
 
+# A redraw is put off at most so long: whatever else is in the scene turns with the bag.
 LONGEST_MS = 100
-"""A redraw is put off at most so long: whatever else is in the scene turns with the bag."""
 
+# Movement that counts as none, of the height of the view: a tenth of a pixel of 1000.
 STILL = 1e-4
-"""Movement that counts as none, of the height of the view: a tenth of a pixel of 1000."""
 
 
 class RedrawThrottle:
@@ -91,7 +91,12 @@ class RedrawThrottle:
 
 
 def turned(before: Frame | None, now: Frame | None) -> bool:
-    """Return whether all that has changed between two frames is how the bag is turned."""
+    """Return whether all that has changed between two frames is how the bag is turned.
+
+    Parameters
+    ----------
+    before, now : Frame or None
+    """
     if before is None or now is None or before.size != now.size or now.same_as(before):
         return False
     a, b = before.camera, now.camera

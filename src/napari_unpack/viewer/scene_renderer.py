@@ -31,8 +31,8 @@ from napari_unpack.viewer.volume_upload import VolumeUpload
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Opacity of everything else during an inspection: still seen, but not in the way.
 DIMMED = 0.16
-"""Opacity of everything else during an inspection: still seen, but not in the way."""
 
 
 @dataclass(frozen=True)
@@ -331,13 +331,25 @@ class SceneRenderer:
         return depth
 
     def sprite_at(self, row: float, col: float) -> int:
-        """Return the object whose sprite is at a pixel of the frame, 0 for none."""
+        """Return the object whose sprite is at a pixel, 0 for none.
+
+        Parameters
+        ----------
+        row, col : float
+            Of the frame.
+        """
         if self.frame is None or not self.sprites.visible:
             return 0
         return self.sprites.at_pixel(row, col, self.frame.size, self.frame.camera)
 
     def packed_at(self, row: float, col: float) -> list[int]:
-        """Return the packed objects at a pixel of the frame, the most visible first."""
+        """Return the packed objects at a pixel, the most visible first.
+
+        Parameters
+        ----------
+        row, col : float
+            Of the frame.
+        """
         frame = self.frame
         if frame is None or not self.packed.visible:
             return []

@@ -24,11 +24,11 @@ from napari_unpack.tasks import Cancelled, Task, TaskResult
 T = TypeVar("T")
 Call = Callable[[], None]
 
+# About sixty animation frames a second, as screens show them.
 FRAME_MS = 16
-"""About sixty animation frames a second, as screens show them."""
 
+# Progress is passed on no more often: more would only fill the event queue.
 PROGRESS_SECONDS = 1 / 30
-"""Progress is passed on no more often: more would only fill the event queue."""
 
 
 class Worker(Enum):
@@ -98,15 +98,11 @@ class _QtTimer:
             self._timer.stop()
 
 
-class QtTimers:
-    """Timers of Qt's event loop."""
-
+class _QtTimers:
     def make(self, call: Call, repeating: bool = False) -> _Timer:
-        """Return a stopped timer."""
         return _QtTimer(call, repeating)
 
     def now(self) -> float:
-        """Return the time, s."""
         return perf_counter()
 
 
@@ -301,7 +297,15 @@ def _call(call: Call) -> None:
 
 
 class Animation:
-    """Ticks while it is needed; see `Scheduler.animate`."""
+    """Ticks while it runs.
+
+    Parameters
+    ----------
+    tick, now
+        As for `Scheduler.animate`.
+    changed : callable
+        Called when it starts or stops.
+    """
 
     def __init__(
         self, tick: Callable[[float], None], now: Callable[[], float], changed: Call
@@ -337,7 +341,7 @@ class Scheduler:
         Given a sentence when a task without a `failed` of its own raised an error.
     workers : ThreadWorkers, optional
         By default a set of threads of its own, which `close` ends.
-    timers : QtTimers, optional
+    timers : object, optional
         By default Qt's.
 
     Notes
@@ -355,7 +359,7 @@ class Scheduler:
         self._failed = failed
         self._owns_workers = workers is None
         self._workers: _Workers = ThreadWorkers() if workers is None else workers
-        self._timers: _Timers = QtTimers() if timers is None else timers
+        self._timers: _Timers = _QtTimers() if timers is None else timers
         self._debounced: dict[Hashable, tuple[_Timer, list[Call]]] = {}
         self._animations: list[Animation] = []
         self._frames = self._timers.make(self._on_frame, repeating=True)
@@ -376,7 +380,14 @@ class Scheduler:
         return bool(self._workers.jobs(self))
 
     def has(self, slot: Hashable, worker: Worker | None = None) -> bool:
-        """Return whether a task of a slot waits, runs or is not delivered, in one worker or any."""
+        """Return whether a task waits, runs or is not delivered.
+
+        Parameters
+        ----------
+        slot : hashable
+        worker : Worker, optional
+            By default any.
+        """
         return any(
             job.slot == slot and worker in (None, job.worker) for job in self._workers.jobs(self)
         )
@@ -458,7 +469,13 @@ class Scheduler:
                     self.deliver(job, TaskResult(error=Cancelled()))
 
     def deliver(self, job: Job, result: TaskResult[Any]) -> None:
-        """Hand a result over; called by the workers."""
+        """Hand a result over; for the workers.
+
+        Parameters
+        ----------
+        job : Job
+        result : TaskResult
+        """
         for done, failed in job.listeners:
             if self.closed:
                 return
@@ -476,11 +493,28 @@ class Scheduler:
         self._workers.post(lambda: None if self.closed else call())
 
     def later(self, milliseconds: int, call: Call) -> None:
-        """Call once, after so long."""
+        """Call once.
+
+        Parameters
+        ----------
+        milliseconds : int
+            From now.
+        call : callable
+        """
         self.debounce(object(), milliseconds, call)
 
     def debounce(self, key: Hashable, milliseconds: int, call: Call) -> None:
-        """Call once, so long after this was last asked for under a key."""
+        """Call once, when this was not asked for again for some time.
+
+        Parameters
+        ----------
+        key : hashable
+            What counts as the same.
+        milliseconds : int
+            After the last request.
+        call : callable
+            The last one is called.
+        """
         if self.closed:
             return
         known = self._debounced.get(key)
@@ -496,7 +530,17 @@ class Scheduler:
         known[0].start(milliseconds)
 
     def throttle(self, key: Hashable, milliseconds: int, call: Call) -> None:
-        """Call once, so long after this was first asked for under a key."""
+        """Call once for all requests of some time.
+
+        Parameters
+        ----------
+        key : hashable
+            What counts as the same.
+        milliseconds : int
+            After the first request.
+        call : callable
+            The first one is called.
+        """
         if not self.pending(key):
             self.debounce(key, milliseconds, call)
 
@@ -512,7 +556,13 @@ class Scheduler:
     # Idle phases.
 
     def on_idle(self, phase: IdlePhase, call: Call) -> None:
-        """Call whenever a phase is reached after `touch`."""
+        """Call whenever a phase is reached after `touch`.
+
+        Parameters
+        ----------
+        phase : IdlePhase
+        call : callable
+        """
         self._idle[phase].calls.append(call)
 
     def touch(self, *phases: IdlePhase) -> None:
@@ -522,7 +572,7 @@ class Scheduler:
                 self._idle[phase].timer.start(self._idle[phase].milliseconds)
 
     def skip_idle(self, phase: IdlePhase) -> None:
-        """Do not call until the next `touch`: what would be done at rest has been begun."""
+        """Do not call until the next `touch`: what would be done then has been begun."""
         self._idle[phase].timer.stop()
 
     def idle_pending(self, phase: IdlePhase) -> bool:
@@ -543,7 +593,17 @@ class Scheduler:
             self.touch(phase)
 
     def hold_idle(self, reason: str, held: Callable[[], bool], *phases: IdlePhase) -> None:
-        """Put phases, all where none is named, off as long as something holds."""
+        """Put phases off as long as something holds.
+
+        Parameters
+        ----------
+        reason : str
+            Replaces what was given for the same reason.
+        held : callable
+            Returns whether it holds.
+        *phases : IdlePhase
+            By default all.
+        """
         for phase in phases or IdlePhase:
             self._idle[phase].holds[reason] = held
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from napari_unpack.session import Session
 
+# Every so many voxels are compared to tell whether a layer holds the session's labels.
 STRIDE = 7
-"""Every so many voxels are compared to tell whether a layer holds the session's labels."""
 
 
 class SliceHues:
@@ -85,8 +85,8 @@ def shows_labels(layer: Layer, session: Session) -> TypeGuard[Labels]:
     return bool(np.array_equal(np.asarray(finest[some]), given[labels[some]]))
 
 
+# So long after the user's last scroll the slices are theirs: a hand turns the wheel on.
 SCROLL_SECONDS = 0.4
-"""So long after the user's last scroll the slices are theirs: a hand turns the wheel on."""
 
 
 class SliceSteps:

@@ -1,4 +1,4 @@
-"""Two clicks on one object, in the picture or in a slice, that say where to split it."""
+"""Two clicks on one object, in the 3D view or in a slice, that say where to split it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
 
+# So far under the surface a click counts: fringes belong to no side.
 BELOW_SURFACE_VOXELS = 3
-"""So far under the surface a click counts: fringes belong to no side."""
 
 Voxel = tuple[int, int, int]
 
@@ -67,7 +67,7 @@ class SplitTool:
                 return
             yield
         flat = viewer.dims.ndisplay == 2
-        found = self._in_slice(position) if flat else self._in_picture(start[::-1])
+        found = self._in_slice(position) if flat else self._in_3d(start[::-1])
         self._take(found)
 
     def _take(self, found: tuple[int, Voxel] | None) -> None:
@@ -86,7 +86,7 @@ class SplitTool:
             self.close()
             self._done(found[0], self._first[1], found[1])
 
-    def _in_picture(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
+    def _in_3d(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
         there = self._controller.interaction.packed_at(pixel)
         if not there:
             return None

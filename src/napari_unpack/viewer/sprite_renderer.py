@@ -17,8 +17,8 @@ from napari_unpack.viewer.scheduler import Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# No sprite is finer than this: more pixels show nothing more of the volume.
 PIXELS_PER_VOXEL = 6.0
-"""No sprite is finer than this: more pixels show nothing more of the volume."""
 
 
 def resolution(pixels_per_mm: float, finest: float = np.inf) -> float:
@@ -100,35 +100,35 @@ class SpriteRenderer:
             if object_id not in poses:
                 del self._made[object_id]
         for object_id, pose in poses.items():
-            fine = resolution(pixels_per_mm, PIXELS_PER_VOXEL / (voxel * pose.scale))
-            key = self._key(object_id, pose, fine)
+            sharpness = resolution(pixels_per_mm, PIXELS_PER_VOXEL / (voxel * pose.scale))
+            key = self._key(object_id, pose, sharpness)
             have = self._made.get(object_id)
             if have is not None and not np.array_equal(have[1].pose.center, pose.center):
                 self._made[object_id] = have = (have[0], have[1].moved(pose))
             if (have is None or have[0] != key) and self._asked.get(object_id) != key:
                 self._asked[object_id] = key
-                self._ask(object_id, pose, fine, key)
+                self._ask(object_id, pose, sharpness, key)
         self._publish()
 
-    def _key(self, object_id: int, pose: Pose, fine: float) -> Hashable:
-        tint = self._session.scene().tint_alone(object_id).tobytes()
-        style = self._session.scene().style(object_id)
+    def _key(self, object_id: int, pose: Pose, sharpness: float) -> Hashable:
+        scene = self._session.scene()
+        tint, style = scene.tint_alone(object_id).tobytes(), scene.style(object_id)
         held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
-        return *held, tint, fine, style, self._revision
+        return *held, tint, sharpness, style, self._revision
 
-    def _ask(self, object_id: int, pose: Pose, fine: float, key: Hashable) -> None:
+    def _ask(self, object_id: int, pose: Pose, sharpness: float, key: Hashable) -> None:
         scene = self._session.scene()
         # Sprites are cast once, in worker threads, which have no GL context: on the CPU.
         self._scheduler.submit(
-            Task(("sprite", object_id), lambda _: self._cast(scene, object_id, pose, fine)),
+            Task(("sprite", object_id), lambda _: self._cast(scene, object_id, pose, sharpness)),
             Worker.PREVIEW,
             lambda sprite: self._finish(object_id, key, sprite),
         )
 
-    def _cast(self, scene: Scene, object_id: int, pose: Pose, fine: float) -> Sprite | None:
+    def _cast(self, scene: Scene, object_id: int, pose: Pose, sharpness: float) -> Sprite | None:
         self.casts += 1
-        patch = sprite_image(scene, object_id, pose, fine, 1.0, "cpu")
-        return Sprite.of(patch, pose, 1.0 / fine)
+        patch = sprite_image(scene, object_id, pose, sharpness, 1.0, "cpu")
+        return Sprite.of(patch, pose, 1.0 / sharpness)
 
     def _finish(self, object_id: int, key: Hashable, sprite: Sprite | None) -> None:
         if self._asked.get(object_id) == key:

@@ -25,14 +25,14 @@ from napari_unpack.viewer.scheduler import Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Aimed at on the processor: forty images a second, with room for the redraw between them.
 FRAME_SECONDS = 0.025
-"""Aimed at on the processor: forty images a second, with room for the redraw between them."""
 
+# Aimed at on the graphics card, which draws the rest of the canvas in the same 16 ms.
 GL_FRAME_SECONDS = 0.008
-"""Aimed at on the graphics card, which draws the rest of the canvas in the same 16 ms."""
 
+# Least share of the screen's rays a side, however slow the machine is.
 COARSEST = 0.4
-"""Least share of the screen's rays a side, however slow the machine is."""
 
 
 class TransitionRenderer:

@@ -25,17 +25,17 @@ from napari_unpack.rendering.validation import checked_labels
 if TYPE_CHECKING:
     import napari
 
+# DT in pixels of the canvas and LT of eq. 1, and the empty part of every hue arc.
 DISTANCE, LAYERS, MARGIN = 5.0, 2, 0.4
-"""DT in pixels of the canvas and LT of eq. 1, and the empty part of every hue arc."""
 
+# Along the longer side of the image that is looked at: hues need no finer one.
 MOST_PIXELS = 640
-"""Along the longer side of the image that is looked at: hues need no finer one."""
 
+# With more objects in an image only those that touch are kept apart.
 MANY = 4096
-"""With more objects in an image only those that touch are kept apart."""
 
+# Of objects out of sight, where there are too many to give all a hue.
 GREY = (0.55, 0.55, 0.55, 1.0)
-"""Of objects out of sight, where there are too many to give all a hue."""
 
 _BEFORE: WeakKeyDictionary[Labels, LabelColormap] = WeakKeyDictionary()
 
@@ -105,15 +105,15 @@ class SliceView:
         The slice is drawn with square pixels no finer than its own and no larger than
         `MOST_PIXELS`, so that distance means the same along both axes.
         """
-        fine = min(self.pixel)
-        height, width = (n * p / fine for n, p in zip(self.labels.shape, self.pixel, strict=True))
+        finest = min(self.pixel)
+        height, width = (n * p / finest for n, p in zip(self.labels.shape, self.pixel, strict=True))
         scale = min(1.0, MOST_PIXELS / max(height, width))
         rows = _spread(self.labels.shape[0], max(1, round(height * scale)))
         cols = _spread(self.labels.shape[1], max(1, round(width * scale)))
-        picture = _without_negatives(self.labels)[np.ix_(rows, cols)]
+        image = _without_negatives(self.labels)[np.ix_(rows, cols)]
         # At least neighbours interfere, however far one has zoomed in.
-        distance = min(max(DISTANCE / fine * scale, 1.5), 12.0)
-        return colormap_for(picture, distance, _present(self.labels))
+        distance = min(max(DISTANCE / finest * scale, 1.5), 12.0)
+        return colormap_for(image, distance, _present(self.labels))
 
 
 def question(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
@@ -155,7 +155,7 @@ def question(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
 
 
 def colormap_for(ids: NDArray[Any], distance: float, present: NDArray[Any]) -> LabelColormap:
-    """Return the colormap that keeps apart what is near in a picture of IDs.
+    """Return the colormap that keeps apart what is near in an image of IDs.
 
     Parameters
     ----------

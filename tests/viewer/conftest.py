@@ -1,0 +1,3 @@
+"""Fixtures of the tests of the viewer: they open a real viewer."""
+
+from viewer_fixtures import *  # noqa: F403

@@ -1,0 +1,232 @@
+"""The mouse on the stage, with real events on the canvas."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+import numpy as np
+import pytest
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication
+
+from mouse import drag, move
+from napari_unpack.geometry.view import View
+from napari_unpack.layers import compat
+from napari_unpack.session import ObjectState
+from napari_unpack.viewer.controller import SessionController
+from opened_panel import at_rest
+from viewer_fixtures import canvas
+
+
+def native(viewer):
+    return compat.native_canvas(viewer).native
+
+
+def logical(controller, pivot_point) -> QPoint:
+    """Return where a point of pivot space is on the canvas widget (device pixels are one)."""
+    row, col = controller.frame.camera.pixels(
+        np.asarray(pivot_point, dtype=float), controller.frame.size
+    )
+    return QPoint(round(col), round(row))
+
+
+def packed_point(controller, session, object_id) -> QPoint:
+    center = session.boxes.center(object_id, session.spacing)
+    row, col = controller.frame.camera.project(center, controller.frame.size)
+    return QPoint(round(col), round(row))
+
+
+def test_the_pointer_names_selects_turns_and_inspects(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    session.rename(3, "Red ball")
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    widget = native(viewer)
+    front = next(i for i in session.unpackable() if i != out)
+    at_front = packed_point(controller, session, front)
+
+    move(widget, at_front + QPoint(1, 1))
+    move(widget, at_front)
+    name = str(session.objects["name"][front])
+    qtbot.waitUntil(lambda: controller.packed.words.startswith(name), timeout=20000)
+
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at_front)
+    qtbot.waitUntil(lambda: session.selected == frozenset({front}), timeout=20000)
+
+    at_sprite = logical(controller, session.poses[out].center)
+    angles, held = viewer.scene.camera.angles, session.poses[out].rotation.copy()
+    drag(widget, at_sprite, QPoint(0, 40), qtbot)
+    qtbot.waitUntil(lambda: not np.allclose(session.poses[out].rotation, held), timeout=20000)
+    canvas(viewer)
+    assert viewer.scene.camera.angles == angles
+    assert viewer.scene.camera.mouse_pan
+
+    # Turned, it waits in its slot as before: there it keeps clear of all others.
+    assert session.state.placements[out].placed is None
+
+    drag(widget, at_front, QPoint(40, 25), qtbot)
+    qtbot.waitUntil(lambda: viewer.scene.camera.angles != angles, timeout=20000)
+
+    zoom = viewer.scene.camera.zoom
+    QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=at_sprite)
+    qtbot.waitUntil(lambda: session.states[out] is ObjectState.INSPECTED, timeout=20000)
+    assert viewer.scene.camera.zoom == zoom
+    at_rest(controller, qtbot)
+    QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(5, 5))
+    qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=20000)
+    assert viewer.scene.camera.zoom == zoom
+
+
+def test_a_sprite_is_never_carried_out_of_the_window(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    widget, shift = native(viewer), Qt.KeyboardModifier.ShiftModifier
+    at_sprite = logical(controller, session.poses[out].center)
+    drag(widget, at_sprite, QPoint(-2000, 60), qtbot, shift)
+    qtbot.waitUntil(
+        lambda: logical(controller, session.poses[out].center) != at_sprite, timeout=20000
+    )
+    there = logical(controller, session.poses[out].center)
+    assert (there.x(), there.y()) == (pytest.approx(0, abs=1), at_sprite.y() + 60)
+    assert controller.settle(30)
+    # It can be taken hold of again, and carried back.
+    drag(widget, QPoint(6, there.y()), QPoint(200, 0), qtbot, shift)
+    qtbot.waitUntil(lambda: logical(controller, session.poses[out].center).x() > 190, timeout=20000)
+
+
+def test_alt_clicks_at_one_place_step_through_all_objects_there(
+    staged, session, qtbot, request
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    # Through the bag from the side: several objects in a row, all of them translucent.
+    function = session.transfer_function
+    session.transfer_function = type(function)([(d, 0.01 * (a > 0)) for d, a in function.points])
+    camera = View((0.1, 0.1, 1.0)).camera(session.labels.shape, session.spacing)
+    controller.look_from(camera)
+    assert controller.settle(30)
+    widget = native(viewer)
+    rows = [packed_point(controller, session, i) for i in session.ids]
+    there = {(p.x(), p.y()): controller.renderer.packed_at(p.y(), p.x()) for p in rows}
+    (x, y), wanted = max(there.items(), key=lambda item: len(item[1]))
+    assert len(wanted) >= 3
+    # Clicks in a row are to be clicks.
+    interval = QApplication.doubleClickInterval()
+    request.addfinalizer(lambda: QApplication.setDoubleClickInterval(interval))
+    QApplication.setDoubleClickInterval(1)
+
+    def clicked(modifier) -> int:
+        session.select([])
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, modifier, pos=QPoint(x, y))
+        qtbot.waitUntil(lambda: bool(session.selected), timeout=20000)
+        qtbot.wait(10)
+        return next(iter(session.selected))
+
+    alt, plain = Qt.KeyboardModifier.AltModifier, Qt.KeyboardModifier.NoModifier
+    assert clicked(plain) == wanted[0]
+    assert [clicked(alt) for _ in wanted] == [*wanted[1:], wanted[0]]
+    assert clicked(plain) == wanted[0]
+
+
+def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:
+    viewer, _ = staged
+    zoom = viewer.scene.camera.zoom
+    QTest.mouseDClick(native(viewer), Qt.MouseButton.LeftButton, pos=QPoint(6, 6))
+    qtbot.waitUntil(lambda: viewer.scene.camera.zoom > 1.5 * zoom, timeout=20000)
+
+
+def on_slices(viewer, bag, session, z):
+    """Return (viewer, stage, labels) looking at a slice, the user's labels shown, 2 chosen."""
+    viewer.window.resize(760, 560)
+    labels = viewer.add_labels(bag[1], scale=session.spacing)
+    labels.selected_label = 2
+    controller = SessionController(viewer, session, [labels])
+    controller.recolor_at_rest = False
+    controller.open()
+    viewer.dims.ndisplay = 2
+    labels.visible = True
+    viewer.dims.set_point(0, z * 1.5)
+    viewer.reset_view()
+    return viewer, controller, labels
+
+
+def test_slices_name_and_select_what_is_under_the_mouse(
+    make_napari_viewer_proxy, bag, session, qtbot
+) -> None:
+    viewer, controller, labels = on_slices(make_napari_viewer_proxy(show=True), bag, session, 10)
+    canvas(viewer)
+    widget = native(viewer)
+    camera, middle = viewer.scene.camera, QPoint(widget.width() // 2, widget.height() // 2)
+    # Object 5 is a ball about voxel (10, 36, 36); the camera looks at the slice's middle.
+    way = (np.array([36, 36]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+    there = middle + QPoint(round(way[1]), round(way[0]))
+    move(widget, there + QPoint(2, 2))
+    move(widget, there)
+    name = str(session.objects["name"][5])
+    qtbot.waitUntil(lambda: controller.packed.words.startswith(name), timeout=20000)
+    assert viewer.status is not None
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
+    qtbot.waitUntil(lambda: session.selected == frozenset({5}), timeout=20000)
+    assert labels.selected_label == 5
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(4, 4))
+    qtbot.waitUntil(lambda: session.selected == frozenset(), timeout=20000)
+    controller.close()
+    assert labels.selected_label == 2
+
+
+@pytest.fixture
+def sliced(make_napari_viewer_proxy, bag, session):
+    """Return (viewer, stage, time) looking at slices long after the last scroll; time is [s]."""
+    viewer, controller, _ = on_slices(make_napari_viewer_proxy(show=True), bag, session, 30)
+    time = [monotonic() + 1.0]
+    controller.slice_steps.clock = lambda: time[0]
+    yield viewer, controller, time
+    controller.close()
+
+
+def test_slices_go_to_what_is_selected(sliced, session, qtbot) -> None:
+    viewer, _, time = sliced
+    session.select([5])
+    # Object 5 is a ball about voxel (10, 36, 36).
+    assert tuple(viewer.dims.current_step) == (10, 36, 36)
+    viewer.dims.set_current_step(0, 12)
+    time[0] += 0.5
+    session.select([5])
+    assert viewer.dims.current_step[0] == 12
+    session.select([6])
+    assert tuple(viewer.dims.current_step) == (28, 14, 17)
+    session.select([])
+    session.select([2, 3])
+    assert tuple(viewer.dims.current_step) == (28, 14, 17)
+
+    # Whoever scrolls is left alone, and in 3D nothing is sliced before it is seen.
+    viewer.dims.set_current_step(0, 30)
+    session.select([5])
+    assert viewer.dims.current_step[0] == 30
+    viewer.dims.ndisplay = 3
+    session.select([2])
+    assert viewer.dims.current_step[0] == 30
+    viewer.dims.ndisplay = 2
+    assert tuple(viewer.dims.current_step) == (10, 13, 30)
+
+
+def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, qtbot) -> None:
+    viewer, controller, _ = sliced
+    canvas(viewer)
+    widget, camera = native(viewer), viewer.scene.camera
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    # Object 6 is a box about (28, 14, 17); slice 30 cuts it off its middle.
+    way = (np.array([14, 17]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+    there = middle + QPoint(round(way[1]), round(way[0]))
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
+    qtbot.waitUntil(lambda: session.selected == frozenset({6}), timeout=20000)
+    assert viewer.dims.current_step[0] == 30
+    controller.close()
+    session.select([5])
+    assert viewer.dims.current_step[0] == 30

@@ -1,0 +1,90 @@
+"""Who can leave is outlined in the picture: white alone, yellow together, and never too late."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.overlays import INTERLOCKED, LEAST_OCCLUDED, UNPACKABLE, Outlined
+from viewer_fixtures import canvas
+
+
+def knot() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of two hooks that hold each other along x, and a block beside."""
+    labels = np.zeros((8, 14, 8), np.uint8)
+    labels[1:4, 1:7, 1:3], labels[4:7, 1:7, 5:7] = 1, 1
+    labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
+    labels[1:7, 9:13, 1:7] = 3
+    labels = np.kron(labels, np.ones((4, 4, 4), np.uint8))
+    return 1000.0 * (labels > 0), labels
+
+
+@pytest.fixture
+def shown(make_napari_viewer_proxy: Any) -> Any:
+    """Return (viewer, session) of the knot, seen along x, not yet on a stage."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    session = Session(*knot())
+    session.direction = "-x"
+    return viewer, session
+
+
+def staged(viewer: Any, session: Session) -> SessionController:
+    controller = SessionController(viewer, session)
+    controller.seconds, controller.recolor_at_rest = 0.1, False
+    controller.open()
+    assert controller.settle(60)
+    return controller
+
+
+def drawn(viewer: Any, controller: SessionController, ink: tuple[float, ...]) -> int:
+    """Count the pixels that the marks draw in the direction of an ink's colour."""
+    with_marks = canvas(viewer)
+    controller.overlays.outlines_unpackable = False
+    assert controller.settle(30)
+    added = with_marks - canvas(viewer)
+    controller.overlays.outlines_unpackable = True
+    assert controller.settle(30)
+    drawn = np.abs(added).max(axis=-1) > 12
+    seen = with_marks[drawn]
+    if not len(seen):
+        return 0
+    yellow = seen[:, 2] < 0.75 * seen[:, 0]
+    return int(yellow.sum() if ink[2] < 0.9 else (~yellow).sum())
+
+
+def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: Any) -> None:
+    viewer, session = shown
+    controller = staged(viewer, session)
+    assert set(session.unpackable_groups()) == {(1, 2), (3,)}
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
+    controller.close()
+
+    # The answer is known now, and nobody asks again.
+    assert session.queries.occlusion_task() is None
+    controller = staged(viewer, session)
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
+
+    # With the block gone the queue is what it was, and the knot is marked still.
+    controller.unpack([3])
+    controller.finish()
+    assert controller.settle(30)
+    assert session.unpackable_groups() == ((1, 2),)
+    assert drawn(viewer, controller, INTERLOCKED.line) > 100
+    controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    assert set(session.states.values()) == {ObjectState.UNPACKED}
+    assert session.unpackable_groups() == ()
+    controller.close()
+
+
+def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
+    packed, marks = frozenset({1, 2, 3}), Outlined(unpackable=True)
+    assert marks.inks(packed, [], 2) == {2: LEAST_OCCLUDED}
+    assert marks.inks(packed, [(1,)], 2) == {1: UNPACKABLE}
+    assert marks.inks(packed, [(1, 3)]) == {1: INTERLOCKED, 3: INTERLOCKED}
+    assert marks.inks(packed, []) == {}
+    assert Outlined().inks(packed, [], 2) == {}

@@ -1,0 +1,170 @@
+"""What the tests of layers, viewer and widgets share: a small bag, its session, a shown viewer."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from opened_panel import SMALL, add_bag, controller_with, open_panel
+
+SHAPE = (40, 48, 60)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def modules_and_manifests_read_once() -> Iterator[None]:
+    """Import what all tests need; keep the manifests of the plugins, which do not change.
+
+    napari's viewer fixture would read the manifests of all that is installed in every test.
+    """
+    for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
+        importlib.import_module(name)
+    importlib.import_module("napari_unpack.viewer.controller")
+    from npe2 import PluginManifest
+
+    found = list(PluginManifest.discover())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PluginManifest, "discover", lambda *_, **__: iter(found))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels_compiled() -> None:
+    """Compile what casts, which takes a slow machine minutes, before any test waits for it."""
+    _cast_once()
+
+
+@cache
+def _cast_once() -> None:
+    # Once for all three folders of tests.
+    from napari_unpack.rendering.compose import scene_image
+    from napari_unpack.session import Session
+
+    for density in (np.uint16, np.float32):
+        volume, labels = phantom()
+        session = Session(volume.astype(density), labels, spacing=(1.5, 1.5, 1.5))
+        session.backend = "cpu"
+        session.recolor()
+        session.unpack(1)
+        session.restore(1)
+        session.unpack(1)
+        scene_image(session.scene(), session.overview(), (48, 64), backend="cpu")
+
+
+@pytest.fixture(autouse=True)
+def earlier_tests_out_of_the_collectors_way() -> None:
+    """Keep the garbage collector off all that was there before a test.
+
+    napari collects whenever a layer is removed; going through all modules, and whatever earlier
+    tests left in caches, took more time than the tests.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+def phantom() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of seven things in a row of two layers, none overlapping."""
+    volume = np.zeros(SHAPE, np.uint16)
+    labels = np.zeros(SHAPE, np.uint16)
+    z, y, x = np.indices(SHAPE)
+
+    def put(object_id: int, inside: np.ndarray, density: int) -> None:
+        inside = inside & (labels == 0)
+        volume[inside], labels[inside] = density, object_id
+
+    def ball(cz: float, cy: float, cx: float, r: float) -> np.ndarray:
+        return (z - cz) ** 2 + (y - cy) ** 2 + (x - cx) ** 2 < r**2
+
+    def box(z0: int, z1: int, y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
+        return (z >= z0) & (z < z1) & (y >= y0) & (y < y1) & (x >= x0) & (x < x1)
+
+    put(1, ball(10, 12, 12, 9), 1000)
+    put(2, box(4, 18, 6, 22, 24, 38), 1400)
+    put(3, ball(11, 13, 49, 8), 1100)
+    put(4, box(4, 18, 28, 44, 4, 24), 900)
+    put(5, ball(10, 36, 36, 9), 1600)
+    put(6, box(21, 36, 5, 24, 5, 30), 1200)
+    put(7, box(21, 36, 27, 44, 20, 56), 1050)
+    return volume, labels
+
+
+@pytest.fixture
+def bag() -> tuple[np.ndarray, np.ndarray]:
+    """Return volume and labels of the phantom."""
+    return phantom()
+
+
+@pytest.fixture
+def session(bag):
+    """Return a session of the phantom, voxels of 1.5 mm."""
+    from napari_unpack.session import Session
+
+    return Session(*bag, spacing=(1.5, 1.5, 1.5))
+
+
+@pytest.fixture
+def staged(make_napari_viewer_proxy, session, qtbot):
+    """Return (viewer, stage): the phantom on a shown viewer of moderate size, at rest."""
+    from napari_unpack.viewer.controller import SessionController
+
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    controller = SessionController(viewer, session)
+    controller.seconds = 0.3
+    controller.open()
+    assert controller.settle(60)
+    yield viewer, controller
+    controller.close()
+
+
+@pytest.fixture
+def viewer(make_napari_viewer_proxy) -> Any:
+    """Return a shown viewer: wide enough for sprites, small for a software rasteriser."""
+    made = make_napari_viewer_proxy(show=True)
+    made.window.resize(*SMALL)
+    return made
+
+
+@pytest.fixture
+def panel(viewer, qtbot) -> Iterator[Any]:
+    """Return the panel, docked in the viewer."""
+    made = open_panel(viewer, qtbot)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def expert(viewer) -> Any:
+    """Return the labels layer of the pile of balls, which is in the viewer."""
+    return add_bag(viewer)[1]
+
+
+@pytest.fixture
+def piled(panel, expert, qtbot) -> Any:
+    """Return the session of the pile of balls, on its stage by the panel."""
+    return controller_with(panel, qtbot, expert)
+
+
+def canvas(viewer) -> np.ndarray:
+    """Return what the canvas shows, (H, W, 3) float."""
+    return np.asarray(viewer.screenshot(canvas_only=True, flash=False))[..., :3].astype(float)
+
+
+def complaints(viewer: Any) -> list[int]:
+    """Return the errors that wait in the queue of the viewer's context."""
+    from OpenGL import GL
+
+    from napari_unpack.layers import compat
+
+    scene_canvas = compat.native_canvas(viewer)
+    scene_canvas.set_current()
+    scene_canvas.context.flush_commands()
+    found = []
+    while len(found) < 9 and (error := GL.glGetError()):
+        found.append(error)
+    return found

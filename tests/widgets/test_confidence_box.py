@@ -1,0 +1,97 @@
+"""Marking objects good, training on them, loading and going back to the default."""
+
+import numpy as np
+import pytest
+
+from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.segmentation.confidence.oracle import fit_features
+from napari_unpack.widgets.object_model import Column
+from opened_panel import add_bag, controller_with, open_panel, press
+
+
+@pytest.fixture
+def taught(make_napari_viewer_proxy, qtbot, monkeypatch):
+    """Return a panel with the pile on its stage, and its session."""
+    viewer = make_napari_viewer_proxy()
+    _, labels = add_bag(viewer)
+    panel = open_panel(viewer, qtbot)
+    session = controller_with(panel, qtbot, labels)
+    return panel, session
+
+
+def _select(panel, ids):
+    panel.commands.select(ids)
+    panel.objects.table.show_selection(frozenset(ids))
+    panel.objects.confidence.refresh()
+
+
+def _texts(panel, column):
+    model = panel.objects.model
+    return {model.id_at(r): model.data(model.index(r, column)) for r in range(model.rowCount())}
+
+
+def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
+    panel, session = taught
+    box = panel.objects.confidence
+    assert not box.mark.isEnabled()
+    _select(panel, [1, 2])
+    press(qtbot, box.mark)
+    assert session.examples == {1, 2}
+    qtbot.waitUntil(lambda: _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
+    assert not _texts(panel, Column.NAME)[3].endswith("✓")
+    session.undo()
+    assert session.examples == frozenset()
+    qtbot.waitUntil(lambda: not _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
+
+
+def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp_path):
+    panel, session = taught
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    box = panel.objects.confidence
+    session.mark_examples([1, 2, 3])
+    box.refresh()
+    # Before a file is asked for.
+    assert "training needs 8" in box.sentence.text()
+    assert not box.train.isEnabled()
+    box.train_to(str(tmp_path / "mine.npz"))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    assert len(warned) == 1
+    assert "at least 8" in warned[0]
+    assert not (tmp_path / "mine.npz").exists()
+
+
+def test_a_trained_confidence_judges_and_the_default_comes_back(
+    taught, qtbot, tmp_path, monkeypatch
+):
+    panel, session = taught
+    box = panel.objects.confidence
+    path = tmp_path / "mine.npz"
+    rng = np.random.default_rng(0)
+    fit_features(rng.normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    mine = session.objects["confidence"].to_numpy().copy()
+    assert np.isfinite(mine).all()
+    assert "your own oracle" in box.sentence.text()
+    press(qtbot, box.restore)
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    assert (session.objects["confidence"].to_numpy() != mine).any()
+    assert "the default oracle" in box.sentence.text()
+    path.write_text("no oracle")
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    assert "not an oracle" in warned[0]
+
+
+def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:
+    panel, session = taught
+    box = panel.objects.confidence
+    session.use_oracle(None, dict.fromkeys(session.ids, 1e-9))
+    box.refresh()
+    assert "trained on other kinds" in box.sentence.text()
+    session.use_oracle(None, {i: 0.1 * i for i in session.ids})
+    box.refresh()
+    assert "trained on other kinds" not in box.sentence.text()

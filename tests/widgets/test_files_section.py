@@ -1,0 +1,292 @@
+"""Sessions saved and opened by the panel, exports, and the bar over the steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+
+import napari_unpack as nu
+from napari_unpack.widgets import notifications
+from napari_unpack.widgets.contributions import get_session_reader, open_dropped
+from napari_unpack.widgets.files_section import EXPORTS, with_suffix
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import add_bag, controller_with, press, rest, states
+
+Viewers = Callable[..., Any]
+
+
+@pytest.fixture
+def staged(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    panel.workspace.controller.seconds = 0.15
+    panel.color.at_rest.setChecked(False)
+    rest(panel, qtbot)
+    return panel
+
+
+def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
+
+
+def shot(viewer: Any) -> Any:
+    return viewer.screenshot(canvas_only=True, flash=False)[..., :3].astype(int)
+
+
+def assert_same_picture(seen: Any, wanted: Any, most: int) -> None:
+    """Fail with where and how two pictures differ by more than `most` levels."""
+    apart = np.abs(seen - wanted).max(axis=-1) > most
+    where = np.argwhere(apart)
+    assert not len(where), (
+        f"{len(where)} of {apart.size} pixels differ, rows and columns {where.min(0)} to "
+        f"{where.max(0)}; in the mean {seen[apart].mean(0)}, wanted {wanted[apart].mean(0)}"
+    )
+
+
+def out(panel: UnpackingWidget) -> list[int]:
+    return [i for i, state in states(panel.workspace.session).items() if state == "UNPACKED"]
+
+
+def test_the_bar_runs_the_unpacking_forwards_and_backwards(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot
+) -> None:
+    panel, slider = staged, staged.unpack.step_slider
+    session = panel.workspace.session
+    # Outlines of who is free come when a worker knows, before this picture or after it.
+    panel.unpack.outlines.setChecked(False)
+    rest(panel, qtbot)
+    first, hues = shot(viewer), dict(session.hues)
+    assert (slider.slider.minimum(), slider.slider.value(), slider.slider.maximum()) == (0, 0, 6)
+    slider.slider.setValue(4)
+    assert session.step == 4
+    assert not session.flights
+    rest(panel, qtbot)
+    four, where = out(panel), session.poses
+    assert len(four) == 4
+    name = session.objects["name"][session.steps[3][0]]
+    assert slider.sentence.text() == f"Step 4 of 6: {name}"
+    assert np.abs(shot(viewer) - first).max() > 40
+
+    for step in (1, 6, 2, 5, 3):
+        slider.slider.setValue(step)
+        qtbot.wait(20)
+    slider.slider.setValue(4)
+    rest(panel, qtbot)
+    assert out(panel) == four
+    for i, pose in where.items():
+        np.testing.assert_array_equal(session.poses[i].center, pose.center)
+
+    slider.slider.setValue(0)
+    rest(panel, qtbot)
+    assert set(states(session).values()) == {"PACKED"}
+    assert session.hues == hues
+    # Windows of the packed picture that are cast anew may round a pixel otherwise.
+    assert_same_picture(shot(viewer), first, most=1)
+    assert slider.sentence.text() == "Everything packed, 6 steps known"
+
+    # All of the dragging was one step; the bar follows other commands.
+    panel.commands.undo()
+    rest(panel, qtbot)
+    assert session.step == 0
+    assert session.steps == ()
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    assert slider.slider.value() == 1
+    press(qtbot, panel.unpack.back)
+    rest(panel, qtbot)
+    assert slider.slider.value() == 0
+
+
+def test_play_flies_one_object_after_another_and_stops_when_asked(
+    staged: UnpackingWidget, qtbot: QtBot
+) -> None:
+    panel, slider = staged, staged.unpack.step_slider
+    session = panel.workspace.session
+    slider.play.click()
+    assert slider.playing
+    qtbot.waitUntil(lambda: session.step >= 2, timeout=20000)
+    slider.play.click()
+    assert not slider.playing
+    reached = session.step
+    rest(panel, qtbot)
+    assert session.step == reached < 6
+    panel.workspace.controller.seconds = 0.05
+    slider.play.click()
+    qtbot.waitUntil(lambda: not slider.play.isChecked(), timeout=30000)
+    rest(panel, qtbot)
+    assert len(out(panel)) == 6
+    # At the end, play begins again with the packed bag; dragging stops it.
+    slider.play.click()
+    assert session.step <= 1
+    slider.slider.setValue(3)
+    assert not slider.playing
+    panel.workspace.close()
+    assert not slider.isEnabled()
+
+
+def test_a_session_saved_in_the_panel_opens_as_it_was(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    session = panel.workspace.session
+    panel.color.at_rest.setChecked(True)
+    panel.unpack.step_slider.slider.setValue(3)
+    session.rename(session.ids[0], "first")
+    session.select(session.ids[1:3])
+    viewer.scene.camera.angles = (20, 50, 10)
+    viewer.scene.camera.zoom *= 1.1
+    rest(panel, qtbot)
+    before, where = states(session), {i: p.center for i, p in session.poses.items()}
+    hues, names, seen = session.hues, session.objects["name"], shot(viewer)
+    path = tmp_path / "bag.unpack"
+    panel.files.save_to(path)
+    assert panel.files.progress.isVisibleTo(panel)
+    assert not panel.files.save.isEnabled()
+    done(panel, qtbot)
+    assert panel.files.status == "bag.unpack written"
+    assert path.exists()
+
+    panel.workspace.close()
+    assert not panel.files.save.isEnabled()
+    # What can be done next is open to see, and folded away once it is done.
+    assert panel.segment.start.isVisibleTo(panel)
+    for layer in list(viewer.layers):
+        viewer.layers.remove(layer.name)
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    again = panel.workspace.session
+    assert again is not session
+    assert not panel.segment.start.isVisibleTo(panel)
+    rest(panel, qtbot)
+    assert states(again) == before
+    assert again.hues == hues
+    assert set(panel.objects.table.selected_ids()) == set(session.selected)
+    assert again.objects["name"].to_dict() == names.to_dict()
+    assert [layer.name for layer in viewer.layers][:2] == ["bag", "bag objects"]
+    for i, center in where.items():
+        np.testing.assert_allclose(again.poses[i].center, center, atol=1e-9)
+    np.testing.assert_allclose(again.camera.rotation, session.camera.rotation, atol=1e-6)
+    np.testing.assert_allclose(again.camera.height, session.camera.height, rtol=1e-6)
+    # The camera went through napari's angles: a pixel here and there may round otherwise.
+    assert (np.abs(shot(viewer) - seen).max(-1) > 40).mean() < 0.01
+    assert panel.unpack.step_slider.slider.value() == 3
+    viewer.dims.ndisplay = 2
+    assert viewer.layers["bag"].visible
+
+
+def test_faults_of_files_are_told_and_change_nothing(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    panel = staged
+    said: list[str] = []
+    monkeypatch.setattr(notifications, "warn", said.append)
+    session, names = panel.workspace.session, [layer.name for layer in viewer.layers]
+    whole = nu.save_session(session, tmp_path / "whole.unpack").read_bytes()
+    (tmp_path / "cut.unpack").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "empty.unpack").touch()
+    for name in ("cut.unpack", "empty.unpack", "missing.unpack"):
+        panel.files.open_from(tmp_path / name)
+        done(panel, qtbot)
+    assert len(said) == 3
+    assert all("not whole" in text for text in said[:2])
+    assert "No such session" in said[2]
+    panel.files.save_to(tmp_path / "nowhere" / "s.unpack")
+    done(panel, qtbot)
+    assert "No folder" in said[3]
+    assert panel.workspace.session is session
+    assert [layer.name for layer in viewer.layers] == names
+    # Cancelled before it was done, nothing is written.
+    panel.files.save_to(tmp_path / "late.unpack")
+    panel.files.progress.cancel.click()
+    done(panel, qtbot)
+    assert len(said) == 4
+    assert sorted(p.name for p in tmp_path.iterdir())[:2] == ["cut.unpack", "empty.unpack"]
+
+
+def test_a_dropped_session_opens_in_the_panel(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    panel.workspace.session.unpack(2)
+    rest(panel, qtbot)
+    path = nu.save_session(panel.workspace.session, tmp_path / "dropped.unpack")
+    assert get_session_reader(str(path)) is open_dropped
+    assert get_session_reader([str(path)]) is open_dropped
+    assert get_session_reader([str(path), str(path)]) is None
+    assert get_session_reader(str(tmp_path)) is None
+    folder = nu.save_session(panel.workspace.session, tmp_path / "folder")
+    assert get_session_reader(str(folder)) is open_dropped
+    panel.workspace.close()
+    viewer.open(str(path), plugin="napari-unpack")
+    _, other = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
+    qtbot.waitUntil(lambda: other.workspace.session is not None, timeout=30000)
+    assert len(out(other)) == 2
+    other.end()
+
+
+def test_exports_are_written_and_the_view_is_not_disturbed(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = staged
+    panel.unpack.step_slider.slider.setValue(2)
+    rest(panel, qtbot)
+    before, seen = states(panel.workspace.session), shot(viewer)
+    panel.files.width_px.setValue(96)
+    panel.files.height_px.setValue(64)
+    panel.files.fps.setValue(2)
+    for kind in EXPORTS:
+        path = tmp_path / f"{kind.title}{kind.suffixes[0]}"
+        panel.files.export_to(kind, path)
+        done(panel, qtbot)
+        assert panel.files.status == f"{path.name} written"
+        assert path.stat().st_size > 100
+        if kind.suffixes[0] in (".png", ".mp4"):
+            assert iio.imread(path).shape[-3:-1] == (64, 96)
+    assert states(panel.workspace.session) == before
+    np.testing.assert_array_equal(shot(viewer), seen)
+
+
+def test_suffixes_are_added_where_they_are_missing() -> None:
+    assert with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
+    assert with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
+    assert with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
+
+
+def test_a_session_opens_where_its_layers_stood(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    image, expert = add_bag(viewer)
+    tilted = np.eye(4)
+    tilted[1, 0], tilted[:3, 3] = 0.25, (7, -30, 12)
+    for layer in (image, expert):
+        layer.scale = layer.scale * (1, 1, -1)
+        layer.rotate = (9.0, 50.0, 7.0)
+        layer.translate = (0, 40, 90)
+        layer.affine = tilted
+    points = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9], [3, 8, 5]])
+    wanted = [image.data_to_world(p) for p in points]
+    controller_with(panel, qtbot, expert)
+    rest(panel, qtbot)
+    camera = panel.workspace.session.camera
+    assert np.linalg.det(camera.stretch) < 0
+    path = tmp_path / "bent.unpack"
+    panel.files.save_to(path)
+    done(panel, qtbot)
+    panel.workspace.close()
+    for layer in list(viewer.layers):
+        viewer.layers.remove(layer.name)
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    rest(panel, qtbot)
+    np.testing.assert_allclose(
+        [viewer.layers["bent"].data_to_world(p) for p in points], wanted, atol=1e-6
+    )
+    again = panel.workspace.session.camera
+    np.testing.assert_allclose(again.linear, camera.linear, atol=1e-5)
+    np.testing.assert_allclose(again.center, camera.center, atol=1e-4)

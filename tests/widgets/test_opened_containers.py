@@ -1,0 +1,133 @@
+"""Studying an object alone, by the panel's own controls: the cut, and what is inside it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+
+from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.layers import compat
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import at_rest, controller_with, press, states
+from tin import tin
+from viewer_fixtures import canvas
+
+
+@pytest.fixture
+def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Return (viewer, panel, session, labels layer) with the tin studied alone."""
+    volume, labels = tin()
+    viewer.add_image(volume, name="scan")
+    mine = viewer.add_labels(labels, name="expert", visible=False)
+    session = controller_with(panel, qtbot, mine)
+    controller = panel.workspace.controller
+    controller.seconds, controller.recolor_at_rest = 0.1, False
+    assert controller.settle(60)
+    panel.commands.inspect(1)
+    qtbot.waitUntil(lambda: panel.unpack.inspection.isVisibleTo(panel), timeout=20000)
+    return viewer, panel, session, mine
+
+
+def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbot: QtBot) -> None:
+    viewer, panel, session, _ = studied
+    box, controller = panel.unpack.inspection, panel.workspace.controller
+    at_rest(controller, qtbot)
+    whole = canvas(viewer)
+    box.cut.setValue(60)
+    qtbot.waitUntil(lambda: session.style(1).cut is not None, timeout=20000)
+    point, normal = session.style(1).cut
+    # Straight across the view, three fifths of the way through.
+    np.testing.assert_allclose(normal, -controller.rotation_of(1)[0], atol=1e-6)
+    corners = session.boxes.corners(1, np.asarray(session.spacing)) @ -np.asarray(normal)
+    reach = corners.max() - 0.6 * np.ptp(corners)
+    assert float(-np.asarray(normal) @ np.asarray(point)) == pytest.approx(reach, abs=1e-6)
+    at_rest(controller, qtbot)
+    cut = canvas(viewer)
+    assert (np.abs(cut - whole).max(axis=-1) > 12).mean() > 0.02
+
+    press(qtbot, box.reset)
+    assert session.style(1).cut is None
+    assert box.cut.value() == 0
+    at_rest(controller, qtbot)
+    assert (np.abs(canvas(viewer) - whole).max(axis=-1) > 12).mean() < 0.005
+
+
+def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
+    studied: Any, qtbot: QtBot
+) -> None:
+    viewer, panel, outer, mine = studied
+    view = {name: getattr(viewer.scene.camera, name) for name in ("center", "zoom", "angles")}
+    workspace, commands = panel.workspace, panel.commands
+    hue = mine.colormap.map(np.array([1, 2]))
+    at_rest(workspace.controller, qtbot)
+    workspace.controller.renderer.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
+    held = workspace.controller.rotation_of(1).copy()
+    press(qtbot, panel.unpack.inspection.open)
+    assert workspace.is_inside
+    inner = workspace.session
+    assert inner is not outer
+    # It lies as it was held, its wall off what is in it.
+    np.testing.assert_allclose(inner.camera.rotation, held, atol=1e-6)
+    assert list(states(inner).values()) == ["UNPACKED", "PACKED", "PACKED"]
+    assert len(inner.ids) == 3
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    inner.recolor()
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    assert workspace.controller.interaction.in_slice((10, 10, 10)) == 0
+    assert workspace.controller.settle(60)
+
+    qtbot.waitUntil(panel.unpack.next.isEnabled, timeout=10000)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: not workspace.controller.flying, timeout=20000)
+    assert list(states(inner).values()).count("UNPACKED") == 2
+    assert set(states(outer).values()) == {"PACKED"}
+
+    assert panel.unpack.back_to_bag.isVisibleTo(panel)
+    # Escape ends first what was begun last.
+    canvas_widget = compat.native_canvas(viewer).native
+    commands.inspect(1)
+    qtbot.keyClick(canvas_widget, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: states(inner)[1] == "UNPACKED", timeout=20000)
+    assert workspace.is_inside
+    qtbot.keyClick(canvas_widget, Qt.Key.Key_Escape)
+    assert workspace.session is outer
+    for name, value in view.items():
+        np.testing.assert_allclose(getattr(viewer.scene.camera, name), value, atol=1e-4)
+    assert not workspace.is_inside
+    np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
+    assert workspace.controller.interaction.in_slice((10, 10, 10)) == 1
+
+
+def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
+    studied: Any, qtbot: QtBot
+) -> None:
+    _, panel, outer, _ = studied
+    workspace, commands = panel.workspace, panel.commands
+    press(qtbot, panel.unpack.inspection.open)
+    inner = workspace.session
+    commands.unpack(1)
+    at_rest(workspace.controller, qtbot)
+    left = states(inner)
+    assert list(left.values()).count("UNPACKED") == 2
+    press(qtbot, panel.unpack.back_to_bag)
+    assert workspace.session is outer
+    workspace.open_container(1)
+    assert workspace.is_inside
+    assert states(workspace.session) == left
+    commands.restore(1)
+    at_rest(workspace.controller, qtbot)
+    assert list(states(workspace.session).values()).count("UNPACKED") == 1
+
+
+def test_an_object_that_was_repaired_is_opened_anew(studied: Any, qtbot: QtBot) -> None:
+    _, panel, outer, _ = studied
+    workspace = panel.workspace
+    workspace.open_container(1)
+    before = workspace.session
+    workspace.leave_container()
+    assert outer.merge([1, 2]) == 1
+    workspace.open_container(1)
+    assert workspace.session is not before
+    assert workspace.session.labels.shape[2] > before.labels.shape[2]

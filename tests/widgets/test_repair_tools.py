@@ -1,0 +1,239 @@
+"""Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
+
+import threading
+from typing import Any
+
+import dask.array
+import numpy as np
+import pytest
+import zarr
+from napari.layers import Labels
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
+
+from mouse import move
+from napari_unpack.layers import compat
+from napari_unpack.segmentation.repair import LabelEdit
+from napari_unpack.viewer.label_sync import LabelSync
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import controller_with, press
+from viewer_fixtures import canvas
+
+BELL, CUBE, SLAB = 1, 2, 3
+
+
+def bells() -> tuple[np.ndarray, np.ndarray]:
+    """Two balls joined by a bar (1) before a slab (3), and a cube (2) beside them."""
+    z, y, x = np.indices((40, 40, 72))
+    labels = np.zeros(z.shape, np.uint16)
+    for middle in (16, 44):
+        labels[(z - 12) ** 2 + (y - 20) ** 2 + (x - middle) ** 2 < 100] = BELL
+    labels[10:15, 18:23, 16:44] = BELL
+    labels[4:16, 14:26, 58:70] = CUBE
+    labels[26:34, 6:36, 6:60] = SLAB
+    volume = np.where(labels > 0, 800 + 200 * labels, 0).astype(np.uint16)
+    return volume, labels
+
+
+@pytest.fixture
+def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    volume, labels = bells()
+    layer = viewer.add_labels(labels, name="found", visible=False)
+    viewer.add_image(volume, name="bag")
+    made = controller_with(panel, qtbot, layer)
+    panel.workspace.controller.recolor_at_rest = False
+    # The first to cast compiles the kernels.
+    assert panel.workspace.controller.settle(200)
+    return made
+
+
+def click(panel: UnpackingWidget, voxel: tuple[int, int, int], qtbot: QtBot) -> None:
+    """Click where a voxel is seen in the picture."""
+    controller = panel.workspace.controller
+    world = np.array(voxel) * controller.session.spacing
+    row, col = controller.frame.camera.project(world, controller.frame.size)
+    widget = compat.native_canvas(controller.viewer).native
+    move(widget, QPoint(round(col) + 1, round(row)))
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(round(col), round(row)))
+    qtbot.wait(60)
+
+
+def test_two_clicks_split_and_undo_joins(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects, first = panel.objects, session.labels.copy()
+    layer = viewer.layers["found"]
+    press(qtbot, objects.split)
+    assert "Click the object to split" in objects.next_click.text()
+    click(panel, (12, 20, 16), qtbot)
+    assert "Now click the other part of Object 1" in objects.next_click.text()
+    click(panel, (12, 20, 44), qtbot)
+    qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
+    assert not objects.split.isChecked()
+    assert objects.next_click.isHidden()
+    left, right = int(session.labels[12, 20, 16]), int(session.labels[12, 20, 44])
+    assert {left, right} == {1, 4}
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=20000)
+    assert np.array_equal(layer.data, session.labels)
+    assert panel.workspace.controller.settle(30)
+
+    panel.commands.undo()
+    assert np.array_equal(session.labels, first)
+    assert np.array_equal(layer.data, first)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
+    assert panel.workspace.controller.settle(30)
+
+
+def test_a_click_on_another_object_starts_over_and_split_again_cancels(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects = panel.objects
+    press(qtbot, objects.split)
+    click(panel, (10, 20, 64), qtbot)
+    click(panel, (12, 20, 16), qtbot)
+    assert "That is another object" in objects.next_click.text()
+    press(qtbot, objects.split)
+    assert objects.next_click.text() == ""
+    click(panel, (12, 20, 44), qtbot)
+    assert len(session.ids) == 3
+    assert session.selected == {BELL}
+
+
+def test_clicks_in_a_slice_split_too(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    viewer.dims.ndisplay = 2
+    viewer.dims.set_point(0, 12)
+    canvas(viewer)
+    press(qtbot, panel.objects.split)
+    widget = compat.native_canvas(panel.workspace.controller.viewer).native
+    camera = viewer.scene.camera
+    height, width = viewer.canvas.size
+    for x in (12, 48):
+        at = (np.array([20, x]) - np.asarray(camera.center)[-2:]) * camera.zoom
+        spot = QPoint(round(width / 2 + at[1]), round(height / 2 + at[0]))
+        move(widget, spot + QPoint(1, 0))
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
+    qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
+    assert session.labels[12, 20, 12] != session.labels[12, 20, 48]
+
+
+def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects = panel.objects
+    objects.table.show_selection(frozenset({BELL, CUBE}))
+    panel.commands.select([BELL, CUBE])
+    qtbot.waitUntil(objects.merge.isEnabled, timeout=20000)
+    press(qtbot, objects.merge)
+    qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
+    qtbot.waitUntil(lambda: objects.model.rowCount() == 2, timeout=20000)
+    assert panel.workspace.controller.settle(30)
+    panel.commands.undo()
+    assert session.ids == (1, 2, 3)
+
+    session.take_least_occluded = True
+    panel.commands.unpack([CUBE])
+    panel.workspace.controller.finish()
+    before = session.labels
+    objects.repair.delete([CUBE])
+    qtbot.wait(50)
+    assert session.labels is before
+    objects.repair.delete([BELL])
+    qtbot.waitUntil(lambda: session.ids == (2, 3), timeout=10000)
+    assert panel.workspace.controller.settle(30)
+    panel.commands.undo()
+    assert session.ids == (1, 2, 3)
+    assert session.states[CUBE].name == "UNPACKED"
+
+
+def test_a_brush_on_the_users_layer_reaches_the_session(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer, first = viewer.layers["found"], session.labels.copy()
+    session.hide([CUBE])
+    layer.visible = True
+    viewer.dims.ndisplay = 2
+    viewer.dims.set_point(0, 30)
+    layer.brush_size = 9
+    layer.selected_label = 9
+    layer.paint((30, 20, 20), 9)
+    layer.paint((30, 20, 24), 9)
+    assert np.array_equal(session.labels, first)
+    qtbot.waitUntil(lambda: 9 in session.ids, timeout=10000)
+    assert np.array_equal(session.labels, layer.data)
+    assert session.states[CUBE].name == "HIDDEN"
+    qtbot.waitUntil(lambda: panel.objects.model.rowCount() == 4, timeout=20000)
+    panel.commands.undo()
+    assert np.array_equal(session.labels, first)
+    assert np.array_equal(layer.data, first)
+    assert session.states[CUBE].name == "HIDDEN"
+    qtbot.wait(500)
+    assert np.array_equal(session.labels, first)
+
+
+def test_escape_calls_off_a_split_that_has_begun(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    objects, canvas = panel.objects, compat.native_canvas(viewer).native
+    press(qtbot, objects.split)
+    click(panel, (12, 20, 16), qtbot)
+    assert objects.repair.awaits_clicks
+    QTest.keyClick(canvas, Qt.Key.Key_Escape)
+    assert not objects.repair.awaits_clicks
+    assert not objects.split.isChecked()
+    assert not objects.next_click.isVisible()
+    click(panel, (12, 20, 44), qtbot)
+    assert not objects.repair.running
+    assert session.ids == (BELL, CUBE, SLAB)
+
+
+@pytest.mark.parametrize("kind", ["dask", "zarr"])
+def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
+    session: Any, qtbot: QtBot, kind: str
+) -> None:
+    labels = session.labels
+    data = dask.array.from_array(labels.copy(), chunks=20)
+    layer = Labels(data if kind == "dask" else zarr.array(labels.copy(), chunks=(20, 20, 20)))
+    several = Labels([labels, labels[::2, ::2, ::2]], name="pyramid")
+    told: list[str] = []
+    asked: list[Any] = []
+    painted = LabelSync(session, [layer, several], asked.append, told.append)
+    layer.paint((12, 20, 16), CUBE)
+    layer.paint((12, 20, 18), CUBE)
+    (said,) = told
+    assert layer.name in said
+    assert "in memory" in said
+    assert not painted.waiting
+    assert asked == []
+    painted.close()
+
+
+def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(
+    viewer: Any, panel: UnpackingWidget, session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace, commands = panel.workspace, panel.commands
+    given = session.labels.copy()
+    session.merge([BELL, CUBE])
+    session.delete([SLAB])
+    threads, apply = [], LabelEdit.apply
+
+    def told(edit: LabelEdit, labels: np.ndarray) -> np.ndarray:
+        threads.append(threading.current_thread())
+        return apply(edit, labels)
+
+    monkeypatch.setattr(LabelEdit, "apply", told)
+    commands.undo()
+    assert threads == []
+    commands.undo()
+    assert len(threads) == 1
+    assert threads[0] is not threading.main_thread()
+    assert np.array_equal(session.labels, given)
+    assert workspace.controller.settle(60)
+    commands.redo()
+    commands.redo()
+    assert session.ids == (BELL,)
+    assert len(threads) == 2
+    assert threading.main_thread() not in threads
+    assert np.array_equal(viewer.layers["found"].data, session.labels)

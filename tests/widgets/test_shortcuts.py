@@ -1,0 +1,138 @@
+"""Every key of the panel, pressed on the canvas as a person does."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+
+from napari_unpack.layers import compat
+from opened_panel import SMALL, add_bag, controller_with, open_panel, states
+
+Viewers = Callable[..., Any]
+CONTROL, SHIFT = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.ShiftModifier
+PLAIN = Qt.KeyboardModifier.NoModifier
+
+
+class Desk:
+    """A viewer with the panel open on the pile of balls."""
+
+    def __init__(self, viewer: Any, qtbot: QtBot) -> None:
+        self.viewer, self.qtbot = viewer, qtbot
+        viewer.window.resize(*SMALL)
+        self.panel = open_panel(viewer, qtbot)
+        self.image, self.labels = add_bag(viewer)
+        self.session = controller_with(self.panel, qtbot, self.labels)
+        self.controller = self.panel.workspace.controller
+        self.controller.seconds = 0.1
+        self.controller.recolor_at_rest = False
+        assert self.controller.settle(60)
+
+    def press(self, key: Qt.Key, held: Any = PLAIN) -> None:
+        """Press and release a key with the mouse on the canvas."""
+        self.qtbot.keyClick(compat.native_canvas(self.viewer).native, key, held)
+
+    def rest(self) -> None:
+        """Wait until everybody has landed."""
+        self.qtbot.waitUntil(lambda: not self.controller.flying, timeout=20000)
+        assert self.controller.settle(30)
+
+    def count(self, state: str) -> int:
+        """Count the objects in a state."""
+        return list(states(self.session).values()).count(state)
+
+    def activate(self, layer: Any) -> None:
+        """Make a layer the active one, as a click in the layer list does."""
+        self.viewer.layers.selection.active = compat.unwrap(layer)
+
+
+@pytest.fixture
+def desk(make_napari_viewer: Viewers, qtbot: QtBot) -> Iterator[Desk]:
+    made = Desk(make_napari_viewer(show=True), qtbot)
+    yield made
+    made.panel.end()
+
+
+@pytest.mark.parametrize("name", ["packed", "transition", "sprites", "image"])
+def test_every_key_acts_whatever_picture_layer_is_active(desk: Desk, name: str) -> None:
+    session = desk.session
+    desk.activate(desk.image if name == "image" else getattr(desk.controller, name))
+
+    desk.press(Qt.Key.Key_N)
+    desk.rest()
+    (out,) = (i for i, s in states(session).items() if s == "UNPACKED")
+
+    desk.press(Qt.Key.Key_I)
+    assert desk.count("INSPECTED") == 1
+    desk.press(Qt.Key.Key_I)
+    desk.qtbot.waitUntil(lambda: states(session)[out] == "UNPACKED", timeout=10000)
+    desk.press(Qt.Key.Key_I)
+    desk.press(Qt.Key.Key_Escape)
+    desk.qtbot.waitUntil(lambda: states(session)[out] == "UNPACKED", timeout=10000)
+
+    desk.press(Qt.Key.Key_B)
+    desk.rest()
+    assert desk.count("PACKED") == 6
+    session.select([2])
+    desk.press(Qt.Key.Key_H)
+    assert states(session)[2] == "HIDDEN"
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    assert states(session)[2] == "PACKED"
+    desk.press(Qt.Key.Key_Z, CONTROL | SHIFT)
+    assert states(session)[2] == "HIDDEN"
+    desk.press(Qt.Key.Key_Z, CONTROL)
+
+    told: list[str] = []
+    session.events.hues.connect(lambda *_: told.append("hues"))
+    desk.press(Qt.Key.Key_C)
+    # On an image of the user's, C is napari's own: contrast.
+    assert told == ([] if name == "image" else ["hues"])
+
+
+def test_reveal_by_its_key_asks_what_frees_the_selected_object(desk: Desk) -> None:
+    found: list[Any] = []
+    desk.panel.ways.found.connect(found.append)
+    desk.session.select([2])
+    desk.press(Qt.Key.Key_R)
+    desk.qtbot.waitUntil(lambda: bool(found), timeout=10000)
+    assert found[0].target == 2
+    desk.press(Qt.Key.Key_Escape)
+    assert found[1:] == [None]
+
+
+def test_the_users_labels_layer_keeps_its_own_keys(desk: Desk) -> None:
+    labels, session = compat.unwrap(desk.labels), desk.session
+    desk.activate(labels)
+    desk.press(Qt.Key.Key_N)
+    desk.rest()
+    session.select([2])
+    desk.press(Qt.Key.Key_H)
+    assert states(session)[2] == "HIDDEN"
+
+    before = states(session)
+    voxel = (np.array([0]), np.array([0]), np.array([0]))
+    labels.data_setitem(voxel, 3)
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    assert labels.data[0, 0, 0] == 0
+    assert states(session) == before
+    desk.press(Qt.Key.Key_Z, CONTROL | SHIFT)
+    assert labels.data[0, 0, 0] == 3
+    assert states(session) == before
+
+
+def test_keys_go_back_when_the_panel_closes(desk: Desk) -> None:
+    mine: list[str] = []
+    session = desk.session
+    desk.panel.end()
+    desk.viewer.layers.selection.clear()
+    for key in "NBIHRC":
+        desk.viewer.bind_key(key, lambda _, key=key: mine.append(key), overwrite=True)
+    before = states(session)
+    for key in "NBIHRC":
+        desk.press(getattr(Qt.Key, f"Key_{key}"))
+    assert mine == list("NBIHRC")
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    desk.press(Qt.Key.Key_Escape)
+    assert states(session) == before

@@ -1,0 +1,40 @@
+"""Six hundred commands of the soak: `make soak` goes on for an hour."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from napari_unpack.session import Session
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import pile_of_balls
+
+# The number of commands is the claim: they go on after this time until it is reached.
+SECONDS = 40.0
+COMMANDS = 600
+
+
+def soak_tool() -> Any:
+    path = Path(__file__).parents[2] / "tools" / "soak.py"
+    spec = importlib.util.spec_from_file_location("soak_tool", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["soak_tool"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.timeout(900)
+def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: UnpackingWidget) -> None:
+    panel.workspace.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
+    panel.workspace.controller.seconds = 0.1
+    assert panel.workspace.controller.settle(90)
+    report = soak_tool().soak(viewer, panel, SECONDS, samples=9, fewest=COMMANDS)
+    assert report.errors == [], report
+    assert report.commands.total() >= COMMANDS, report
+    assert report.growth < soak_tool().FLAT, report

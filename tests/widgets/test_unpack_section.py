@@ -1,0 +1,166 @@
+"""What the third step says about unpackable objects, and what it does where there is none."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from napari.utils.notifications import notification_manager
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+
+from napari_unpack.demo import await_unpackable
+from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import controller_with, press, states
+
+Viewers = Callable[..., Any]
+
+
+def _marked_unpackable(panel: UnpackingWidget) -> set[int]:
+    model = panel.objects.model
+    words = {
+        model.id_at(row): model.index(row, Column.STATE).data(Qt.ItemDataRole.DisplayRole)
+        for row in range(model.rowCount())
+    }
+    return {i for i, word in words.items() if word == "ready"}
+
+
+def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, unpackable: set[int]) -> None:
+    panel.unpack.direction.setCurrentText(direction)
+    qtbot.waitUntil(lambda: _marked_unpackable(panel) == unpackable, timeout=10000)
+
+
+def test_the_unpackable_objects_are_counted_and_marked_for_every_direction(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    # Balls 1 and 3 stand at x = 14, 2 and 4 behind them at x = 34. Ball 5 lies on all four, its
+    # rim just behind those of 1 and 3: voxel column (20, 26) is 9.8 from its centre and 10.0
+    # from that of 1. It hides 6. Upwards 5 and 6 lie free, side by side.
+    _leave(panel, qtbot, "Left (−x)", {1, 3})
+    assert panel.unpack.sentence.text() == "2 of 6 are unpackable now."
+    _leave(panel, qtbot, "Up (−y)", {5, 6})
+
+    # The queue is used up before it is asked anew, but what the step says is always true: with
+    # 5 gone, 1 and 3 are free; 2 and 4 still lie under the rim of 6.
+    panel.workspace.controller.seconds = 0.1
+    panel.commands.unpack([5])
+    qtbot.waitUntil(lambda: _marked_unpackable(panel) == {1, 3, 6}, timeout=10000)
+    assert states(piled)[5] == "UNPACKED"
+    assert panel.unpack.sentence.text() == "3 of 5 are unpackable now."
+
+
+def test_unpacking_what_is_blocked_says_who_stands_in_front(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    piled.rename(1, "Bottle")
+    piled.rename(2, "Shoe")
+    before = len(notification_manager.records)
+    panel.commands.unpack([2])
+    (notice,) = notification_manager.records[before:]
+    assert "Shoe cannot leave" in notice.message
+    assert "Bottle" in notice.message
+    assert set(states(piled).values()) == {"PACKED"}
+
+
+def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Stage two objects of which, along x, each stands in front of the other."""
+    labels = np.zeros((8, 8, 8), np.uint8)
+    labels[1:4, 1:7, 1:3], labels[4:7, 1:7, 5:7] = 1, 1
+    labels[4:7, 1:7, 1:3], labels[1:4, 1:7, 5:7] = 2, 2
+    viewer.add_image(1000.0 * (labels > 0), name="knot")
+    expert = viewer.add_labels(labels, name="expert", visible=False)
+    return controller_with(panel, qtbot, expert)
+
+
+def test_a_step_names_all_who_leave_together(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _knot(viewer, panel, qtbot)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    panel.commands.unpack(1)
+    said = "Step 1 of 1: Object 1 and Object 2"
+    qtbot.waitUntil(lambda: panel.unpack.step_slider.sentence.text() == said, timeout=20000)
+
+
+def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session = _knot(viewer, panel, qtbot)
+    session.max_group_size = 1
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(lambda: "Looking" in panel.unpack.sentence.text(), timeout=10000)
+    assert not panel.unpack.answered
+    await_unpackable(panel)
+    assert panel.unpack.reveal.text() == "Reveal…"
+    assert "would be unpackable" in panel.unpack.sentence.text()
+
+
+def test_where_nobody_is_free_the_setting_decides(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    session = _knot(viewer, panel, qtbot)
+    session.max_group_size = 1
+    panel.unpack.take_least.setChecked(False)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(
+        lambda: "Every object is blocked in this direction." in panel.unpack.sentence.text(),
+        timeout=10000,
+    )
+    assert "is the least occluded. Turn the bag" in panel.unpack.sentence.text()
+    # Of another direction that says nothing, until it has been looked along.
+    panel.unpack.direction.setCurrentText("Up (−y)")
+    qtbot.waitUntil(lambda: "Looking for unpackable" in panel.unpack.sentence.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "are unpackable now" in panel.unpack.sentence.text(), timeout=10000)
+    panel.unpack.direction.setCurrentText("Left (−x)")
+    qtbot.waitUntil(lambda: "Turn the bag" in panel.unpack.sentence.text(), timeout=10000)
+
+    before = len(notification_manager.records)
+    press(qtbot, panel.unpack.next)
+    assert "No object is unpackable" in notification_manager.records[before].message
+    assert set(states(session).values()) == {"PACKED"}
+
+    assert not panel.unpack.force.isHidden()
+    press(qtbot, panel.unpack.force)
+    assert set(states(session).values()) == {"PACKED", "FLYING_OUT"}
+    assert not session.take_least_occluded
+    panel.commands.undo()
+    panel.workspace.controller.finish()
+    assert set(states(session).values()) == {"PACKED"}
+
+    notification_manager.records.clear()
+    panel.unpack.take_least.setChecked(True)
+    assert panel.unpack.force.isHidden()
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: len(notification_manager.records) == 1, timeout=20000)
+    assert "leaves" in notification_manager.records[-1].message
+    assert sorted(states(session).values())[1] == "PACKED"
+    assert set(states(session).values()) != {"PACKED"}
+
+
+def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
+    panel.workspace.controller.seconds = 0.1
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(panel.unpack.inspect.isEnabled, timeout=10000)
+    (out,) = [i for i, state in states(piled).items() if state != "PACKED"]
+    qtbot.waitUntil(lambda: not panel.workspace.controller.flying, timeout=10000)
+    press(qtbot, panel.unpack.inspect)
+    assert states(piled)[out] == "INSPECTED"
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=20000)
+    assert not panel.unpack.next.isEnabled()
+    press(qtbot, panel.unpack.inspect)
+    qtbot.waitUntil(lambda: states(piled)[out] == "UNPACKED", timeout=10000)
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=20000)
+
+
+def test_restore_all_brings_everything_back(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    panel.workspace.controller.seconds = 0.1
+    panel.unpack.count.setValue(4)
+    assert panel.unpack.several.text() == "Unpack 4"
+    press(qtbot, panel.unpack.several)
+    qtbot.waitUntil(panel.unpack.all_back.isEnabled, timeout=10000)
+    press(qtbot, panel.unpack.all_back)
+    qtbot.waitUntil(lambda: set(states(piled).values()) == {"PACKED"}, timeout=10000)
+    qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=20000)
