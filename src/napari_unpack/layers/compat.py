@@ -115,6 +115,7 @@ class RedrawHook:
     def install(self, asked: Callable[[], None]) -> None:
         """Call in place of every redraw that is asked for."""
         if self._canvas is not None:
+            # Nodes ask their canvas for redraws: there is no event to hold off.
             self._asked, self._update = asked, self._canvas.update
             self._canvas.update = self._on_update
 
@@ -189,6 +190,7 @@ def forget_objects(context: Any) -> None:
 
     Drawing with those made until now does nothing from here on, and is no error.
     """
+    # A parser that knows the old names as deleted ignores them; an empty one would raise.
     before = context.shared.parser
     context.glir.clear()
     after = type(before)()
@@ -333,17 +335,18 @@ class PictureLayer(Layer):
 
     @property
     def data(self) -> NDArray[np.float64]:
-        """(N, 3) centres of this layer's objects, voxels z y x.
-
-        Raises
-        ------
-        AttributeError
-            On setting: the layer follows its session.
-        """
+        """(N, 3) centres of this layer's objects, voxels z y x."""
         return self._points
 
     @data.setter
     def data(self, data: NDArray[np.float64]) -> None:
+        """Refuse data.
+
+        Raises
+        ------
+        AttributeError
+            The layer follows its session.
+        """
         raise AttributeError("this layer follows its session and cannot be given data")
 
     def set_table(self, points: NDArray[np.float64], **state: Any) -> None:

@@ -63,6 +63,7 @@ class BackgroundQueries:
         self._storing = False
         self._prefetched: set[int] = set()
         scheduler.on_idle(IdlePhase.QUERIES, self._ask)
+        # Whatever lands changes what is asked.
         scheduler.hold_idle("flights", lambda: bool(session.flights), IdlePhase.QUERIES)
 
     @property
@@ -83,6 +84,7 @@ class BackgroundQueries:
 
     def labels_changed(self, ids: Iterable[int]) -> None:
         """Take note that objects are not what was made ready."""
+        # What was cut out of the volume for them is of the old labels.
         for object_id in ids:
             self._prefetched.discard(object_id)
             self._scheduler.cancel(("prefetch", object_id))
@@ -116,6 +118,7 @@ class BackgroundQueries:
         if stored:
             self._known()
         else:
+            # The bag has changed while it was computed.
             self._scheduler.touch(IdlePhase.QUERIES)
 
     def _store_hues(self, revision: int, task: Task[Any], result: Any) -> None:

@@ -154,6 +154,7 @@ class CanvasBackend:
 
     def supply(self, subvolume: Subvolume) -> None:
         """Take over the whole volume, made ready in a worker thread."""
+        # Only newer labels are sent where the volume is the same.
         if subvolume is self._subvolume:
             return
         most, edit = int(subvolume.bricks.ids.max(initial=0)), subvolume.edit
@@ -214,6 +215,7 @@ class CanvasBackend:
         sizes : callable
             Given a Moving: size of the whole image and step.
         """
+        # Frame buffers go by place, and serve the next object that moves.
         self._places = {i: k for i, k in self._places.items() if i in moving}
         unused = iter(k for k in range(len(moving)) if k not in self._places.values())
         images = {}
@@ -347,6 +349,7 @@ class CanvasBackend:
         try:
             framebuffer.forget_complaints()
             texture = caster.cast(rays, known.appearance, known.occupied, False, clipping, where)
+            # Wait for the card, or the time would be that of asking alone.
             if caster.passes > passes:
                 framebuffer.finish()
         except Exception as error:

@@ -55,6 +55,7 @@ class ClippingSync:
         wanted = self._session.clipping
         if np.array_equal(enabled_planes(self._layer), wanted):
             return
+        # Setting planes raises the event that we follow.
         self._writing = True
         try:
             self._layer.experimental_clipping_planes = [

@@ -88,6 +88,9 @@ class SessionController:
     events : ControllerEvents
     outer_session : Session or None
         Of an opened container: the session it is from, whose labels and hues slices show.
+    viewer : napari.Viewer
+        Never its proxy.
+    session : Session
     packed, transition, sprites
         The three layers.
     renderer : SceneRenderer
@@ -106,8 +109,8 @@ class SessionController:
         sources: Sequence[Layer] = (),
         scheduler: Scheduler | None = None,
     ) -> None:
-        self._viewer: napari.Viewer = compat.unwrap(viewer)
-        self._session = session
+        self.viewer: napari.Viewer = compat.unwrap(viewer)
+        self.session = session
         self.sources: tuple[Layer, ...] = tuple(compat.unwrap(layer) for layer in sources)
         self.recolor_at_rest = True
         self.outer_session: Session | None = None
@@ -122,7 +125,7 @@ class SessionController:
         self.sprites = SpriteLayer("Sprites", session.spacing, **where)
         failed = self.events.message.emit
         self.scheduler = Scheduler(failed) if scheduler is None else scheduler.scope(failed)
-        self._renderer = SceneRenderer(
+        self.renderer = SceneRenderer(
             session,
             self.packed,
             self.transition,
@@ -132,8 +135,8 @@ class SessionController:
             self.events.landed.emit,
             self.events.message.emit,
         )
-        self._overlays = Overlays(session, self.scheduler, self.transition.repaint)
-        self.transition.overlays = self._overlays.quads_at
+        self.overlays = Overlays(session, self.scheduler, self.transition.repaint)
+        self.transition.overlays = self.overlays.quads_at
         self._queries = BackgroundQueries(
             session,
             self.scheduler,
@@ -143,26 +146,6 @@ class SessionController:
         self.interaction = Interaction(self)
         self._slice_hues = SliceHues(session, ())
         self._closing: list[Callable[[], None]] = []
-
-    @property
-    def viewer(self) -> napari.Viewer:
-        """The viewer, never its proxy."""
-        return self._viewer
-
-    @property
-    def session(self) -> Session:
-        """The session that is shown."""
-        return self._session
-
-    @property
-    def renderer(self) -> SceneRenderer:
-        """Keeps the images of the layers right."""
-        return self._renderer
-
-    @property
-    def overlays(self) -> Overlays:
-        """Outlines, ghost and arrow."""
-        return self._overlays
 
     @property
     def layers(self) -> tuple[PackedLayer, TransitionLayer, SpriteLayer]:
@@ -182,58 +165,59 @@ class SessionController:
     @property
     def frame(self) -> Frame | None:
         """What the canvas showed last."""
-        return self._renderer.frame
+        return self.renderer.frame
 
     @property
     def flying(self) -> bool:
         """Whether anything is in the air."""
-        return self._renderer.flying
+        return self.renderer.flying
 
     @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
-        return self._renderer.inspected
+        return self.renderer.inspected
 
     @property
     def statistics(self) -> Statistics:
         """What was cast and sent so far."""
-        return self._renderer.statistics
+        return self.renderer.statistics
 
     @property
     def fade(self) -> HueFade:
         """The transition to new colours; `allowed` is False for reduced motion."""
-        return self._renderer.packed_renderer.fade
+        return self.renderer.packed_renderer.fade
 
     @property
     def backend(self) -> str:
-        """What casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware).
+        """What casts: "cpu", "gl" (shaders, on the canvas), or "auto" (GL on hardware)."""
+        return self.renderer.canvas_backend.wanted
+
+    @backend.setter
+    def backend(self, backend: str) -> None:
+        """Choose what casts.
 
         Raises
         ------
         ValueError
-            On setting, for any other name.
+            If there is no such backend.
         """
-        return self._renderer.canvas_backend.wanted
-
-    @backend.setter
-    def backend(self, backend: str) -> None:
         if backend not in BACKENDS:
             raise ValueError(f'backend must be "auto", "cpu" or "gl", got {backend!r}')
-        self._renderer.cast_with(backend)
+        self.renderer.cast_with(backend)
 
     @property
     def casts_with(self) -> str:
         """What casts the bag and what moves now, "cpu" or "gl"."""
-        return "gl" if self._renderer.canvas_backend.active else "cpu"
+        return "gl" if self.renderer.canvas_backend.active else "cpu"
 
     @property
     def seconds(self) -> float:
         """Duration of one flight."""
-        return float(self._session.seconds)
+        return float(self.session.seconds)
 
     @seconds.setter
     def seconds(self, seconds: float) -> None:
-        self._session.seconds = float(seconds)
+        self.session.seconds = float(seconds)
 
     # Lifetime.
 
@@ -249,7 +233,7 @@ class SessionController:
             return
         if compat.problem():
             raise RuntimeError(compat.problem())
-        viewer, session = self._viewer, self._session
+        viewer, session = self.viewer, self.session
         compat.finish_in_own_context(compat.native_canvas(viewer))
         self._saved = SavedViewerState.from_viewer(viewer, self.sources)
         self._before = session.animated, session.backend
@@ -264,7 +248,8 @@ class SessionController:
             viewer.add_layer(layer)
         viewer.layers.selection.active = self.packed
         self._connect()
-        self._renderer.open()
+        self.renderer.open()
+        # Only now: the units of napari's world are the finest of all layers'.
         follow_placement(viewer, session, self.packed)
         self.frame_bag()
         self._on_states()
@@ -274,40 +259,42 @@ class SessionController:
         if self._saved is None:
             return
         saved, self._saved = self._saved, None
+        # In reverse: what was put on last goes first.
         for close in reversed(self._closing):
             close()
         self._closing.clear()
         self._slice_hues.close()
-        self._renderer.end_inspection()
-        self._renderer.close()
-        self._overlays.close()
+        # Its turn is kept: it is a step of the session.
+        self.renderer.end_inspection()
+        self.renderer.close()
+        self.overlays.close()
         self.scheduler.close()
-        self._session.animated, self._session.backend = self._before
-        for object_id in list(self._session.flights):
-            self._session.land(object_id)
-        if compat.native_canvas(self._viewer) is not None:
+        self.session.animated, self.session.backend = self._before
+        for object_id in list(self.session.flights):
+            self.session.land(object_id)
+        if compat.native_canvas(self.viewer) is not None:
             # At once, since napari collects all garbage after every removal.
-            with self._viewer.layers.batched_update():
+            with self.viewer.layers.batched_update():
                 for layer in self.layers:
-                    if layer in self._viewer.layers:
+                    if layer in self.viewer.layers:
                         layer.locked = False
-                        self._viewer.layers.remove(layer)
-            saved.give_back(self._viewer)
+                        self.viewer.layers.remove(layer)
+            saved.give_back(self.viewer)
         self.events.closed.emit()
 
     # Commands.
 
     def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly unpackable objects out, or these; see `Session.unpack`."""
-        self._renderer.end_inspection()
+        self.renderer.end_inspection()
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
-        find_unpackable(self._session, self.scheduler, wanted, self.events.searching.emit)
-        return self._session.unpack(wanted)
+        find_unpackable(self.session, self.scheduler, wanted, self.events.searching.emit)
+        return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
         """Fly objects back, or these; see `Session.restore`."""
-        self._renderer.end_inspection()
-        return self._session.restore(n_or_ids)
+        self.renderer.end_inspection()
+        return self.session.restore(n_or_ids)
 
     def reveal(self, object_id: int, direction: Any = None) -> Any:
         """Fly out what frees a buried object, and it as well.
@@ -317,8 +304,8 @@ class SessionController:
         object_id, direction
             As for `Session.reveal`.
         """
-        self._renderer.end_inspection()
-        return self._session.reveal(object_id, direction)
+        self.renderer.end_inspection()
+        return self.session.reveal(object_id, direction)
 
     def go_to(self, step: int, flying: bool = False) -> int:
         """Run the unpacking to a step; see `Session.go_to`.
@@ -329,44 +316,45 @@ class SessionController:
         flying : bool, optional
             Whether objects fly there; else they are there at once.
         """
-        self._renderer.end_inspection()
+        self.renderer.end_inspection()
         if not flying:
+            # What is in the air belongs to the step before.
             self.finish()
         searching = self.events.searching.emit
-        return run_to(self._session, self.scheduler, step, flying, searching)
+        return run_to(self.session, self.scheduler, step, flying, searching)
 
     def undo(self) -> str | None:
         """Take back the last step, a turn given during an inspection included."""
-        self._renderer.end_inspection()
-        return travel(self._session, self.scheduler, "undo")
+        self.renderer.end_inspection()
+        return travel(self.session, self.scheduler, "undo")
 
     def redo(self) -> str | None:
         """Do the step taken back again."""
-        self._renderer.end_inspection()
-        return travel(self._session, self.scheduler, "redo")
+        self.renderer.end_inspection()
+        return travel(self.session, self.scheduler, "redo")
 
     def finish(self) -> None:
         """Land every flight now."""
-        for object_id in list(self._session.flights):
-            self._renderer.land(object_id)
+        for object_id in list(self.session.flights):
+            self.renderer.land(object_id)
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
         if self.inspected != object_id:
-            self._renderer.end_inspection()
-            self._session.inspect(object_id)
+            self.renderer.end_inspection()
+            self.session.inspect(object_id)
 
     def leave(self) -> None:
         """Come back from inspection; the sprite becomes what was seen last."""
-        self._renderer.leave()
+        self.renderer.leave()
 
     def end_inspection(self) -> None:
         """End an inspection at once: the view is again what it was before."""
-        self._renderer.end_inspection()
+        self.renderer.end_inspection()
 
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
-        return self._renderer.rotation_of(object_id)
+        return self.renderer.rotation_of(object_id)
 
     def direction_drawn(self) -> None:
         """Take note that a direction was drawn."""
@@ -380,14 +368,15 @@ class SessionController:
 
     def frame_bag(self) -> None:
         """Set the viewer's camera so that the bag and all sprites fit beside each other."""
-        height, width = self._viewer.canvas.size
-        pixels = compat.pixel_scale(self._viewer)
-        self._session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
-        self.look_from(self._session.overview())
+        # Slots of sprites are planned for device pixels; napari counts logical ones.
+        height, width = self.viewer.canvas.size
+        pixels = compat.pixel_scale(self.viewer)
+        self.session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
+        self.look_from(self.session.overview())
 
     def look_from(self, camera: Camera) -> None:
         """Set the viewer's camera to one of the session's."""
-        point_camera(self._viewer, self.packed, camera)
+        point_camera(self.viewer, self.packed, camera)
 
     def step(self, seconds: float = 10.0) -> bool:
         """Show this very moment of the session's clock; for films, whose clock stands still.
@@ -402,7 +391,7 @@ class SessionController:
         bool
             Whether every image is right.
         """
-        self._renderer.catch_up()
+        self.renderer.catch_up()
         return self.settle(seconds)
 
     def settle(self, seconds: float = 10.0) -> bool:
@@ -433,20 +422,20 @@ class SessionController:
     def _settled(self) -> bool:
         # Queries wait until every flight has landed.
         pending = self._queries.pending and not self.flying
-        drawn = self._renderer.settled and self._overlays.settled
+        drawn = self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)
 
     # Wiring.
 
     def _connect(self) -> None:
-        viewer, renderer, scheduler = self._viewer, self._renderer, self.scheduler
+        viewer, renderer, scheduler = self.viewer, self.renderer, self.scheduler
         for signal, slot in self._connections():
             signal.connect(slot)
         canvas = compat.native_canvas(viewer)
-        followed = self.outer_session or self._session
+        followed = self.outer_session or self.session
         self.slice_steps = SliceSteps(viewer, followed, self.packed)
         self.interaction.open()
-        clipping = ClippingSync(self.packed, self._session, self.sources, self._queries.moved)
+        clipping = ClippingSync(self.packed, self.session, self.sources, self._queries.moved)
         context = ContextWatch(canvas, self._on_context_replaced, scheduler.later)
         throttle = RedrawThrottle(
             compat.RedrawHook(canvas),
@@ -470,7 +459,7 @@ class SessionController:
             signal.disconnect(slot)
 
     def _connections(self) -> list[tuple[Event, Callable[..., None]]]:
-        events, renderer, queries = self._session.events, self._renderer, self._queries
+        events, renderer, queries = self.session.events, self.renderer, self._queries
         return [
             (events.labels, renderer.labels_changed),
             (events.labels, queries.labels_changed),
@@ -484,15 +473,16 @@ class SessionController:
             (self.packed.frame_changed, self._on_frame),
             (self.transition.frame_changed, self._on_other_frame),
             (self.sprites.frame_changed, self._on_other_frame),
-            (self._viewer.layers.events.removed, self._on_removed),
+            (self.viewer.layers.events.removed, self._on_removed),
         ]
 
     def _on_frame(self, frame: Frame) -> None:
+        # Every redraw tells its frame; most show the same view.
         if not frame.same_as(self.frame):
-            self._session.canvas_size = frame.size
-            self._session.look(frame.camera)
-            self._renderer.set_view(frame)
-            self._overlays.set_view(frame)
+            self.session.canvas_size = frame.size
+            self.session.look(frame.camera)
+            self.renderer.set_view(frame)
+            self.overlays.set_view(frame)
             self._queries.moved()
 
     def _on_other_frame(self, frame: Frame) -> None:
@@ -502,13 +492,13 @@ class SessionController:
 
     def _on_states(self) -> None:
         self._keep_view_during_inspection()
-        self._renderer.states_changed()
-        self._overlays.states_changed()
+        self.renderer.states_changed()
+        self.overlays.states_changed()
         self._queries.moved()
 
     def _keep_view_during_inspection(self) -> None:
-        inspecting = ObjectState.INSPECTED in self._session.states.values()
-        camera = self._viewer.scene.camera
+        inspecting = ObjectState.INSPECTED in self.session.states.values()
+        camera = self.viewer.scene.camera
         if inspecting and self._view_before_inspection is None:
             self._view_before_inspection = SavedView.of(camera)
         elif not inspecting and self._view_before_inspection is not None:
@@ -516,28 +506,29 @@ class SessionController:
             self._view_before_inspection = None
 
     def _on_queue(self) -> None:
-        self._overlays.states_changed()
+        self.overlays.states_changed()
         self._queries.queue_changed()
 
     def _on_hues(self) -> None:
-        self._renderer.hues_changed()
+        self.renderer.hues_changed()
         self._slice_hues.paint()
 
     def _on_transfer_function(self) -> None:
-        self._renderer.transfer_function_changed()
-        self._overlays.outlines.redraw()
+        self.renderer.transfer_function_changed()
+        self.overlays.outlines.redraw()
 
     def _on_context_replaced(self) -> None:
-        self._renderer.context_replaced()
-        self.events.message.emit(rebuild_layers(self._viewer, self.layers))
+        self.renderer.context_replaced()
+        self.events.message.emit(rebuild_layers(self.viewer, self.layers))
 
     def _on_refused(self, log: str) -> None:
         self.events.message.emit(f"This graphics driver cannot show images in napari ({log}).")
 
     def _on_decorations(self) -> None:
-        decorate_canvas(self._viewer, self._session.decorations)
-        self._renderer.decorations_changed()
+        decorate_canvas(self.viewer, self.session.decorations)
+        self.renderer.decorations_changed()
 
     def _on_removed(self, event: Any) -> None:
+        # One layer without the others would show half a session.
         if event.value in self.layers:
             self.close()

@@ -63,6 +63,7 @@ class Interaction:
         """Take the mouse."""
         viewer = self._target.viewer
         self._theirs = list(viewer.mouse_double_click_callbacks)
+        # napari's zoom would move the view away under an inspection.
         viewer.mouse_double_click_callbacks[:] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
         viewer.mouse_drag_callbacks.append(self._drag)
@@ -114,6 +115,7 @@ class Interaction:
 
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
+        # Every movement of the mouse comes here.
         if object_id == self._pointed:
             return
         self._pointed = object_id
@@ -245,6 +247,7 @@ class Interaction:
                     grip.drag(last, pixel)
                     last = pixel
                 yield
+        # A click ends drawing too: its arrow is too short to set a direction.
         if grip is not None and (moved or self.drawing):
             grip.release()
         elif not moved and not self._target.renderer.inspected:

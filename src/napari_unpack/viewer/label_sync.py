@@ -100,6 +100,7 @@ class LabelSync:
 
     def _on_painted(self, event: Any) -> None:
         layer = event.source
+        # Our own writing raises the same events as a brush.
         if self._writing or layer not in self._layers:
             return
         self._painted = layer
@@ -109,6 +110,7 @@ class LabelSync:
         layer = self._painted
         if layer is None or layer not in self._layers:
             return
+        # Another array was put into the layer: no stroke of a brush.
         if np.shape(layer.data) != self._session.labels.shape:
             return
         if not self._run(self._session.label_editor.paint_task(np.asarray(layer.data))):

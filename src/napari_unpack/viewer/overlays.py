@@ -125,6 +125,7 @@ class OutlineRenderer:
     def redraw(self) -> None:
         """Draw anew, after the camera moved or objects left or came back."""
         self._revision += 1
+        # Lines of the view before would lie beside their objects.
         if self._image is not None:
             self._image = None
             self._show()
@@ -196,6 +197,7 @@ def draw_outlines(
     if buried:
         through = outlined(front(frozenset({buried})), {buried: BURIED})
         rgba = through + (1.0 - through[..., 3:]) * rgba
+    # Without depth, so that nothing of the bag hides a line.
     patch = ImagePatch(rgba, np.full(rgba.shape[:2], np.inf, np.float32), 0, 0).trimmed()
     image = RenderedImage.of(patch, frame.camera, frame.size)
     return None if image is None else replace(image, in_front=True)

@@ -115,6 +115,7 @@ class PackedRenderer:
         cache = self._cache
         if cache is None or cache.labels is not scene.labels:
             fresh = SubvolumeCache(scene.volume, scene.labels, scene.boxes, scene.spacing)
+            # After an edit of labels only the bricks of its box are made anew.
             if cache is not None and cache.volume is fresh.volume:
                 fresh.taking_over(cache)
             fresh.whole()
@@ -139,6 +140,7 @@ class PackedRenderer:
 
     def backend_changed(self) -> None:
         """Cast again since the canvas has begun to cast, or does so no more."""
+        # How fast the other backend was says nothing of this one.
         self._image, self._canvas_image, self._rays = None, None, float(FEWEST_RAYS)
         self._scheduler.set_idle_delay(IdlePhase.IMAGE, 0)
         self.recast()
@@ -166,6 +168,7 @@ class PackedRenderer:
         frame, image = self._frame, self._image
         if frame is None:
             return
+        # Only beside a full image of just before is everything else right.
         if self._full_for != (frame, before):
             self._cast_preview()
             return
@@ -206,6 +209,7 @@ class PackedRenderer:
         before: RenderedImage | None = None,
         with_thumbnail: bool = True,
     ) -> None:
+        # Another image than the one that colours fade to.
         if before is None and isinstance(image, RenderedImage):
             self.fade.stop()
         self._layer.show(image, before, with_thumbnail)
@@ -252,6 +256,7 @@ class PackedRenderer:
             rays = rays // GL_RAYS_STEP * GL_RAYS_STEP
         share = min(1.0, rays / min(frame.size))
         size = max(1, round(frame.size[0] * share)), max(1, round(frame.size[1] * share))
+        # Fewer samples along fewer rays: hardly seen while things move.
         step = 1.0 if share == 1.0 else 1.5
         if self._canvas_backend.active:
             self._cast_on_canvas(frame, size, step, adapts=True)
@@ -267,12 +272,14 @@ class PackedRenderer:
         self, result: tuple[RenderedImage | None, float], frame: Frame, revision: int, whole: bool
     ) -> None:
         image, seconds = result
+        # Asked for before the graphics card took over.
         if self._canvas_backend.active:
             return
         self._adapt(seconds, FRAME_SECONDS, frame)
         # Half an image more than it took: the next movement may come with the next one.
         idle_ms = min(SLOWEST_IDLE_MS, round(1500 * seconds))
         self._scheduler.set_idle_delay(IdlePhase.IMAGE, idle_ms)
+        # A full image has overtaken this preview.
         if self._full_for is not None and self._full_for[0] is self._frame:
             return
         self._image = image
@@ -297,6 +304,7 @@ class PackedRenderer:
         )
 
     def _full_done(self, image: RenderedImage | None, frame: Frame, revision: int) -> None:
+        # The camera has moved on, and a preview is under way.
         if frame is not self._frame:
             return
         if revision != self._revision:
@@ -338,6 +346,7 @@ class PackedRenderer:
             self._adapt(seconds, GL_FRAME_SECONDS, frame)
 
     def _adapt(self, seconds: float, wanted: float, frame: Frame) -> None:
+        # Time goes with the square of the rays a side; one slow frame counts for little.
         change = (wanted / max(seconds, 1e-4)) ** 0.5
         self._rays = max(FEWEST_RAYS, self._rays * min(max(change, 0.7), 1.3))
         self._rays = min(self._rays, max(FEWEST_RAYS, min(frame.size)))

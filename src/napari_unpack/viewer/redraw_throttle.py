@@ -69,6 +69,7 @@ class RedrawThrottle:
             self._redraw()
 
     def _decide(self) -> None:
+        # Drawn meanwhile for another reason.
         if self._layer.drawn_at > self._asked_at:
             return
         left, frame = self._left_ms(), self._layer.frame_now()
@@ -76,6 +77,7 @@ class RedrawThrottle:
             self._redraw()
             return
         self._set_view(frame)
+        # At the latest then: overlays and napari's own layers turn with the bag.
         self._scheduler.throttle(self._redraw, left, self._redraw)
 
     def _left_ms(self) -> int:

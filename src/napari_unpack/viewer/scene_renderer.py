@@ -168,6 +168,7 @@ class SceneRenderer:
 
     def set_view(self, frame: Frame) -> None:
         """Follow the canvas, which is being drawn."""
+        # The driver can be asked only while the canvas is drawn.
         before = self.canvas_backend.active
         self.canvas_backend.enter()
         self.frame = frame
@@ -190,6 +191,7 @@ class SceneRenderer:
         self._follow_inspection()
         packed = frozenset(i for i, s in self.session.states.items() if s is ObjectState.PACKED)
         changed, self._packed_ids = packed ^ self._packed_ids, packed
+        # What flies first: it answers the click.
         self._draw_moving()
         self.packed_renderer.recast_objects(changed)
         self._show_sprites()
@@ -450,6 +452,7 @@ class SceneRenderer:
         hidden = {i for i, s in session.states.items() if s is ObjectState.HIDDEN}
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
         poses |= {i: pose for i, pose in self.animator.carried.items() if i in poses}
+        # Slots planned anew are glided to; a sprite under the hand is where the hand is.
         poses = self.glides.follow(poses, session.slots)
         waiting = frozenset(poses)
         for object_id, flight in session.flights.items():

@@ -237,6 +237,7 @@ class ThreadWorkers:
         """Go on drawing while something holds, without mouse and keyboard."""
         if not waits():
             return
+        # With mouse and keys a second command could begin within the first.
         flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
         QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
@@ -273,6 +274,7 @@ class ThreadWorkers:
     def _run(self, job: Job) -> None:
         result = job.run(self._post.progressed.emit)
         with self._lock:
+            # What it worked on is let go of with the job.
             if self._closed:
                 return
             pool = self._pools[job.worker]
@@ -422,6 +424,7 @@ class Scheduler:
             return
         place = task.key if slot is None else slot
         here = [j for j in self._workers.jobs(self) if (j.worker, j.slot) == (worker, place)]
+        # What is being answered already is not computed twice.
         same = [j for j in here if slot is not None and j.task.key == task.key]
         if same:
             same[-1].listeners.append((done, failed))
@@ -463,6 +466,7 @@ class Scheduler:
         waiting = self._workers.waiting(self)
         for job in self._workers.jobs(self):
             if job.slot == slot:
+                # Other tasks never look: what they return is delivered as ever.
                 job.stopping.set()
                 if job in waiting:
                     self._workers.drop(job)
@@ -477,6 +481,7 @@ class Scheduler:
         result : TaskResult
         """
         for done, failed in job.listeners:
+            # A listener may close the scheduler.
             if self.closed:
                 return
             if result.error is None:
@@ -501,6 +506,7 @@ class Scheduler:
             From now.
         call : callable
         """
+        # A new object is a key that nothing else has.
         self.debounce(object(), milliseconds, call)
 
     def debounce(self, key: Hashable, milliseconds: int, call: Call) -> None:
@@ -522,6 +528,7 @@ class Scheduler:
             calls = [call]
 
             def fire() -> None:
+                # First: the call may ask again under the same key.
                 del self._debounced[key]
                 calls[0]()
 
@@ -589,6 +596,7 @@ class Scheduler:
         milliseconds : int
         """
         self._idle[phase].milliseconds = max(phase.value, milliseconds)
+        # The frame that was so slow is the newest movement.
         if self.idle_pending(phase):
             self.touch(phase)
 
@@ -614,6 +622,7 @@ class Scheduler:
     def _on_idle(self, phase: IdlePhase) -> None:
         if self.closed:
             return
+        # Looked at again after a whole phase: what held it may have moved things.
         if self.idle_held(phase):
             self.touch(phase)
             return
@@ -647,6 +656,7 @@ class Scheduler:
             self._frames.stop()
 
     def _on_frame(self) -> None:
+        # A tick may start or stop others.
         for one in tuple(self._animations):
             if one.running:
                 one.tick(one.now())
@@ -655,6 +665,7 @@ class Scheduler:
         """Forget everything; what runs is asked to stop and its result thrown away."""
         self.closed = True
         for job in self._workers.jobs(self):
+            # Python waits for its threads at the end: long work stops at its next report.
             job.stopping.set()
             self._workers.drop(job)
         for timer, _ in self._debounced.values():

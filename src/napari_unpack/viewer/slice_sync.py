@@ -145,6 +145,7 @@ class SliceSteps:
             return
         self._pending = next(iter(ids)) if len(ids) == 1 and not self._held else 0
         scrolling = self.clock() - self._scrolled < SCROLL_SECONDS
+        # What the user scrolls to stays.
         if self._viewer.dims.ndisplay == 2 and scrolling:
             self._pending = 0
         self._catch_up()
@@ -160,6 +161,7 @@ class SliceSteps:
         row = boxes.index(object_id)
         middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
         world = transform_points(data_to_world(self._layer, units_of(self._viewer)), middle)
+        # Our own step is no scroll of the user.
         self._moving = True
         try:
             dims.set_point(range(dims.ndim - 3, dims.ndim), [float(v) for v in world])

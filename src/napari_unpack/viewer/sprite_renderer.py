@@ -103,6 +103,7 @@ class SpriteRenderer:
             sharpness = resolution(pixels_per_mm, PIXELS_PER_VOXEL / (voxel * pose.scale))
             key = self._key(object_id, pose, sharpness)
             have = self._made.get(object_id)
+            # In pivot space an image stays right wherever it is put.
             if have is not None and not np.array_equal(have[1].pose.center, pose.center):
                 self._made[object_id] = have = (have[0], have[1].moved(pose))
             if (have is None or have[0] != key) and self._asked.get(object_id) != key:
@@ -133,6 +134,7 @@ class SpriteRenderer:
     def _finish(self, object_id: int, key: Hashable, sprite: Sprite | None) -> None:
         if self._asked.get(object_id) == key:
             del self._asked[object_id]
+        # It may have gone back into the bag meanwhile.
         if object_id in self._wanted and sprite is not None:
             self._made[object_id] = key, sprite.moved(self._wanted[object_id])
             self._publish()

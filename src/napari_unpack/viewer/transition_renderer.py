@@ -123,6 +123,7 @@ class TransitionRenderer:
     def _finish(self, result: tuple[dict[int, RenderedImage], float, bool]) -> None:
         images, seconds, sharp = result
         self._first = False
+        # A still object has all its pixels, however long that takes.
         if not sharp:
             self._adapt(seconds, FRAME_SECONDS)
         self.frames += 1
@@ -154,6 +155,7 @@ def adapted(share: float, seconds: float, wanted: float) -> float:
     seconds, wanted : float
         How long that took, and how long it should take.
     """
+    # Down faster than up: a stutter is seen at once, a finer image is not missed.
     change = (wanted / max(seconds, 1e-4)) ** 0.5
     return min(1.0, max(COARSEST, share * min(max(change, 0.75), 1.15)))
 
@@ -211,5 +213,6 @@ def cast_moving(
     patch = object_image(
         scene, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
     )
+    # Only its own rectangle is sent to the graphics card.
     image = RenderedImage.of(patch.trimmed(), camera, small)
     return replace(image, in_front=True) if image is not None and moving.in_front else image
