@@ -49,6 +49,7 @@ def safe_to_rgb(hue: ArrayLike) -> NDArray[np.float64]:
     deuteranopes see, simulated by the matrices of Machado, Oliveira and Fernandes 2009
     (severity 1), measured in CIELAB.
     """
+    # Linear between neighbours, so that hues a little apart are never one colour.
     position = np.asarray(hue, dtype=np.float64) % 1.0 * _RING
     low = np.floor(position).astype(int) % _RING
     part = (position - np.floor(position))[..., None]
@@ -243,6 +244,7 @@ def _even_ring() -> NDArray[np.float64]:
     lightness = np.linspace(0.6, 0.86, 27)
     chroma = np.linspace(0.0, 0.32, 161)
     rgb = _oklch_to_linear(lightness[:, None, None], chroma[None, :, None], angles[None, None, :])
+    # The most colourful point of every hue inside sRGB, by search: it has no closed form.
     inside = ((rgb >= -1e-4) & (rgb <= 1 + 1e-4)).all(axis=-1)
     most = chroma[inside.cumprod(axis=1).sum(axis=1) - 1]
     # The lightness at which the hue has most chroma, held near the middle of the band.
@@ -258,6 +260,7 @@ def _even_ring() -> NDArray[np.float64]:
 
 def _smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
     width = 25
+    # A ring has no ends, so it is continued at both.
     padded = np.concatenate([values[-width:], values, values[:width]])
     kernel = np.hanning(2 * width + 1)
     return np.convolve(padded, kernel / kernel.sum(), mode="valid")

@@ -232,6 +232,7 @@ def cast_runs(
     from napari_unpack.rendering.cpu import occlusion_runs
 
     rays = off_faces(rays_for(camera.orthographic(), size, spacing))
+    # Objects that have left are skipped in the counting, so no ray is cast again.
     if known is not None and known.serves(rays, visible):
         return known
     return occlusion_runs(labels, rays, visible, bricks)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# Standard deviation of the blur that takes the steps from a line, pixels.
 RGBA = tuple[float, float, float, float]
+# Standard deviation of the blur that takes the steps from a line, pixels.
 SOFTNESS = 0.6
 
 

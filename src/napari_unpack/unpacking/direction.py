@@ -49,6 +49,7 @@ def bag_up(box: OrientedBox, table: Sequence[float] = GRAVITY_UP) -> Vector:
     """
     normal = unit(box.normal, "normal")
     rise = float(normal @ unit(table, "table"))
+    # Within a twentieth of a degree of level the sign would be noise.
     if abs(rise) < 1e-3:
         rise = -float(normal[int(np.abs(normal).argmax())])
     return normal if rise > 0 else -normal

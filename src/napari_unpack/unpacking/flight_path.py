@@ -72,6 +72,7 @@ def path_around_bag(
     last = target - center
     turned = ease((gone - TURNING_FROM) / (1.0 - TURNING_FROM))
     near, far = float(np.linalg.norm(first)), float(np.linalg.norm(last))
+    # From the centre itself no direction can be turned: go straight.
     if min(near, far) < 1e-9 * radius:
         return center + (1.0 - turned) * first + turned * last
     a, b = first / near, last / far
@@ -81,10 +82,12 @@ def path_around_bag(
         towards = np.eye(3)[0] if abs(a[0]) < 0.9 else np.eye(3)[1]
         side = towards - (a @ towards) * a
     side = side / np.linalg.norm(side)
+    # atan2 is exact at both ends, where acos loses half its digits.
     angle = turned * float(np.arctan2(np.linalg.norm(b - (a @ b) * a), a @ b))
     arc = np.cos(angle) * a + np.sin(angle) * side
     distance = (1.0 - turned) * near + turned * far
     place: Vector = center + distance * arc
+    # Exactly, so that a landed object does not move by a rounding error.
     return place if turned < 1.0 else target.copy()
 
 

@@ -12,8 +12,9 @@ from napari_unpack.rendering.cpu.bricks import Bricks, strides
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
-# Looks per voxel edge on the way.
+# Above this many objects there is no table of blockers: it grows with their square.
 MOST_IN_TABLE = 4096
+# Positions tested per voxel edge on the way: rounded to voxels, none is passed over.
 STEPS = 4
 
 

@@ -129,6 +129,7 @@ def occlusion_counts(
             target = workspace.counting_targets.get(rays.size)
             try:
                 return workspace.atomics.count(target, textures, rays, visible, occupied)
+            # The other method has no such limits.
             except (RayTooCrowdedError, ShaderError):
                 if method == "atomics":
                     raise
@@ -324,6 +325,7 @@ class Workspace:
             Density; None where labels alone are drawn.
         """
         for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
+            # Textures go with their arrays: an identity may be used again.
             if label_ref() is None or (volume_ref is not None and volume_ref() is None):
                 self._kept.pop(key)[2].delete()
             elif label_ref() is labels and (
@@ -334,6 +336,7 @@ class Workspace:
         textures = VolumeTextures(labels, volume)
         volume_ref = None if volume is None else weakref.ref(volume)
         self._kept[id(labels), id(volume)] = (weakref.ref(labels), volume_ref, textures)
+        # The least recently used go first: volumes are large.
         while len(self._kept) > self.keep:
             self._kept.pop(next(iter(self._kept)))[2].delete()
         return textures

@@ -142,6 +142,7 @@ class TintedCaster:
             Colour and depth textures of the rays' size.
         """
         context = namespace()
+        # Textures of another context mean nothing in this one.
         if context is not self._context:
             self._start_afresh()
             self._context = context
@@ -153,6 +154,7 @@ class TintedCaster:
         target = self._targets.get(rays.size)
         window: PixelWindow | None = (0, 0, rays.size[1], rays.size[0])
         retinted = inputs.retinted(self._last)
+        # Only tints have changed: pixels without these objects stay as they are.
         if retinted and where is not None and self.image is not None:
             window = where(retinted)
         # Half an image must not be taken for a whole one if a driver gives up.

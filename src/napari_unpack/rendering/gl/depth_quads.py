@@ -276,6 +276,7 @@ def clip_from_pivot(render_from_world: ArrayLike, camera: Camera) -> Matrix:
         From pivot space (towards, down, right, 1) in mm to clip space (x, y, z, w).
     """
     world_from_pivot = flip_matrix(np.linalg.inv(camera.pivot_from_world()))
+    # Columns in the order towards, down, right, as pivot space has its axes.
     order = [2, 1, 0, 3]
     product: Matrix = (np.asarray(render_from_world, dtype=np.float64) @ world_from_pivot)[:, order]
     return product
@@ -403,6 +404,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         overall = self.quads_opacity * (
             1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
         )
+        # Nothing is uploaded for what would not be seen.
         wanted = [quad for quad in self._quads if quad.opacity * overall > 0.0]
         found = [(quad, quad.image.textures()) for quad in wanted]
         shown = [(quad, textures) for quad, textures in found if textures is not None]
@@ -420,6 +422,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         # A canvas of one pixel leaves Qt's own errors, which PyOpenGL would raise as ours.
         forget_complaints()
         depth_func = gl.glGetParameter(gl.GL_DEPTH_FUNC)
+        # Opaque pixels first: translucent ones blend over what depth leaves visible.
         for core in (True, False):
             gloo.set_state(
                 depth_test=True,

@@ -52,6 +52,7 @@ class Target:
             context.glir.associate(texture.glir)
         self.framebuffer.activate()
         context.flush_commands()
+        # gloo attaches the first colour only; the others are attached with plain GL.
         for i, texture in enumerate(self.textures[1:], start=1):
             handle = context.shared.parser.get_object(texture.id).handle
             GL.glFramebufferTexture2D(
@@ -68,6 +69,7 @@ class Target:
         viewport = context.get_viewport()
         self.framebuffer.activate()
         context.set_viewport(0, 0, self.size[1], self.size[0])
+        # A pass writes numbers, which blending would mix.
         gloo.set_state(blend=False, depth_test=False, cull_face=False, scissor_test=False)
         try:
             yield
@@ -144,6 +146,7 @@ class Targets:
         if target is None:
             target = Target(size, self._channels, self._smooth)
             self.made += 1
+        # Put last, since the first is the one thrown away.
         self._kept[size] = target
         while len(self._kept) > self._keep:
             self._kept.pop(next(iter(self._kept))).delete()

@@ -15,8 +15,9 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 
-# Each pass reads all earlier ones; 7 beside the labels and tables fit any driver's 16 samplers.
+# One layer a channel of an RGBA target.
 LAYERS_A_PASS = 4
+# Each pass reads all earlier ones; 7 beside the labels and tables fit any driver's 16 samplers.
 MOST_LAYERS = 32
 
 

@@ -88,6 +88,7 @@ class OcclusionAtomics:
             | {"u_objects": float(n)},
         )
         context = current_context()
+        # As bound in shaders/passes/count_occluded.frag; the last counter tells of overflow.
         buffers = [
             new_buffer(0, slots),
             new_buffer(1, np.zeros(5 * n + 1, np.uint32)),
@@ -97,6 +98,7 @@ class OcclusionAtomics:
             with target.drawing():
                 self._program.draw("triangle_strip")
                 context.flush_commands()
+                # Atomics are visible to reads from the CPU only behind a barrier.
                 GL.glMemoryBarrier(GL.GL_BUFFER_UPDATE_BARRIER_BIT)
             self.passes += 1
             counters = read_buffer(buffers[1], 5 * n + 1)
@@ -118,6 +120,7 @@ def supported(blocks: int = 3) -> bool:
     version = tuple(int(word) for word in words[:2] if word.isdigit())
     if len(version) < 2 or version < NEEDED:
         return False
+    # Drivers of this version may still offer fragment shaders no storage blocks at all.
     most = int(np.asarray(GL.glGetIntegerv(GL.GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS)).max())
     return most >= blocks
 
@@ -131,6 +134,7 @@ def _counts(
     rows = np.zeros((5, size), np.int64)
     rows[:, candidates] = counters
     n = len(candidates)
+    # One bit a pair, 32 to a word, lowest first, as the shader sets them.
     bits = np.unpackbits(words.view(np.uint8), bitorder="little")[: n * n]
     met = counters[0] > 0
     blocks = bits.reshape(n, n).astype(np.bool_)[np.ix_(met, met)]

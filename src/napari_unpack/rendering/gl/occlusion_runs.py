@@ -18,8 +18,9 @@ from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 
-# Where a ray that is done would resume; the twin of shaders/passes/label_runs.frag.
+# Two runs in each of three RGBA targets; the fourth says where to resume.
 RUNS_A_PASS = 6
+# Where a ray that is done would resume; the twin of shaders/passes/label_runs.frag.
 NO_MORE = 1.0e30
 
 # Above this many objects there is no table of who blocks whom, as on the CPU.
@@ -83,6 +84,7 @@ class OcclusionPass:
         )
         parts: list[NDArray[np.float32]] = []
         resume = True
+        # A pass cannot read what it writes, so two sets of targets take turns.
         while resume:
             target, before = targets[len(parts) % 2], targets[(len(parts) + 1) % 2]
             first = {"u_first": float(not parts), "u_resume": before.textures[3]}
@@ -133,6 +135,7 @@ def counts_of_runs(
         if not here.any():
             break
         new = here.copy()
+        # Vectorised over rays: the place-th run of all rays against each run before it.
         for earlier in range(place):
             other = here & (ids[earlier] != ids[place])
             new &= other

@@ -18,8 +18,8 @@ from vispy import gloo
 from napari_unpack.rendering.gl.framebuffer import current_context, namespace
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 
-# Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names.
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+# Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names.
 STRIDE = 100_000
 
 
@@ -92,6 +92,7 @@ def load(
             if wanted in (*above, name):
                 circle = " -> ".join([*above, name, wanted])
                 raise ValueError(f"shader files include each other in a circle: {circle}")
+            # Once, where it is first asked for: GLSL has no include guards.
             if wanted not in files:
                 files.append(wanted)
                 lines += expand(wanted, (*above, name))
@@ -187,6 +188,7 @@ def linked(vertex: ShaderSource, fragment: ShaderSource) -> gloo.Program:
     context = current_context()
     context.flush_commands()
     program = gloo.Program(vertex.code, fragment.code)
+    # Compiled now, so that a wrong shader is reported here and not at the first draw.
     context.glir.associate(program.glir)
     try:
         context.flush_commands()

@@ -33,8 +33,10 @@ def ray_uniforms(rays: Rays, textures: VolumeTextures) -> Uniforms:
     }
     return uniforms | {
         "u_step": rays.step,
+        # Not every driver knows infinity.
         "u_near": max(rays.near, -1e30),
         "u_shape": flip(textures.shape),
+        # Reciprocals, since no compiler turns divisions by uniforms into products.
         "u_per_grid": 1.0 / np.asarray(flip(textures.grid), np.float64),
         "u_per_factor": 1.0 / np.asarray(flip(textures.factor), np.float64),
         "u_labels": textures.labels,
