@@ -4,11 +4,12 @@ JSON keys of saved sessions, docs/decisions and docs/profiles.md are history and
 """
 
 NAMES = """
-Berth Blocking Borrowed COMPASS Card CardsVisual Contents Crop Depicted Director Disclosure
-FineCrop FlightPainter Glimpse Glimpses LiveShot Outcome Outlook Pacing PackedLabels PackedPainter
-Painter Patch Projector Question Sending Situation SpritePainter Studio Survey Unearthing Warming
-WayOut Workbench Workpiece best_way_out director projector repair_question right_of_way take_apart
-take_in take_off
+Berth Blocking Borrowed COMPASS CacheBook Card CardsVisual Contents Crop Depicted Director
+Disclosure FineCrop FlightPainter Glimpse Glimpses Ledger LiveShot Outcome Outlook Pacing
+PackedLabels PackedPainter Painter Patch Projector Question Sending Situation SpritePainter Studio
+Survey Tally Unearthing Warming WayOut Workbench Workpiece best_way_out cast_crop director
+least_unearthing object_patch packed_patch projector repair_question right_of_way skirt
+sprite_patch take_apart take_in take_off
 """
 """Classes and functions."""
 

@@ -20,7 +20,7 @@ from napari_unpack.unpacking.direction_survey import (
 UP, DOWN, SIDE = np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0])
 
 
-def outlook(direction, ids, *pairs):
+def blocking(direction, ids, *pairs):
     table = np.zeros((len(ids), len(ids)), bool)
     for front, behind in pairs:
         table[ids.index(front), ids.index(behind)] = True
@@ -35,7 +35,7 @@ def test_the_compass_holds_26_directions_with_their_opposites():
 
 
 def test_what_hangs_together_is_one_group_and_what_it_blocks_is_not_free():
-    one = outlook(UP, [2, 3, 5, 8], (2, 3), (3, 2), (3, 5))
+    one = blocking(UP, [2, 3, 5, 8], (2, 3), (3, 2), (3, 5))
     assert sorted(one.unpackable_groups()) == [(2, 3), (8,)]
     assert sorted(one.among({3, 5, 8}).unpackable_groups()) == [(3,), (8,)]
     assert sorted(one.opposite().unpackable_groups()) == [(5,), (8,)]
@@ -43,34 +43,34 @@ def test_what_hangs_together_is_one_group_and_what_it_blocks_is_not_free():
 
 def test_the_best_way_frees_most_and_ties_go_to_the_nearest():
     ids = [1, 2, 3]
-    looks = [
-        outlook(UP, ids, (1, 2), (2, 3)),
-        outlook(SIDE, ids, (1, 2)),
-        outlook(DOWN, ids, (3, 2)),
+    blockings = [
+        blocking(UP, ids, (1, 2), (2, 3)),
+        blocking(SIDE, ids, (1, 2)),
+        blocking(DOWN, ids, (3, 2)),
     ]
-    assert best_direction(looks, ids, 4, UP).ids == {1, 3}
-    assert best_direction(looks, ids, 4, -SIDE).direction @ DOWN == 1
-    assert best_direction(looks, ids, 4, SIDE).direction @ SIDE == 1
-    assert best_direction(looks, {2, 3}, 4, DOWN).ids == {2, 3}
+    assert best_direction(blockings, ids, 4, UP).ids == {1, 3}
+    assert best_direction(blockings, ids, 4, -SIDE).direction @ DOWN == 1
+    assert best_direction(blockings, ids, 4, SIDE).direction @ SIDE == 1
+    assert best_direction(blockings, {2, 3}, 4, DOWN).ids == {2, 3}
 
 
 def test_nobody_is_free_where_all_hang_together_and_groups_are_to_be_small():
-    looks = [outlook(UP, [1, 2, 3], (1, 2), (2, 3), (3, 1))]
-    assert best_direction(looks, [1, 2, 3], 2, UP) is None
-    assert best_direction(looks, [1, 2, 3], 3, UP).groups == ((1, 2, 3),)
+    blockings = [blocking(UP, [1, 2, 3], (1, 2), (2, 3), (3, 1))]
+    assert best_direction(blockings, [1, 2, 3], 2, UP) is None
+    assert best_direction(blockings, [1, 2, 3], 3, UP).groups == ((1, 2, 3),)
 
 
 def test_the_least_unearthing_names_direction_and_objects():
     ids = [1, 2, 3, 4]
-    looks = [outlook(UP, ids, (1, 2), (2, 4), (1, 3)), outlook(SIDE, ids, (3, 4))]
-    found = smallest_reveal_plan(looks, ids, 4, UP)
+    blockings = [blocking(UP, ids, (1, 2), (2, 4), (1, 3)), blocking(SIDE, ids, (3, 4))]
+    found = smallest_reveal_plan(blockings, ids, 4, UP)
     assert found.ids == {3, 4}
     assert found.first == {3}
     assert found.direction @ SIDE == 1
     # With 1 and 2 gone, both ways want one object more or none: up is free.
-    assert smallest_reveal_plan(looks, {3, 4}, 4, UP).ids == {4}
+    assert smallest_reveal_plan(blockings, {3, 4}, 4, UP).ids == {4}
     with pytest.raises(ValueError, match="packed"):
-        smallest_reveal_plan(looks, {3}, 4, UP)
+        smallest_reveal_plan(blockings, {3}, 4, UP)
 
 
 @settings(max_examples=60, deadline=None)
@@ -80,7 +80,7 @@ def test_needed_is_the_smallest_set_that_nobody_outside_blocks(count, data):
     pairs = [(a, b) for a in ids for b in ids if a != b]
     chosen = data.draw(st.lists(st.sampled_from(pairs), max_size=10))
     target = data.draw(st.sampled_from(ids))
-    found = outlook(UP, ids, *chosen).needed(target)
+    found = blocking(UP, ids, *chosen).needed(target)
 
     def closed(group):
         return not any(b in group and a not in group for a, b in chosen)

@@ -110,7 +110,7 @@ def sprite_place(patch: ImagePatch, center: tuple[float, float, float], mm: floa
     Parameters
     ----------
     patch : ImagePatch
-        Of `rendering.compose.sprite_patch`: row and col count from the object's centre.
+        Of `rendering.compose.sprite_image`: row and col count from the object's centre.
     center : (float, float, float)
         Where that centre is, pivot space mm.
     mm : float
@@ -240,7 +240,7 @@ class Sprite:
     Parameters
     ----------
     patch : ImagePatch
-        Of `rendering.compose.sprite_patch`, its colours as float16.
+        Of `rendering.compose.sprite_image`, its colours as float16.
     pose : Pose
         Where it waits and how it is turned.
     mm : float
