@@ -119,7 +119,7 @@ def facts_of(session: Any) -> dict[str, Any]:
             "selected": sorted(Today.selected(session)),
             "clipping": Today.clipping(session),
             "decorations": [ground.name, ground.colors, around.box, around.scale],
-            "ground": None if ground.picture is None else array_facts(ground.picture),
+            "ground": None if ground.image is None else array_facts(ground.image),
             "rules": Today.rules(session),
             "look": Today.look(session),
             "view": [view.direction, view.up, view.center, view.height, view.fov],

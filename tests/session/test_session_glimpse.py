@@ -40,9 +40,13 @@ class NoRays(RenderingQueries):
     sweep_table = occlusion_counts
 
 
-def without_rays(session: nu.Session) -> None:
-    """Let what asks for the whole result fail."""
-    session.ray_queries = NoRays(session.labels, session.spacing)
+def without_rays(session: nu.Session) -> nu.Session:
+    """Return a session alike, in which what asks for the whole result fails."""
+    rays = NoRays(session.labels, session.spacing)
+    return nu.Session.of_parts(
+        session.volume, session.spacing, session.label_data, session.state, session.view_state,
+        session.rules, rays,
+    )  # fmt: skip
 
 
 def looked(session: nu.Session, n_or_ids) -> bool:
@@ -85,7 +89,7 @@ def test_who_is_found_leaves_and_no_ray_is_cast() -> None:
     for session in (slow, quick):
         session.direction = (0.3, -1.0, 0.2)
     left = slow.unpack(3)
-    without_rays(quick)
+    quick = without_rays(quick)
     assert looked(quick, 3)
     assert quick.unpack(3) == left
     assert [entry.event for entry in quick.log] == ["query run", "queue reuse", "queue reuse"][
@@ -100,9 +104,9 @@ def test_chosen_objects_that_are_free_leave_and_no_ray_is_cast() -> None:
     for session in (slow, quick):
         session.direction = "-y"
     slow.unpackable()
-    free = [i for (i,) in (g for g in slow.unpackable_groups() if len(g) == 1)][:2]
+    free = [i for (i,) in (g for g in slow.queries.unpackable_groups() if len(g) == 1)][:2]
     held = next(i for i in slow.ids if i not in slow.unpackable())
-    without_rays(quick)
+    quick = without_rays(quick)
     assert not looked(quick, [held])
     assert looked(quick, free)
     assert quick.unpack(free) == slow.unpack(free) == tuple(sorted(free))

@@ -49,7 +49,7 @@ def test_no_question_is_computed_twice_and_its_answer_reaches_the_panel(asking, 
     scheduler.advance(5000)
     scheduler.finish_tasks()
     assert asked(scheduler, OCCLUSION) == 1
-    assert known[-1] == frozenset(session.unpackable_groups()[0]) | known[-1]
+    assert known[-1] == frozenset(session.queries.unpackable_groups()[0]) | known[-1]
     assert known[-1]
     # With one object gone everything is known still.
     session.unpack(1)
@@ -58,7 +58,7 @@ def test_no_question_is_computed_twice_and_its_answer_reaches_the_panel(asking, 
     scheduler.advance(1000)
     scheduler.finish_tasks()
     assert asked(scheduler, OCCLUSION) == 1
-    assert known[-1] == {i for group in session.unpackable_groups() for i in group}
+    assert known[-1] == {i for group in session.queries.unpackable_groups() for i in group}
 
 
 def test_a_command_waits_for_the_question_that_runs_and_asks_no_second_one(asking, session) -> None:
@@ -82,5 +82,5 @@ def test_another_direction_says_nothing_of_the_last_answer(asking, session) -> N
     assert known[-1] is None
     scheduler.advance(1000)
     scheduler.finish_tasks()
-    assert known[-1] == {i for group in session.unpackable_groups() for i in group}
+    assert known[-1] == {i for group in session.queries.unpackable_groups() for i in group}
     assert asked(scheduler, OCCLUSION) == 2

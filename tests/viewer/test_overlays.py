@@ -58,7 +58,7 @@ def drawn(viewer: Any, controller: SessionController, ink: tuple[float, ...]) ->
 def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: Any) -> None:
     viewer, session = shown
     controller = staged(viewer, session)
-    assert set(session.unpackable_groups()) == {(1, 2), (3,)}
+    assert set(session.queries.unpackable_groups()) == {(1, 2), (3,)}
     assert drawn(viewer, controller, INTERLOCKED.line) > 100
     controller.close()
 
@@ -71,13 +71,13 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
     controller.unpack([3])
     controller.finish()
     assert controller.settle(30)
-    assert session.unpackable_groups() == ((1, 2),)
+    assert session.queries.unpackable_groups() == ((1, 2),)
     assert drawn(viewer, controller, INTERLOCKED.line) > 100
     controller.unpack(1)
     controller.finish()
     assert controller.settle(30)
     assert set(session.states.values()) == {ObjectState.UNPACKED}
-    assert session.unpackable_groups() == ()
+    assert session.queries.unpackable_groups() == ()
     controller.close()
 
 

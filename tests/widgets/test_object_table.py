@@ -40,7 +40,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         selected=frozenset(),
         examples=frozenset(),
         label_of=lambda object_id: object_id,
-        unpackable_groups=lambda: (),
+        queries=SimpleNamespace(unpackable_groups=lambda: ()),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)

@@ -36,6 +36,23 @@ class FlightControl(Mapping[int, Flight]):
         self.version = 0
         self._flights: dict[int, Flight] = {}
 
+    def set_pace(
+        self,
+        animated: bool | None = None,
+        seconds: float | None = None,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        """Exchange some of the attributes.
+
+        Parameters
+        ----------
+        animated, seconds, clock
+            See the class; None leaves one as it is.
+        """
+        self.animated = self.animated if animated is None else animated
+        self.seconds = self.seconds if seconds is None else seconds
+        self.clock = self.clock if clock is None else clock
+
     def __getitem__(self, object_id: int) -> Flight:
         return self._flights[object_id]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,34 +20,14 @@ from napari_unpack.segmentation.repair import (
 from napari_unpack.session import commands
 from napari_unpack.session.errors import listed
 from napari_unpack.session.labels import Confidence, LabelData
-from napari_unpack.session.state import SessionState
 from napari_unpack.session.validation import MOST_ID, checked_ids
 from napari_unpack.tasks import Task
 
+if TYPE_CHECKING:
+    from napari_unpack.session.document import Document
+
 GivenIds = NDArray[np.int64] | None
 Change = Callable[[LabelData], tuple[LabelEdit | None, GivenIds]]
-
-
-class EditedSession(Protocol):
-    """What the editor reads of a session."""
-
-    volume: NDArray[Any]
-    spacing: NDArray[np.float64]
-
-    @property
-    def label_data(self) -> LabelData:
-        """The labels of now."""
-
-    @property
-    def state(self) -> SessionState:
-        """What undo brings back."""
-
-    @property
-    def flights(self) -> Container[int]:
-        """What is in the air."""
-
-    def names(self, ids: Iterable[int]) -> list[str]:
-        """Return what objects are called."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +73,7 @@ class LabelEditor:
 
     Parameters
     ----------
-    session : EditedSession
-        Only read.
-    commit : callable
-        Given what was done, the state and the labels then, makes them those of the session.
+    session : Document
 
     Attributes
     ----------
@@ -111,12 +88,8 @@ class LabelEditor:
     they left with.
     """
 
-    def __init__(
-        self,
-        session: EditedSession,
-        commit: Callable[[str, SessionState, LabelData], None],
-    ) -> None:
-        self._session, self._commit = session, commit
+    def __init__(self, session: Document) -> None:
+        self._session = session
         self.oracle: Callable[[Any], float] | None = None
 
     def split_task(
@@ -233,7 +206,8 @@ class LabelEditor:
         fresh = {i: golden_hue(i) for i in known - state.hues.keys()}
         # Another oracle may have scored the objects while the task ran.
         data = replace(edited.data, facts=now.facts_after(edit))
-        self._commit(edited.verb, commands.edit_labels(state, edit, known, fresh), data)
+        new = commands.edit_labels(state, edit, known, fresh)
+        self._session.commit(edited.verb, new, data=data)
         return True
 
     def _task(self, verb: str, change: Change) -> Task[EditedLabels | None]:

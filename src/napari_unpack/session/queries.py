@@ -8,18 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from functools import partial
-from operator import eq
-from threading import Lock
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from napari_unpack.appearance import assign_hues
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
+from napari_unpack.session.cache import MOST_RESULTS, ResultCache
 from napari_unpack.session.colors import HuesKey, Identity, VisibilityKey
 from napari_unpack.session.commands import Removal, RemovalPlan
 from napari_unpack.session.directions import (
@@ -40,8 +38,6 @@ from napari_unpack.session.errors import (
     least_occluded_sentence,
     listed,
 )
-from napari_unpack.session.flights import FlightControl
-from napari_unpack.session.history import History
 from napari_unpack.session.labels import Edit, LabelData
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.occlusion import (
@@ -53,9 +49,7 @@ from napari_unpack.session.occlusion import (
     find_occlusion,
     view_along,
 )
-from napari_unpack.session.placement import Bag
-from napari_unpack.session.ray_queries import RayQueries
-from napari_unpack.session.state import Group, SessionState, UnpackingRules, ViewState
+from napari_unpack.session.state import Group, SessionState
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import Progress, Task, no_progress
 from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box
@@ -64,51 +58,7 @@ from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan, 
 if TYPE_CHECKING:
     import networkx as nx
 
-K = TypeVar("K", bound=Hashable)
-
-# Results of one kind: D's, that of the direction asked for last, and one to go back to.
-MOST_RESULTS = 3
-
-
-class ResultCache:
-    """Results by kind and key, the least recently used dropped first; for any thread."""
-
-    def __init__(self) -> None:
-        self._kinds: dict[type, dict[Hashable, Any]] = {}
-        self._lock = Lock()
-
-    def find(self, wanted: K, covers: Callable[[Any, K], bool] = eq) -> Any:
-        """Return the latest result that serves a key, None where there is none.
-
-        Parameters
-        ----------
-        wanted : hashable
-        covers : callable
-            Given a known key and the wanted one, tells whether its result serves.
-        """
-        kind = self._kinds.get(type(wanted), {})
-        found = kind.get(wanted)
-        if found is not None or covers is eq:
-            return found
-        key = next((known for known in reversed(tuple(kind)) if covers(known, wanted)), None)
-        return None if key is None else kind.get(key)
-
-    def keep(self, key: Hashable, result: Any, most: int = MOST_RESULTS) -> None:
-        """Keep a result.
-
-        Parameters
-        ----------
-        key : hashable
-        result : object
-        most : int
-            How many results of this kind.
-        """
-        with self._lock:
-            kind = self._kinds.setdefault(type(key), {})
-            kind.pop(key, None)
-            kind[key] = result
-            for oldest in tuple(kind)[:-most]:
-                del kind[oldest]
+    from napari_unpack.session.document import Document
 
 
 class StatesKey(NamedTuple):
@@ -142,55 +92,12 @@ class LabelsKey(NamedTuple):
     edit: Edit | None
 
 
-class QueriedSession(Protocol):
-    """What queries read of a session; they change nothing."""
-
-    volume: NDArray[Any]
-    spacing: NDArray[np.float64]
-    backend: str
-
-    @property
-    def state(self) -> SessionState:
-        """What undo brings back."""
-
-    @property
-    def view_state(self) -> ViewState:
-        """How it is looked at."""
-
-    @property
-    def rules(self) -> UnpackingRules:
-        """What may leave."""
-
-    @property
-    def label_data(self) -> LabelData:
-        """The labels of now."""
-
-    @property
-    def bag(self) -> Bag:
-        """Their geometry."""
-
-    @property
-    def ray_queries(self) -> RayQueries:
-        """Rays through them."""
-
-    @property
-    def flights(self) -> FlightControl:
-        """What is in the air."""
-
-    @property
-    def history(self) -> History:
-        """Steps done and undone."""
-
-    def names(self, ids: Iterable[int]) -> list[str]:
-        """Return what objects are called."""
-
-
 class Queries:
     """What is derived from a session; each is worked out once for each key.
 
     Parameters
     ----------
-    session : QueriedSession
+    session : Document
     stored : callable
         Called after `store` has kept a result on occlusion that serves.
 
@@ -200,7 +107,7 @@ class Queries:
     the session meanwhile.
     """
 
-    def __init__(self, session: QueriedSession, stored: Callable[[], object]) -> None:
+    def __init__(self, session: Document, stored: Callable[[], object]) -> None:
         self._session, self._stored = session, stored
         self._cache = ResultCache()
 

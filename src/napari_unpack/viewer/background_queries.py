@@ -133,7 +133,7 @@ class BackgroundQueries:
             session.unpackable()
         finally:
             self._storing = False
-        groups = session.unpackable_groups()
+        groups = session.queries.unpackable_groups()
         self._unpackable(frozenset(int(i) for group in groups for i in group))
         self._prefetch()
 

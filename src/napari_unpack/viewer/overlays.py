@@ -151,8 +151,8 @@ class OutlineRenderer:
         if frame is None or session.flights:
             return
         packed = frozenset(i for i, s in session.states.items() if s is ObjectState.PACKED)
-        groups = session.unpackable_groups() if outlined.unpackable else ()
-        least = session.least_occluded_object() if outlined.unpackable and not groups else None
+        groups = session.queries.unpackable_groups() if outlined.unpackable else ()
+        least = session.queries.least_occluded() if outlined.unpackable and not groups else None
         inks = outlined.inks(packed, groups, 0 if least is None else least[0])
         buried = outlined.buried if outlined.buried in packed else 0
         if inks or buried:

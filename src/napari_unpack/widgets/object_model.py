@@ -214,7 +214,7 @@ class ObjectModel(QAbstractTableModel):
         states, hues = session.states, session.hues
         names, colors = session.objects["name"].to_dict(), _colors(hues, session.tint_mode)
         # Known without casting rays: the queue is used up before it is asked anew.
-        groups = session.unpackable_groups()
+        groups = session.queries.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
 
         def mark(i: int) -> str:

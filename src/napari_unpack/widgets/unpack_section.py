@@ -291,7 +291,7 @@ class UnpackSection(Section):
         """Name the least occluded object, and what another direction would make unpackable."""
         # Three facts that people ask for one after another.
         words = ["Every object is blocked in this direction."]
-        least = session.least_occluded_object()
+        least = session.queries.least_occluded()
         which = "The least occluded"
         if least is not None:
             object_id, ratio = least

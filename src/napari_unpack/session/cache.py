@@ -1,0 +1,54 @@
+"""Results under the keys they depend on: a stale one is never found, so none is ever thrown out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from operator import eq
+from threading import Lock
+from typing import Any, TypeVar
+
+K = TypeVar("K", bound=Hashable)
+
+# Results of one kind: D's, that of the direction asked for last, and one to go back to.
+MOST_RESULTS = 3
+
+
+class ResultCache:
+    """Results by kind and key, the least recently used dropped first; for any thread."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[type, dict[Hashable, Any]] = {}
+        self._lock = Lock()
+
+    def find(self, wanted: K, covers: Callable[[Any, K], bool] = eq) -> Any:
+        """Return the latest result that serves a key, None where there is none.
+
+        Parameters
+        ----------
+        wanted : hashable
+        covers : callable
+            Given a known key and the wanted one, tells whether its result serves.
+        """
+        kind = self._kinds.get(type(wanted), {})
+        found = kind.get(wanted)
+        if found is not None or covers is eq:
+            return found
+        key = next((known for known in reversed(tuple(kind)) if covers(known, wanted)), None)
+        return None if key is None else kind.get(key)
+
+    def keep(self, key: Hashable, result: Any, most: int = MOST_RESULTS) -> None:
+        """Keep a result.
+
+        Parameters
+        ----------
+        key : hashable
+        result : object
+        most : int
+            How many results of this kind.
+        """
+        with self._lock:
+            kind = self._kinds.setdefault(type(key), {})
+            kind.pop(key, None)
+            kind[key] = result
+            for oldest in tuple(kind)[:-most]:
+                del kind[oldest]

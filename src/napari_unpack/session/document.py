@@ -1,0 +1,333 @@
+"""The parts of a session, and how one state becomes another: commit, enter, undo, and the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.appearance import Decorations
+from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.view import Camera, View
+from napari_unpack.session import commands
+from napari_unpack.session.commands import RemovalPlan
+from napari_unpack.session.errors import NOTHING_UNPACKABLE, least_occluded_sentence, listed
+from napari_unpack.session.events import LogEntry, SessionEvents
+from napari_unpack.session.flights import FlightControl
+from napari_unpack.session.history import History, Step
+from napari_unpack.session.labels import LabelData, touched_between
+from napari_unpack.session.placement import Bag
+from napari_unpack.session.queries import Queries
+from napari_unpack.session.ray_queries import RayQueries, RenderingQueries
+from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
+from napari_unpack.session.validation import checked_count, checked_ids, checked_planes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Document:
+    """What a session holds; it alone exchanges one state for another.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density.
+    spacing : (3,) ndarray of float64
+        Voxel size in mm, z y x.
+    label_data : LabelData
+    state : SessionState
+    view_state : ViewState
+    rules : UnpackingRules
+    rays : RayQueries, optional
+        By default `rendering`'s, others for each revision of the labels.
+    clock : callable
+        Returns the time in seconds by which flights go.
+    """
+
+    def __init__(
+        self,
+        volume: NDArray[Any],
+        spacing: NDArray[np.float64],
+        label_data: LabelData,
+        state: SessionState,
+        view_state: ViewState,
+        rules: UnpackingRules,
+        rays: RayQueries | None,
+        clock: Callable[[], float],
+    ) -> None:
+        self.volume, self.spacing, self.backend = volume, spacing, "auto"
+        self.state, self.view_state, self.rules = state, view_state, rules
+        self._given_rays = rays
+        self.hold(label_data)
+        self.events, self.history, self.flights = SessionEvents(), History(), FlightControl(clock)
+        self.queries = Queries(self, self.fill_queue)
+        self.log: list[LogEntry] = []
+        # The result that the log's latest removal rests on, and after which removal it was last
+        # said that nothing is unpackable: both are said once, not for every removal.
+        self._credited: object = None
+        self._told_stuck: tuple[object, object] | None = None
+
+    def hold(self, data: LabelData) -> None:
+        """Take over labels, with their geometry and the rays through them."""
+        self.label_data = data
+        self.bag = Bag(data.labels, data.boxes, self.spacing)
+        self.ray_queries = self._given_rays or RenderingQueries(data.labels, self.spacing)
+
+    @property
+    def objects(self) -> pd.DataFrame:
+        """Facts by ID, with the names people gave; a copy."""
+        table, names = self.label_data.facts.copy(), self.state.names
+        if names:
+            table.loc[list(names), "name"] = list(names.values())
+        return table
+
+    def names(self, ids: Iterable[int]) -> list[str]:
+        """Return what objects are called, in the order of their IDs."""
+        names = self.objects["name"]
+        return [str(names[i]) for i in sorted(ids)]
+
+    @property
+    def poses(self) -> dict[int, Pose]:
+        """Poses in pivot space of unpacked objects that are in sight and not in the air."""
+        slots, stretch = self.queries.slots(), self.view_state.camera.stretch
+        return {
+            i: placement.pose(slots, stretch)
+            for i, placement in self.state.placements.items()
+            if i not in self.flights and i not in self.state.hidden
+        }
+
+    # One state becomes another.
+
+    def commit(
+        self, verb: str, new: SessionState, merge: bool = False, data: LabelData | None = None
+    ) -> None:
+        """Enter a state by a command that can be undone.
+
+        Parameters
+        ----------
+        verb : str
+            What is done, for people.
+        new : SessionState
+        merge : bool
+            Make one step of it and the last of the same verb.
+        data : LabelData, optional
+            The labels then, where they are another's.
+        """
+        # Inspecting an object is no part of a step: like turning the bag it changes nothing.
+        before, after = (commands.inspect(state, None) for state in (self.state, new))
+        self.history.push(Step(verb, before, after), merge)
+        self.enter(new, data)
+
+    def enter(self, new: SessionState, data: LabelData | None = None) -> None:
+        """Pass to another state: start flights, and tell what has changed.
+
+        Parameters
+        ----------
+        new : SessionState
+        data : LabelData, optional
+            As for `commit`.
+        """
+        old, states = self.state, self.queries.states()
+        edited: frozenset[int] = frozenset()
+        self.state = new
+        if new.labels_edit is not old.labels_edit:
+            edited = self._follow_labels(old, new, data)
+        stretch = self.view_state.camera.stretch
+        self.flights.follow(old, new, self.bag, self.queries.slots(), stretch)
+        now = self.queries.states()
+        changed = {i for i, state in now.items() if state is not states.get(i)}
+        if edited:
+            # Slots may have been planned anew.
+            changed.update(new.placements, edited & self.label_data.known)
+        self.events.emit_changes(old, new, edited, changed)
+
+    def _follow_labels(
+        self, old: SessionState, new: SessionState, data: LabelData | None
+    ) -> frozenset[int]:
+        before = self.label_data
+        after = self.queries.labels_at(new.labels_edit) if data is None else data
+        self.hold(after.after(before))
+        touched = touched_between(old.labels_edit, new.labels_edit)
+        self.flights.land(touched)
+        self.select(self.view_state.selected & self.label_data.known)
+        return touched
+
+    def travel(self, way: Literal["undo", "redo"]) -> str | None:
+        """Go a step back or forth; return what it was, None where there is none."""
+        history = self.history
+        found = history.undo(self.state) if way == "undo" else history.redo(self.state)
+        if found is None:
+            self.events.message.emit(f"There is nothing to {way}.")
+            return None
+        self.enter(commands.inspect(found[1], None))
+        return found[0].verb
+
+    def fill_queue(self) -> tuple[int, ...]:
+        """Bring the queue up to date; return what it holds."""
+        queue = self.queries.filled_queue(self.state.queue, self.queries.packed)
+        if queue is not self.state.queue:
+            self.enter(replace(self.state, queue=queue))
+        return queue.ids
+
+    # Removals, and the log of them.
+
+    def removed(self, plan: RemovalPlan, state: SessionState) -> SessionState:
+        """Return a state after a plan, with its removals in the log.
+
+        Parameters
+        ----------
+        plan : RemovalPlan
+        state : SessionState
+            That it was made for.
+        """
+        for removal in plan.removals:
+            # The first to leave by a result stands for its rays, wherever they were cast.
+            asked = removal.source is not None and removal.source is not self._credited
+            self._credited = removal.source or self._credited
+            seconds = removal.source.seconds if asked and removal.source else 0.0
+            event = "query run" if asked else "queue reuse"
+            self.log.append(LogEntry(event, removal.group, removal.packed, removal.ratio, seconds))
+        hold = partial(self.bag.placement, self.view_state.camera)
+        return commands.remove(state, plan, hold, self.label_data.most_objects)
+
+    def removed_next(self, count: int, state: SessionState) -> SessionState:
+        """Return a state after the next to leave have left; say where one was forced.
+
+        Parameters
+        ----------
+        count : int
+            How many objects are to leave.
+        state : SessionState
+        """
+        plan = self.queries.removal_plan(count, state)
+        told = self._told_stuck
+        silent = told is not None and told[0] is state.placements and told[1] == state.direction
+        for removal in plan.removals:
+            if removal.least_occluded and not silent:
+                (name,) = self.names(removal.group)
+                sentence = least_occluded_sentence(name, removal.ratio)
+                self.events.message.emit(f"{NOTHING_UNPACKABLE}; {sentence}: it leaves.")
+            silent = removal.least_occluded
+        new = self.removed(plan, state)
+        self._told_stuck = (new.placements, new.direction) if silent else None
+        return new
+
+    # How it is looked at.
+
+    def see(self, **changes: Any) -> None:
+        """Exchange fields of the view state."""
+        self.view_state = replace(self.view_state, **changes)
+
+    def look(self, camera: Camera, view: View) -> None:
+        """Take over a camera and the view it stands for.
+
+        Parameters
+        ----------
+        camera : Camera
+        view : View
+        """
+        if np.linalg.det(camera.stretch @ self.view_state.camera.stretch) < 0:
+            self.state = commands.mirror(self.state)
+        self.see(view=view, camera=camera)
+        self.events.view.emit(camera)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Take over the window's height and width in pixels."""
+        if size == self.view_state.canvas_size:
+            return
+        self.see(canvas_size=size)
+        out = self.state.placements
+        self.flights.redirect(out, self.queries.slots(), self.view_state.camera.stretch)
+        if out:
+            self.events.states.emit(frozenset(out))
+
+    def clip(self, planes: ArrayLike | None) -> None:
+        """Take other clipping planes; told as a change of the transfer function."""
+        wanted = checked_planes(planes)
+        if not np.array_equal(wanted, self.view_state.clipping):
+            self.see(clipping=wanted)
+            self.events.transfer_function.emit(self.state.transfer_function)
+
+    def decorate(self, decorations: Decorations) -> None:
+        """Take another background, box and scale bar."""
+        self.see(decorations=decorations)
+        self.events.surroundings.emit(decorations)
+
+    def set_tints(self, mode: Mode) -> None:
+        """Make tints of hues another way; told as a change of hues."""
+        if mode != self.view_state.tint_mode:
+            self.see(tint_mode=mode)
+            self.events.hues.emit(dict(self.state.hues))
+
+    def set_unlabelled(self, shown: bool) -> None:
+        """Show or hide matter without a label; told as a change of the transfer function."""
+        if shown != self.view_state.show_unlabelled:
+            self.see(show_unlabelled=shown)
+            self.events.transfer_function.emit(self.state.transfer_function)
+
+    def select(self, wanted: frozenset[int]) -> None:
+        """Select objects, and only these."""
+        if wanted != self.view_state.selected:
+            self.see(selected=wanted)
+            self.events.selected.emit(wanted)
+
+    def set_rules(self, rules: UnpackingRules) -> None:
+        """Take other rules; the queue is emptied, so that it is filled by them."""
+        if rules != self.rules:
+            self.rules = rules
+            self.enter(replace(self.state, queue=replace(self.state.queue, groups=())))
+
+    # What verbs are given.
+
+    def checked(self, ids: int | Iterable[int], name: str = "ids") -> list[int]:
+        """Return known IDs as a list; see `checked_ids`.
+
+        Parameters
+        ----------
+        ids : int or iterable of int
+        name : str
+            Of the argument, for the message.
+        """
+        return checked_ids(ids, self.label_data.known, name)
+
+    def one(self, object_id: int) -> int:
+        """Return a known ID."""
+        return self.checked(object_id, "object_id")[0]
+
+    def how_many_or_which(self, n_or_ids: int | Iterable[int]) -> int | list[int]:
+        """Return a number of at least 1, or known IDs."""
+        if isinstance(n_or_ids, int | np.integer):
+            return checked_count(int(n_or_ids))
+        return self.checked(n_or_ids, "n_or_ids")
+
+    def buried(self, object_id: int) -> int:
+        """Return the ID of an object in the bag.
+
+        Raises
+        ------
+        ValueError
+            If it is not there.
+        """
+        if self.one(object_id) not in self.queries.packed:
+            name = listed(self.names([object_id]))
+            raise ValueError(f"{name} is not in the bag: put it back first")
+        return object_id
+
+    def outside(self, object_id: int) -> Placement:
+        """Return the placement of an unpacked object.
+
+        Raises
+        ------
+        ValueError
+            If it is not outside the bag.
+        """
+        if self.one(object_id) not in self.state.placements:
+            name = listed(self.names([object_id]))
+            raise ValueError(f"{name} is not unpacked: unpack it first")
+        return self.state.placements[object_id]
