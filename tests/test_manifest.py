@@ -2,9 +2,12 @@
 
 import importlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from npe2 import PluginManifest
+
+from napari_unpack.widgets.preferences import BACKENDS, Preferences, preferences
 
 ROOT = Path(__file__).parents[1]
 
@@ -44,8 +47,6 @@ def test_the_reader_is_offered_for_the_formats_of_ct(manifest: PluginManifest, n
 
 
 def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: PluginManifest) -> None:
-    from napari_unpack.widgets.preferences import BACKENDS, Preferences
-
     pages = manifest.contributions.configurations
     flight, drawing = pages["unpacking"].properties, pages["drawing"].properties
     assert flight["seconds"].default == Preferences().seconds
@@ -53,3 +54,18 @@ def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: Plug
     assert BACKENDS[drawing["backend"].default] == Preferences().backend
     assert drawing["backend"].enum == list(BACKENDS)
     assert drawing["recolor_at_rest"].default is Preferences().recolor_at_rest
+
+
+@pytest.mark.parametrize(
+    ("stored", "taken"), [("Tell me", False), ("Take the least blocked", True)]
+)
+def test_preferences_stored_by_the_first_version_are_read(
+    monkeypatch: pytest.MonkeyPatch, stored: str, taken: bool
+) -> None:
+    # As napari writes them to the user's disk: keys and values may never change.
+    kept = SimpleNamespace(
+        unpacking=SimpleNamespace(seconds=2.5, when_nobody_is_free=stored),
+        drawing=SimpleNamespace(backend="Graphics card", recolor_at_rest=False),
+    )
+    monkeypatch.setattr("napari.settings.get_plugin_settings", lambda name: kept)
+    assert preferences() == Preferences(2.5, taken, "gl", False)

@@ -11,9 +11,12 @@ from napari_unpack.widgets.workspace import Workspace
 
 
 @pytest.fixture
-def options(make_napari_viewer_proxy, session, qtbot):
-    viewer = make_napari_viewer_proxy()
-    workspace = Workspace(viewer)
+def workspace(make_napari_viewer_proxy):
+    return Workspace(make_napari_viewer_proxy())
+
+
+@pytest.fixture
+def options(workspace, session, qtbot):
     made = BackgroundOptions(workspace, Commands(workspace))
     qtbot.addWidget(made)
     workspace.open(session)
@@ -22,7 +25,7 @@ def options(make_napari_viewer_proxy, session, qtbot):
     workspace.close()
 
 
-def test_choices_become_the_sessions_surroundings(options, session) -> None:
+def test_choices_become_the_sessions_decorations(workspace, options, session) -> None:
     options.choose("Light")
     options.box.setChecked(True)
     options.scale.setChecked(True)
@@ -30,7 +33,7 @@ def test_choices_become_the_sessions_surroundings(options, session) -> None:
     assert (around.background.name, around.box, around.scale) == ("light", True, True)
     options.choose(NAPARIS)
     assert session.decorations.background.name == "napari"
-    viewer = options._workspace.viewer
+    viewer = workspace.viewer
     assert viewer.canvas.background_color_override is None
     dark = session.decorations.background.colors
     viewer.theme = "light"
@@ -53,8 +56,7 @@ def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypa
     assert session.decorations.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
 
 
-def test_a_sessions_own_surroundings_are_shown(options, session) -> None:
-    workspace = options._workspace
+def test_a_sessions_own_decorations_are_shown(workspace, options, session) -> None:
     workspace.close()
     session.decorations = Decorations.of("daylight", ["box"])
     workspace.open(session)

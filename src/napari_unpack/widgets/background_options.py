@@ -92,16 +92,16 @@ class BackgroundOptions(Collapsible):
         self._workspace.viewer.events.theme.disconnect(self._follow_theme)
 
     def _apply(self) -> None:
-        self._settings.set_surroundings(self._surroundings)
+        self._settings.set_decorations(self._decorations)
 
-    def _surroundings(self) -> Decorations:
+    def _decorations(self) -> Decorations:
         from napari_unpack.appearance import Decorations
 
         checked = {"box": self.box.isChecked(), "scale": self.scale.isChecked()}
         return Decorations.of(self._chosen, [kind for kind, on in checked.items() if on])
 
     def _reload(self) -> None:
-        """Show the surroundings of the session, which may be a saved one."""
+        """Show the decorations of the session, which may be a saved one."""
         session = self._workspace.session
         if session is None:
             return

@@ -190,7 +190,7 @@ class ColorRampEditor(QWidget):
     def _remove(self) -> None:
         if self._chosen >= 0:
             del self._stops[self._chosen]
-            # The next Delete must not remove a neighbour that nobody chose.
+            # Else the next Delete would remove a neighbour.
             self._chosen = -1
             self._emit()
 

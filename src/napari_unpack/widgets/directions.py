@@ -30,7 +30,7 @@ DIRECTIONS: dict[str, Direction] = {
 # Along the axes of pivot space, and against them.
 WORDS = (("towards you", "away from you"), ("down", "up"), ("to the right", "to the left"))
 
-# Smaller components of a unit vector are not named: below 15 degrees nobody would say them.
+# Components of a unit vector below this are not named: they turn it by less than 15 degrees.
 LEAST_COMPONENT = 0.25
 
 

@@ -97,7 +97,7 @@ class SessionSettings:
         if (controller := self._workspace.controller) is not None:
             controller.recolor_at_rest = on
 
-    def set_surroundings(self, make: Callable[[], Decorations]) -> None:
+    def set_decorations(self, make: Callable[[], Decorations]) -> None:
         """Set the background, the box and the scale bar.
 
         Parameters

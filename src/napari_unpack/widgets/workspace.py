@@ -220,7 +220,7 @@ class Workspace(QObject):
         """Show no session; the user's layers become as they were."""
         if self.controller is not None:
             controller = self.controller
-            # Before it closes: its last changes concern nobody.
+            # Before it closes, whose last changes are of no interest any more.
             self._forget()
             controller.close()
 
