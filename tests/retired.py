@@ -36,5 +36,14 @@ tree_candidates vectors view_record voting waiting walking warming ways wires wo
 """
 """Packages and modules, by their last name."""
 
-TEXTS = ("Unearth", "Good objects")
+TEXTS = (
+    "Unearth",
+    "Good objects",
+    "All free",
+    "Outline what is free",
+    "Mark good",
+    "Nothing is free",
+    "on the stage",
+    "marked good",
+)
 """Phrases that the user saw."""

@@ -1,4 +1,4 @@
-"""The mouse on the stage, with real events on the canvas."""
+"""The mouse in the 3D view, with real events on the canvas."""
 
 from __future__ import annotations
 

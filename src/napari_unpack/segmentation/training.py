@@ -149,7 +149,7 @@ def train_on_marked(
     good: Iterable[int],
     seed: int = 0,
 ) -> Oracle:
-    """Learn a confidence from the objects of one volume that a person marked good.
+    """Learn a confidence from the objects of one volume that a person marked as examples.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def train_on_marked(
     wanted = np.array(sorted(good), np.int64)
     if len(wanted) < 8:
         raise ValueError(
-            f"a confidence needs at least 8 objects to learn from, {len(wanted)} are marked good"
+            f"an oracle needs at least 8 examples to be trained on, {len(wanted)} are marked"
         )
     a, b, c = (float(v) for v in spacing)
     kept = np.where(np.isin(labels, wanted), labels, 0)

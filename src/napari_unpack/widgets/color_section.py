@@ -44,10 +44,6 @@ def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
     volume : (Z, Y, X) array_like
         The automatic one is fitted to its densities.
 
-    Returns
-    -------
-    napari_unpack.TransferFunction
-
     Raises
     ------
     ValueError

@@ -158,10 +158,6 @@ def volume_of(layer: Layer) -> Volume:
         Three-dimensional, one channel. Of a multiscale layer the finest level is taken. Labelled
         voxels of a Labels layer count as water.
 
-    Returns
-    -------
-    Volume
-
     Raises
     ------
     ValueError
@@ -191,10 +187,6 @@ def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
         Its data may be a zarr or dask array.
     memory : float, optional
         Bytes; by default this computer's, where the system tells.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray
 
     Raises
     ------

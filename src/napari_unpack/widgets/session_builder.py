@@ -63,10 +63,6 @@ def build(
     progress : callable
         Takes (fraction in [0, 1], text); raises to cancel.
 
-    Returns
-    -------
-    BuiltSession
-
     Raises
     ------
     ValueError
