@@ -126,7 +126,7 @@ def calibration(scores: NDArray[np.float64], right: NDArray[np.bool_], bins: int
     return float(error)
 
 
-def judge(oracle: Oracle, seeds: range) -> dict[str, float]:
+def classifier(oracle: Oracle, seeds: range) -> dict[str, float]:
     """Return AUROC and calibration on true and false objects, and Spearman of score and IoU."""
     from scipy.stats import spearmanr
 
@@ -167,8 +167,8 @@ def main() -> None:
     if options.path:
         oracle = fitted(examples(options.bags, options.solids))
         oracle.save(options.path)
-    if options.judge and oracle is not None:
-        for name, value in judge(oracle, UNSEEN).items():
+    if options.classifier and oracle is not None:
+        for name, value in classifier(oracle, UNSEEN).items():
             print(f"{name:<20}{value:.3f}")
 
 

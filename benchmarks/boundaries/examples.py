@@ -180,10 +180,10 @@ def scan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np.f
 
 
 def to_log(
-    rng: np.random.Generator, density: NDArray[np.float32], matter: float
+    rng: np.random.Generator, density: NDArray[np.float32], foreground: float
 ) -> NDArray[np.float32]:
     """Compress as `boundaries.normalised` does, with its errors of air and of matter."""
-    knee = matter / 4 * np.exp(rng.normal(0, 0.3))
+    knee = foreground / 4 * np.exp(rng.normal(0, 0.3))
     air = rng.normal(0, 6)
     gamma = np.exp(rng.normal(0, 0.05))
     return np.minimum(np.log1p(np.maximum(density - air, 0) / knee) * gamma, FAR).astype(np.float32)
@@ -251,13 +251,13 @@ def examples(
     while True:
         density, labels, solid = source.patch(rng, size)
         hollow(density, labels)
-        matter = density[(labels > 0) & (density > AIR)]
-        if matter.size < 0.05 * labels.size:
+        foreground = density[(labels > 0) & (density > AIR)]
+        if foreground.size < 0.05 * labels.size:
             continue
         repaint(rng, density, labels, solid)
-        matter = density[density > AIR]
+        foreground = density[density > AIR]
         # A volume's median is not its patch's: it is somewhere between that and the usual one.
-        typical = float(np.median(matter)) if matter.size else USUAL
+        typical = float(np.median(foreground)) if foreground.size else USUAL
         share = rng.random()
         typical = max(float(np.exp(share * np.log(typical) + (1 - share) * np.log(USUAL))), 120.0)
         lifted = to_log(rng, scan(rng, density), typical)

@@ -50,8 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     reports = {family: Report() for family in families}
     # Processes of their own: threads would wait for one another in Python.
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-        jobs = [(task, pool.submit(measured, task)) for task in tasks]
+    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as processes:
+        jobs = [(task, processes.submit(measured, task)) for task in tasks]
         for task, job in jobs:
             _take(reports[task.family], task, job)
     parts = [_text(family, report) for family, report in reports.items() if report.totals]

@@ -1,11 +1,12 @@
-"""Train the judge of borders, which says whose a voxel is where objects touch.
+"""Train the classifier of borders, which says whose a voxel is where objects touch.
 
 `python -m benchmarks.segmentation.border_training
 src/napari_unpack/segmentation/weights/border_classifier.npz --workers 2` gives it,
-to the bit for one state of the code, one network, the judges before it and
-one machine; the shipped file is of the judge of parts of commit f0e3710, see `parting_training`. No
+to the bit for one state of the code, one network, the classifiers before it and
+one machine; the shipped file is of the classifier of parts of commit f0e3710, see
+`part_splitting_training`. No
 test and no row of the tables uses its seeds, nor did the network see them. To be run after every
-training of the network or of the judges of parts and of pieces.
+training of the network or of the classifiers of parts and of pieces.
 """
 
 from __future__ import annotations
@@ -16,19 +17,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, train
+from benchmarks.segmentation.classifier_training import Scan, train
+from benchmarks.segmentation.pair_examples import fit_classifier
 from napari_unpack.segmentation.evaluation import contingency
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
-    FEW,
-    Scene,
+    MOST_RIVALS,
+    BorderEvidence,
     describe,
     find_rivals,
 )
 from napari_unpack.segmentation.learned.border_refinement import find_inside
-from napari_unpack.segmentation.learned.method import pieces_seen, sharpened
-from napari_unpack.segmentation.learned.pair_classifier import PairClassifier, fit_affinity
-from napari_unpack.segmentation.learned.part_splitting import part_seen
+from napari_unpack.segmentation.learned.method import sharpened, split_at_density_steps
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
+from napari_unpack.segmentation.learned.part_splitting import merge_pieces
 
 BAGS, WIDTH = 24, len(BORDER_FEATURES)
 # Of the voxels at borders, and of all examples at most.
@@ -41,22 +43,22 @@ State = tuple[NDArray[np.float32], NDArray[np.bool_]]
 def measured(scanned: Scan) -> State:
     """Return what tells about labels at voxels of a scan, and whether the voxels are theirs."""
     seen = scanned.seen()
-    pieces, measured = pieces_seen(scanned.volume, scanned.spacing, seen)
-    rough = part_seen(pieces, measured, seen.scale)
+    pieces, measured = split_at_density_steps(scanned.volume, scanned.spacing, seen)
+    rough = merge_pieces(pieces, measured, seen.scale)
     generator = np.random.default_rng(0)
     found = []
-    # Borders as they come, which are often further off, and as the judge will get them.
+    # Borders as they come, which are often further off, and as the classifier will get them.
     for labels in (rough, sharpened(rough, scanned.volume, seen)):
-        scene = Scene.of(labels, scanned.volume, seen.scale, seen.said.next, seen.noise)
+        evidence = BorderEvidence.of(labels, scanned.volume, seen.scale, seen.said.next, seen.noise)
         chosen = generator.random(labels.shape) < SHARE
-        found.append(border_examples(labels, scene, chosen, scanned.truth))
+        found.append(border_examples(labels, evidence, chosen, scanned.truth))
     rows, right = zip(*found, strict=True)
     return np.concatenate(rows), np.concatenate(right)
 
 
 def border_examples(
     labels: NDArray[np.int32],
-    scene: Scene,
+    evidence: BorderEvidence,
     chosen: NDArray[np.bool_],
     truth: NDArray[np.integer[Any]],
 ) -> State:
@@ -80,7 +82,7 @@ def border_examples(
         Columns as `border_features.BORDER_FEATURES`.
     right : (N,) ndarray of bool
     """
-    rows, places, names = _described(labels, find_inside(labels), chosen, *scene.facts())
+    rows, places, names = _described(labels, find_inside(labels), chosen, *evidence.facts())
     whose = owners(labels, truth)[names]
     right = whose == truth.reshape(-1)[places]
     kept = np.bincount(places, right, truth.size)[places] == 1
@@ -109,7 +111,7 @@ def _described(  # type: ignore[no-untyped-def]
     places = [np.int64(0) for _ in range(0)]
     owned = [np.int64(0) for _ in range(0)]
     size = labels.shape
-    names = np.zeros(FEW, np.int32)
+    names = np.zeros(MOST_RIVALS, np.int32)
     for z in range(size[0]):
         for y in range(size[1]):
             for x in range(size[2]):
@@ -118,7 +120,7 @@ def _described(  # type: ignore[no-untyped-def]
                 count = find_rivals(labels, z, y, x, names)
                 if count == 1:
                     continue
-                rows = np.zeros((FEW, WIDTH), np.float32)
+                rows = np.zeros((MOST_RIVALS, WIDTH), np.float32)
                 describe(
                     labels, inside, values, knee, following, noise, means, sizes, logs,
                     z, y, x, names[:count], rows,
@@ -136,12 +138,12 @@ def _described(  # type: ignore[no-untyped-def]
 
 
 def fit(states: list[State]) -> PairClassifier:
-    """Return the judge of such labels."""
+    """Return the classifier of such labels."""
     rows = np.concatenate([r for r, _ in states])
     right = np.concatenate([one for _, one in states])
     print(f"{len(rows)} labels at voxels, {right.mean():.0%} theirs", flush=True)
     kept = np.random.default_rng(0).permutation(len(rows))[:MOST]
-    return fit_affinity(rows[kept].astype(np.float64), right[kept], features=BORDER_FEATURES)
+    return fit_classifier(rows[kept].astype(np.float64), right[kept], features=BORDER_FEATURES)
 
 
 if __name__ == "__main__":

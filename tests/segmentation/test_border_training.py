@@ -4,8 +4,8 @@ import numpy as np
 from benchmarks.segmentation.border_training import border_examples, owners
 from phantoms import box, scanned
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
-from napari_unpack.segmentation.learned.border_classifier import BORDER_FEATURES, Scene
+from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.learned.border_classifier import BORDER_FEATURES, BorderEvidence
 
 SHAPE = (16, 16, 36)
 
@@ -21,8 +21,8 @@ def examples(labels, truth):
     known = {name: 500.0 * name for name in range(1, int(truth.max()) + 1)}
     density = scanned(truth, known)
     unsure = np.full((3, *SHAPE), 128, np.uint8)
-    scene = Scene.of(labels, density, MaterialScale(0.0, 200.0), unsure, 20.0)
-    return border_examples(labels, scene, np.ones(SHAPE, bool), truth)
+    evidence = BorderEvidence.of(labels, density, DensityScale(0.0, 200.0), unsure, 20.0)
+    return border_examples(labels, evidence, np.ones(SHAPE, bool), truth)
 
 
 def test_a_label_belongs_to_the_object_that_has_most_of_it():

@@ -5,7 +5,7 @@ import pytest
 from phantoms import ball, box, two_balls
 
 from napari_unpack.segmentation.common.region import Region
-from napari_unpack.segmentation.isoperimetric.candidates import pool
+from napari_unpack.segmentation.isoperimetric.candidates import candidate_cuts
 
 UNIT = (1.0, 1.0, 1.0)
 
@@ -25,7 +25,7 @@ def by_source(truth, density=None):
     values = np.where(truth > 0, 1000.0, 0.0) if density is None else density
     region = Region(truth > 0, values, (0, 0, 0), UNIT)
     found = {}
-    for candidate in pool(region, 200.0):
+    for candidate in candidate_cuts(region, 200.0):
         value = dice_of(candidate.parts, truth)
         found[candidate.source] = max(value, found.get(candidate.source, 0))
     return found
@@ -86,7 +86,7 @@ def test_every_candidate_is_a_partition_into_connected_parts_of_the_least_size()
     rng = np.random.default_rng(2)
     mask = ball((40, 40, 70), (20, 20, 18), 15) | box((40, 40, 70), (10, 10, 30), (32, 30, 66))
     region = Region(mask, rng.normal(1000, 60, mask.shape), (0, 0, 0), (1.0, 1.0, 2.0))
-    candidates = pool(region, 400.0)
+    candidates = candidate_cuts(region, 400.0)
     assert [c.ratio for c in candidates] == sorted(c.ratio for c in candidates)
     assert candidates
     for candidate in candidates:
@@ -101,7 +101,7 @@ def test_the_ratio_is_the_area_between_parts_over_the_smaller_volume():
     truth = full_contact()
     spacing = (2.0, 1.0, 1.5)
     region = Region(truth > 0, np.ones(truth.shape), (0, 0, 0), spacing)
-    for candidate in pool(region, 600.0):
+    for candidate in candidate_cuts(region, 600.0):
         area = 0.0
         for axis, face in enumerate((1.5, 3.0, 2.0)):
             parts = np.moveaxis(candidate.parts, axis, 0)
@@ -114,20 +114,20 @@ def test_the_ratio_is_the_area_between_parts_over_the_smaller_volume():
 def test_the_same_region_gives_the_same_candidates():
     truth = partial_contact()
     region = Region(truth > 0, np.ones(truth.shape), (0, 0, 0), UNIT)
-    for one, two in zip(pool(region, 200.0), pool(region, 200.0), strict=True):
+    for one, two in zip(candidate_cuts(region, 200.0), candidate_cuts(region, 200.0), strict=True):
         np.testing.assert_array_equal(one.parts, two.parts)
         assert (one.ratio, one.source) == (two.ratio, two.source)
 
 
 def test_too_little_to_cut_gives_no_candidates():
     mask = np.ones((3, 3, 3), bool)
-    assert pool(Region(mask, mask * 1.0, (0, 0, 0), UNIT), 20.0) == []
-    assert pool(Region(mask[:1, :1], mask[:1, :1] * 1.0, (0, 0, 0), UNIT), 1.0) == []
+    assert candidate_cuts(Region(mask, mask * 1.0, (0, 0, 0), UNIT), 20.0) == []
+    assert candidate_cuts(Region(mask[:1, :1], mask[:1, :1] * 1.0, (0, 0, 0), UNIT), 1.0) == []
 
 
 def test_a_region_of_a_million_voxels_takes_no_more_than_seconds():
     mask = np.ones((100, 100, 100), bool)
     region = Region(mask, np.ones(mask.shape, np.float32), (0, 0, 0), UNIT)
     start = time.process_time()
-    pool(region, 500.0)
+    candidate_cuts(region, 500.0)
     assert time.process_time() - start < 10

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
+from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_suspended
 
 EVEN = (1.0, 1.0, 1.0)
 
@@ -52,11 +52,11 @@ def test_what_hangs_in_a_box_is_part_of_it_and_what_lies_on_its_floor_is_not():
     labels = hollow_box()
     labels[12:18, 12:18, 12:18] = 2
     filled = fill_cavities(labels, EVEN)
-    assert (join_hanging(labels, filled, EVEN)[5:25, 5:25, 5:25] == 1).all()
+    assert (join_suspended(labels, filled, EVEN)[5:25, 5:25, 5:25] == 1).all()
     # Lower by five voxels it lies on the floor: a sixth of its surface.
     labels = hollow_box()
     labels[17:23, 12:18, 12:18] = 2
-    lying = join_hanging(labels, fill_cavities(labels, EVEN), EVEN)
+    lying = join_suspended(labels, fill_cavities(labels, EVEN), EVEN)
     assert (lying == 2).sum() == 6**3
 
 
@@ -64,4 +64,4 @@ def test_what_lies_beside_a_box_does_not_hang_in_it():
     labels = hollow_box()
     labels[12:18, 12:18, 27:29] = 2
     filled = fill_cavities(labels, EVEN)
-    assert np.array_equal(join_hanging(labels, filled, EVEN), filled)
+    assert np.array_equal(join_suspended(labels, filled, EVEN), filled)

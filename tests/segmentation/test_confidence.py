@@ -3,7 +3,7 @@ import pytest
 from phantoms import ball, box, packed, scanned, superquadric
 
 from napari_unpack.segmentation.common.convex_hull import solidity
-from napari_unpack.segmentation.common.measures import chamfer, quantiles
+from napari_unpack.segmentation.common.measures import chamfer_depth, quantiles
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture
@@ -186,7 +186,7 @@ def test_the_chamfer_distance_is_the_length_of_the_shortest_way_out():
     )
     outside = index[~padded]
     expected = dijkstra(graph.tocsr(), indices=outside, min_only=True).reshape(padded.shape)
-    found = chamfer(mask, spacing)
+    found = chamfer_depth(mask, spacing)
     np.testing.assert_allclose(found[mask], expected[1:-1, 1:-1, 1:-1][mask], rtol=1e-5)
     assert not found[~mask].any()
 
@@ -235,7 +235,7 @@ def test_too_few_objects_to_learn_from_are_refused():
         Oracle.fit([region_of(ball((9, 9, 9), (4, 4, 4), 3))])
 
 
-def test_single_voxels_and_lines_can_be_judged():
+def test_single_voxels_and_lines_can_be_classifierd():
     for mask in (np.ones((1, 1, 1), bool), np.ones((1, 1, 9), bool), np.ones((1, 5, 9), bool)):
         assert np.isfinite(features(region_of(mask))).all()
 

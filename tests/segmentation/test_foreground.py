@@ -3,9 +3,9 @@ import pytest
 from phantoms import ball, box, scanned
 
 from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
-from napari_unpack.segmentation.foreground.methods import checked_way, find_matter
+from napari_unpack.segmentation.foreground.methods import checked_foreground, find_foreground
 from napari_unpack.segmentation.foreground.scanner_table import find_supports
-from napari_unpack.segmentation.foreground.thresholds import find_levels, foreground, peel
+from napari_unpack.segmentation.foreground.thresholds import above_levels, find_levels, peel
 
 SHAPE = (32, 40, 48)
 
@@ -31,7 +31,7 @@ def test_cloth_and_metal_are_both_foreground_at_any_scale(convert, name):
     labels, volume = bag()
     scaled = convert(volume)
     levels = find_levels(scaled)
-    found = peel(foreground(scaled, levels), scaled, levels.air)
+    found = peel(above_levels(scaled, levels), scaled, levels.air)
     for k in (1, 2):
         assert (found & (labels == k)).sum() > 0.93 * (labels == k).sum(), name
     assert (found & (labels == 0)).sum() < 0.08 * (labels > 0).sum()
@@ -41,7 +41,7 @@ def test_nan_is_background():
     labels, volume = bag()
     broken = volume.astype(np.float32)
     broken[labels == 2] = np.nan
-    found = foreground(broken, find_levels(broken))
+    found = above_levels(broken, find_levels(broken))
     assert not found[labels == 2].any()
     assert found[labels == 1].mean() > 0.9
 
@@ -50,7 +50,7 @@ def test_weak_matter_counts_only_where_it_is_connected_to_strong():
     from napari_unpack.segmentation.foreground.thresholds import Levels
 
     volume = np.array([[[0, 5, 9, 5, 0, 5, 5, 0]]])
-    found = foreground(volume, Levels(0, 1, 5, 9))
+    found = above_levels(volume, Levels(0, 1, 5, 9))
     np.testing.assert_array_equal(found[0, 0], [0, 1, 1, 1, 0, 0, 0, 0])
 
 
@@ -63,14 +63,14 @@ def test_peeling_takes_the_blurred_fringe_of_metal_and_leaves_thin_cloth():
 
 
 def test_a_table_under_the_bag_is_found_and_the_bag_is_not():
-    matter = np.zeros((100, 120, 160), bool)
+    foreground = np.zeros((100, 120, 160), bool)
     across = np.arange(160)
     table = (80 + (across - 80) ** 2 / 400).astype(int)
     for x in range(5, 155):
-        matter[:, table[x] : table[x] + 4, x] = True
-    bag_mask = box(matter.shape, (20, 30, 40), (80, 81, 120)) & ~matter
-    found = find_supports(matter | bag_mask, (2.0, 2.0, 2.0))
-    assert found[matter].mean() > 0.95
+        foreground[:, table[x] : table[x] + 4, x] = True
+    bag_mask = box(foreground.shape, (20, 30, 40), (80, 81, 120)) & ~foreground
+    found = find_supports(foreground | bag_mask, (2.0, 2.0, 2.0))
+    assert found[foreground].mean() > 0.95
     assert found[bag_mask].mean() < 0.08
 
 
@@ -115,7 +115,7 @@ def test_a_spacing_that_is_not_three_positive_numbers_is_refused(spacing):
 )
 def test_an_unknown_way_to_find_the_foreground_is_refused(way, kind, words):
     with pytest.raises(kind, match=words):
-        checked_way(way)
+        checked_foreground(way)
 
 
 def test_a_number_and_otsu_are_one_level_and_hysteresis_follows_connections():
@@ -124,10 +124,10 @@ def test_a_number_and_otsu_are_one_level_and_hysteresis_follows_connections():
     volume[5:7, 5:7, 9:20] = 700
     volume[5:7, 5:7, 30:36] = 700
     volume += np.random.default_rng(0).normal(0, 5, volume.shape)
-    matter, levels = find_matter(volume, (1.0, 1.0, 1.0), 800.0)
+    foreground, levels = find_foreground(volume, (1.0, 1.0, 1.0), 800.0)
     assert levels.low == levels.high == 800
-    np.testing.assert_array_equal(matter, volume >= 800)
+    np.testing.assert_array_equal(foreground, volume >= 800)
     for way in ("otsu", "hysteresis"):
-        matter, _ = find_matter(volume, (1.0, 1.0, 1.0), way)
-        assert matter[5:7, 5:7, 10:19].all(), way
-        assert matter[5:7, 5:7, 31:35].all(), way
+        foreground, _ = find_foreground(volume, (1.0, 1.0, 1.0), way)
+        assert foreground[5:7, 5:7, 10:19].all(), way
+        assert foreground[5:7, 5:7, 31:35].all(), way

@@ -5,7 +5,7 @@ import pytest
 from phantoms import ball, box, scanned
 from real_scans import real_scan
 
-from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
+from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
 
 SHAPE = (48, 56, 64)
 AIR, CLOTH, PLASTIC, METAL = 0, 1, 2, 3
@@ -17,7 +17,7 @@ MIDDLE = (24, 28, 32)
 def taken(materials, labels, smallest=100.0):
     present = {name: DENSITIES[name] for name in DENSITIES if name <= materials.max()}
     volume = scanned(materials, present, noise=12)
-    return take_out_inclusions(labels.astype(np.int32), volume, SPACING, smallest)
+    return separate_inclusions(labels.astype(np.int32), volume, SPACING, smallest)
 
 
 def block(of):
@@ -101,7 +101,7 @@ def test_a_compact_thing_that_nobody_has_is_found_but_no_frame(thing):
 def test_noise_cloth_alone_and_nothing_stay_as_they_are():
     np.testing.assert_array_equal(taken(block(CLOTH), block(1)), block(1))
     empty = np.zeros(SHAPE, np.int32)
-    np.testing.assert_array_equal(take_out_inclusions(empty, empty, SPACING, 100.0), empty)
+    np.testing.assert_array_equal(separate_inclusions(empty, empty, SPACING, 100.0), empty)
 
 
 def test_where_everything_is_metal_nothing_is_taken():
@@ -119,7 +119,7 @@ def pocket():
 def test_the_backpacks_buttons_are_objects(pocket):
     volume, spacing = pocket
     cloth = (volume > 90).astype(np.int32)
-    result = take_out_inclusions(cloth, volume, spacing, 500.0)
+    result = separate_inclusions(cloth, volume, spacing, 500.0)
     for place in ((29, 20, 30), (31, 31, 79), (50, 15, 24), (57, 20, 17)):
         window = tuple(slice(c - 1, c + 2) for c in place)
         name = int(np.bincount(result[window].reshape(-1)).argmax())

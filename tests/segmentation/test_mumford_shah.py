@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from phantoms import ball, box
 
-from napari_unpack.segmentation.foreground.methods import find_matter
+from napari_unpack.segmentation.foreground.methods import find_foreground
 from napari_unpack.segmentation.foreground.mumford_shah import (
     Weights,
     descend,
@@ -30,9 +30,9 @@ def edges(shape):
             yield axis, int(i), int(j)
 
 
-def by_hand(data, matter, inside, outside, weights):
+def by_hand(data, foreground, inside, outside, weights):
     """Return the energy from its formula, edge by edge."""
-    p, r, f, g = (np.asarray(a, float).ravel() for a in (data, matter, inside, outside))
+    p, r, f, g = (np.asarray(a, float).ravel() for a in (data, foreground, inside, outside))
     total = np.nansum(r * (f - p) ** 2 + (1 - r) * (g - p) ** 2)
     for axis, i, j in edges(data.shape):
         both = r[i] + r[j]
@@ -60,10 +60,10 @@ def test_the_energy_is_what_its_formula_says():
     rng = np.random.default_rng(0)
     data, inside, outside = rng.normal(size=(3, 3, 4, 5)).astype(np.float32)
     data[1, 1, 1] = np.nan
-    matter = rng.random((3, 4, 5)) < 0.5
+    foreground = rng.random((3, 4, 5)) < 0.5
     weights = Weights(3.0, 0.2, (1.0, 0.5, 2.0), (1.0, 0.7, 1.3))
-    expected = by_hand(data, matter, inside, outside, weights)
-    assert energy(data, matter, inside, outside, weights) == pytest.approx(expected, rel=1e-5)
+    expected = by_hand(data, foreground, inside, outside, weights)
+    assert energy(data, foreground, inside, outside, weights) == pytest.approx(expected, rel=1e-5)
 
 
 def test_relaxing_solves_the_fields_equations():
@@ -101,11 +101,11 @@ def test_a_tiny_graph_ends_in_the_least_of_all_its_energies():
     weights = Weights(1.0, 0.1)
     least, best = np.inf, None
     for choice in itertools.product((False, True), repeat=12):
-        matter = np.array(choice).reshape(TINY)
-        fields = (best_field(data, side, weights) for side in (matter, ~matter))
-        value = by_hand(data, matter, *fields, weights)
+        foreground = np.array(choice).reshape(TINY)
+        fields = (best_field(data, side, weights) for side in (foreground, ~foreground))
+        value = by_hand(data, foreground, *fields, weights)
         if value < least:
-            least, best = value, matter
+            least, best = value, foreground
     start = data > 0.5
     fields = [np.full(TINY, data[side].mean(), np.float32) for side in (start, ~start)]
     found = descend(data, start, *fields, weights, np.ones(TINY, bool), 10)
@@ -118,16 +118,16 @@ def test_the_energy_never_rises():
     data = rng.normal(0, 0.4, (16, 18, 20)).astype(np.float32)
     data[4:12, 4:12, 4:14] += 1
     data[0, 0, 0] = np.nan
-    matter = rng.random(data.shape) < 0.5
+    foreground = rng.random(data.shape) < 0.5
     inside, outside = np.ones_like(data), np.zeros_like(data)
     weights, everywhere = Weights(9.0, 0.1), np.ones(data.shape, bool)
-    before = energy(data, matter, inside, outside, weights)
+    before = energy(data, foreground, inside, outside, weights)
     for _ in range(8):
-        matter = descend(data, matter, inside, outside, weights, everywhere, 1)
-        after = energy(data, matter, inside, outside, weights)
+        foreground = descend(data, foreground, inside, outside, weights, everywhere, 1)
+        after = energy(data, foreground, inside, outside, weights)
         assert after <= before * (1 + 1e-6)
         before = after
-    assert (matter[5:11, 5:11, 5:13]).mean() > 0.95
+    assert (foreground[5:11, 5:11, 5:13]).mean() > 0.95
 
 
 def shaded(seed=0):
@@ -150,17 +150,17 @@ def test_in_rising_light_no_fixed_level_tells_matter_and_this_does():
     truth, volume = shaded()
     best = max(overlap(volume >= level, truth) for level in range(100, 1500, 20))
     assert best < 0.75
-    found, _ = find_matter(volume, MM, "mumford-shah")
+    found, _ = find_foreground(volume, MM, "mumford-shah")
     assert overlap(found, truth) > 0.9
     for way in ("hysteresis", "otsu"):
-        assert overlap(find_matter(volume, MM, way)[0], truth) < 0.7
+        assert overlap(find_foreground(volume, MM, way)[0], truth) < 0.7
 
 
 def test_thin_sheets_that_coarse_grids_do_not_show_are_matter():
     volume = np.random.default_rng(0).normal(0, 10, (64, 72, 80))
     volume[8:56, 8:64, 8:40] += 1000
     volume[8:56, 20, 44:76] += 700
-    found, _ = find_matter(volume, MM, "mumford-shah")
+    found, _ = find_foreground(volume, MM, "mumford-shah")
     assert found[10:54, 20, 46:74].mean() > 0.98
     assert found[10:54, 22:60, 46:74].mean() < 0.01
 
@@ -170,7 +170,7 @@ def test_what_was_not_measured_is_no_matter_and_does_no_harm():
     broken = volume.copy()
     broken[:, :, 60:64] = np.nan
     broken[5, 5, 5] = np.inf
-    found, _ = find_matter(broken, MM, "mumford-shah")
+    found, _ = find_foreground(broken, MM, "mumford-shah")
     kept = np.isfinite(broken)
     assert not found[~kept].any()
     assert overlap(found & kept, truth & kept) > 0.88
@@ -179,10 +179,10 @@ def test_what_was_not_measured_is_no_matter_and_does_no_harm():
 def test_voxels_that_are_not_cubes_and_axes_of_one_voxel():
     truth, volume = shaded()
     thick = volume.reshape(10, 4, *volume.shape[1:]).mean(axis=1)
-    found, _ = find_matter(thick, (4.0, 1.0, 1.0), "mumford-shah")
+    found, _ = find_foreground(thick, (4.0, 1.0, 1.0), "mumford-shah")
     filled = truth.reshape(10, 4, *truth.shape[1:]).mean(axis=1) > 0.5
     assert overlap(found, filled) > 0.75
-    flat, _ = find_matter(volume[20:21], MM, "mumford-shah")
+    flat, _ = find_foreground(volume[20:21], MM, "mumford-shah")
     assert flat.shape == (1, 48, 120)
 
 

@@ -1,7 +1,4 @@
-"""How well found labels match true ones: objects, information, counts.
-
-How well each true object was found, and tables of that by class or kind.
-"""
+"""How well found labels match true ones: as a whole, object by object, and by class or kind."""
 
 from __future__ import annotations
 
@@ -12,8 +9,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
+from scipy.sparse import coo_matrix
 
 from napari_unpack.segmentation.common.validation import checked_labels, checked_spacing
+
+# Least precision and recall of a detected object, and of a detected sheet: ALERT's rule.
+BULK, SHEET = 0.5, 0.2
+# Share of a true object from which a found one counts as covering it; less is a wrong border.
+COVERS = 0.05
 
 
 def score(truth: ArrayLike, found: ArrayLike) -> dict[str, float]:
@@ -59,39 +62,47 @@ def score(truth: ArrayLike, found: ArrayLike) -> dict[str, float]:
     unlabelled found voxels count as one more segment; IoU counts all voxels of both. Matches
     above IoU 0.5 are unique, so no assignment problem has to be solved.
     """
+    table = contingency(*_checked(truth, found))
+    return {**_objects(table), **_information(table), **_coverage(table)}
+
+
+def _checked(truth: ArrayLike, found: ArrayLike) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+    """Return two label volumes of one shape, or say what is wrong with them."""
     true, seen = checked_labels(truth, "truth"), checked_labels(found, "found")
     if true.shape != seen.shape:
         raise ValueError(f"truth and found must have one shape, got {true.shape} and {seen.shape}")
-    table = contingency(true, seen)
-    if table.shape[0] < 2:
+    if not true.any():
         raise ValueError("truth must hold at least one object, got background alone")
-    return {**_objects(table), **_information(table), **_coverage(table)}
+    return true, seen
 
 
 def contingency(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArray[np.int64]:
     """Count the voxels of every pair of labels.
+
+    Parameters
+    ----------
+    truth, found : (Z, Y, X) ndarray of int
+        0 is background.
 
     Returns
     -------
     (1 + true objects, 1 + found objects) ndarray of int64
         Row 0 and column 0 are background, present or not; labels are compacted.
     """
-    rows, columns = _compact(truth), _compact(found)
-    width = int(columns.max()) + 1
-    height = int(rows.max()) + 1
-    pairs = rows.astype(np.int64) * width + columns
-    return np.bincount(pairs, minlength=height * width).reshape(height, width)
+    rows, columns = (_small(labels.reshape(-1)) for labels in (truth, found))
+    table = coo_matrix((np.ones(len(rows), np.int64), (rows, columns))).toarray()
+    held = table.any(axis=1), table.any(axis=0)
+    for names in held:
+        names[0] = True
+    return np.asarray(table[held[0]][:, held[1]])
 
 
-def _compact(labels: NDArray[np.integer]) -> NDArray[np.int64]:
-    flat = labels.reshape(-1)
-    top = int(flat.max())
-    if top > 1 << 24:
-        return np.asarray(np.unique(np.append(flat, 0), return_inverse=True)[1][:-1], np.int64)
-    present = np.zeros(top + 1, np.bool_)
-    present[flat] = True
-    present[0] = False
-    return np.where(present, np.cumsum(present), 0)[flat]
+def _small(labels: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return labels small enough for a dense table of pairs; larger ones are numbered anew."""
+    # Two tables of 2048 labels have a pair for each of four million cells.
+    if int(labels.max()) < 2048:
+        return labels
+    return np.asarray(np.unique(np.append(labels, 0), return_inverse=True)[1][:-1])
 
 
 def iou_table(table: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -145,7 +156,7 @@ def _entropy(p: NDArray[np.float64]) -> float:
 
 def _coverage(table: NDArray[np.int64]) -> dict[str, float]:
     share = table[1:, 1:] / table.sum(1)[1:, None]
-    covers = share >= 0.05
+    covers = share >= COVERS
     found, true = table[:, 1:].sum(), table[1:].sum()
     used = covers.any(axis=0)
     shared = covers & (covers.sum(0) > 1)
@@ -157,10 +168,6 @@ def _coverage(table: NDArray[np.int64]) -> dict[str, float]:
         "false_foreground": float(table[0, 1:].sum() / found) if found else 0.0,
         "missed_foreground": float(table[1:, 0].sum() / true),
     }
-
-
-BULK, SHEET = 0.5, 0.2
-"""The least precision and recall of a detected object, and of a detected sheet."""
 
 
 def score_objects(
@@ -203,14 +210,10 @@ def score_objects(
     The rule of detection is that of the ALERT segmentation challenge. Surface distances are taken
     both ways between boundary voxels: their mean, and the larger of the two 95 % quantiles.
     """
-    true, seen = checked_labels(truth, "truth"), checked_labels(found, "found")
+    true, seen = _checked(truth, found)
     size = checked_spacing(spacing)
-    if true.shape != seen.shape:
-        raise ValueError(f"truth and found must have one shape, got {true.shape} and {seen.shape}")
     table = contingency(true, seen)
     ids, names = _present(true), _present(seen)
-    if not len(ids):
-        raise ValueError("truth must hold at least one object, got background alone")
     common = table[1:, 1:].astype(np.float64)
     rows, columns = table.sum(1)[1:], table.sum(0)[1:].astype(np.float64)
     if not len(names):
@@ -227,7 +230,7 @@ def score_objects(
     result["iou"] = iou[every, best]
     result["precision"] = precision[every, best]
     result["recall"] = recall[every, best]
-    covers = recall >= 0.05
+    covers = recall >= COVERS
     result["pieces"] = covers.sum(1)
     others = covers.sum(0)[best] - covers[every, best]
     result["shares_match"] = hit & (others > 0)

@@ -1,13 +1,12 @@
-"""From the working grid to full resolution: densities bend the borders of the grid's labels.
+"""Label upsampling, from the working grid to full resolution: densities move the borders.
 
 Labels of the grid are right but for the cells at their borders. There every voxel chooses among
 the labels of the 27 cells around it: by how well its density suits that label's density here,
-which bends the border into density steps and puts it against air at half height, and by how much
+which moves the border to density steps and puts it against air at half height, and by how much
 of its surroundings the label has on the grid (quadratic B-splines), which decides where densities
 say nothing. The choice of a voxel depends on its surroundings alone, so that the result is the
-same for all sizes of blocks.
-
-Things too thin to show on the working grid: wires, foils, needles.
+same for all sizes of blocks. Things too thin to show on the grid, such as cables and needles, are
+found among the foreground that it does not explain (`named_things`).
 """
 
 from __future__ import annotations
@@ -24,26 +23,26 @@ from napari_unpack.segmentation.common.array_source import Box, Source, grown, w
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.working_grid import Factors
 
-TOLERANCE = 0.1
-"""Density misfit that is as likely as not, in shares of the contrast around a voxel."""
+# Standard deviation of a label's density here, as a share of the contrast around a voxel.
+MISFIT_DEVIATION = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse:
+class GridLabels:
     """What the working grid says, framed by one more cell on every side.
 
     Parameters
     ----------
     labels : (z + 2, y + 2, x + 2) ndarray of int32
-        Objects; 0 air; the largest value, `left_out`, is matter that is no object.
+        Objects; 0 air; the largest value, `left_out`, is foreground that is no object.
     density : (z + 2, y + 2, x + 2) ndarray of float32
         Density above air, in units of `unit`.
     factors : (int, int, int)
         Voxels to a cell, z y x.
     left_out : int
-        Label of tables, shells and specks: they hold their ground and are 0 in the result.
+        Label of tables, shells and specks: they keep their voxels, which are 0 in the result.
     levels : Levels
-        Where matter begins at full resolution.
+        Where the foreground begins at full resolution.
     unit : float
         Density, so that numbers of any scale fit float32.
     """
@@ -56,14 +55,14 @@ class Coarse:
     unit: float
 
 
-def coarse(
+def grid_labels(
     labels: NDArray[np.int32],
     density: NDArray[np.floating[Any]],
     left_out: NDArray[np.bool_],
     factors: Factors,
     levels: Levels,
-) -> Coarse:
-    """Make the working grid's labels ready for refining.
+) -> GridLabels:
+    """Make the working grid's labels ready for upsampling.
 
     Parameters
     ----------
@@ -72,20 +71,16 @@ def coarse(
     density : (z, y, x) ndarray
         Mean densities of the cells.
     left_out : (z, y, x) ndarray of bool
-        Cells of matter that are deliberately no object.
+        Foreground cells that are deliberately no object.
     factors : (int, int, int)
         Voxels to a cell.
     levels : Levels
-        Where matter begins at full resolution.
-
-    Returns
-    -------
-    Coarse
+        Where the foreground begins at full resolution.
     """
     name = int(labels.max()) + 1
     unit = max(levels.high - levels.air, 1e-30)
     framed = np.pad(np.where(left_out & (labels == 0), np.int32(name), labels), 1, mode="edge")
-    return Coarse(
+    return GridLabels(
         framed,
         np.pad(lifted(density, levels.air, unit), 1, mode="edge"),
         factors,
@@ -96,14 +91,21 @@ def coarse(
 
 
 def lifted(density: NDArray[Any], air: float, unit: float) -> NDArray[np.float32]:
-    """Return densities above air in some unit, 0 where none was measured."""
+    """Return densities above air in some unit, 0 where none was measured.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+    air, unit : float
+        Density.
+    """
     result = np.empty(density.shape, np.float32)
     _lift(density.reshape(-1), np.float64(air), 1.0 / unit, result.reshape(-1))
     return result
 
 
 def refined(
-    source: Source, grid: Coarse, box: Box, cells: Box
+    source: Source, grid: GridLabels, box: Box, cells: Box
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Label one block at full resolution.
 
@@ -111,17 +113,17 @@ def refined(
     ----------
     source : Source
         The volume.
-    grid : Coarse
+    grid : GridLabels
         The working grid.
     box, cells : tuple of slice
-        The block in the volume and on the grid, see `sources.blocks`.
+        The block in the volume and on the grid, see `array_source.blocks`.
 
     Returns
     -------
     labels : (a, b, c) ndarray of int32
         Objects in the block.
     unexplained : (i, j, k) ndarray of int32
-        Voxels of matter in every cell that lies in air on the grid: things that are too thin to
+        Foreground voxels in every cell that lies in air on the grid: things that are too thin to
         show there. 0 where there are fewer than two at the upper level.
     """
     # One voxel beyond for the neighbours' labels, another for the neighbours' densities.
@@ -145,7 +147,7 @@ def refined(
         np.float32((levels.high - levels.air) / grid.unit),
         # The mean of a voxel, counted twice, and its six neighbours keeps 0.4 of white noise.
         np.float32((0.4 * levels.noise / grid.unit) ** 2),
-        np.float32(TOLERANCE**2),
+        np.float32(MISFIT_DEVIATION**2),
         labels,
         unexplained,
     )
@@ -158,6 +160,7 @@ def refined(
 
 @njit(cache=True, nogil=True)
 def _lift(density, air, scale, result):  # type: ignore[no-untyped-def]
+    """Write densities above air, NaN and -inf as 0."""
     for k in range(len(density)):
         value = (np.float64(density[k]) - air) * scale
         result[k] = min(value, 1e30) if value == value and value > -1e30 else 0.0
@@ -168,6 +171,7 @@ def _choose(  # type: ignore[no-untyped-def]
     values, place, first, coarse, density, factors, cells, left_out, low, high, noise, tolerance,
     labels, unexplained,
 ):  # fmt: skip
+    """Choose the label of every voxel, cell by cell; see `refined` for what the arguments are."""
     fz, fy, fx = factors[0], factors[1], factors[2]
     spline_z, spline_y, spline_x = _splines(fz), _splines(fy), _splines(fx)
     depth, height, width = labels.shape
@@ -185,6 +189,7 @@ def _choose(  # type: ignore[no-untyped-def]
                 count = _candidates(
                     coarse, density, k + 1, j + 1, i + 1, names, means, weights, who
                 )
+                # 1. Cells deep inside a label are filled; in air, what is dense is counted.
                 if count == 1:
                     if names[0]:
                         labels[z0:z1, y0:y1, x0:x1] = names[0]
@@ -205,6 +210,7 @@ def _choose(  # type: ignore[no-untyped-def]
                         if strong >= 2:
                             unexplained[a, b, c] = weak
                     continue
+                # 2. How well a density suits a label is counted in the contrast here and noise.
                 least, most, air = means[0], means[0], -1
                 for n in range(count):
                     least, most = min(least, means[n]), max(most, means[n])
@@ -218,6 +224,7 @@ def _choose(  # type: ignore[no-untyped-def]
                         wy = spline_y[(y + first[1]) % fy]
                         for x in range(x0, x1):
                             wx = spline_x[(x + first[2]) % fx]
+                            # 3. The share of each label around the voxel, by B-splines.
                             shares[:count] = 1e-4
                             n = 0
                             for dz in range(3):
@@ -230,6 +237,7 @@ def _choose(  # type: ignore[no-untyped-def]
                             value = _smooth(values, z + place[0], y + place[1], x + place[2])
                             if air >= 0 and value < low and shares[air] > 0.05:
                                 continue
+                            # 4. The least of misfit less log share: the likeliest label.
                             best = 0
                             worth = scale * (value - means[0]) ** 2 - np.log(shares[0])
                             for n in range(1, count):
@@ -255,11 +263,9 @@ def _splines(factor):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _candidates(coarse, density, k, j, i, names, means, weights, who):  # type: ignore[no-untyped-def]
-    """List the labels around a cell with the density each has here; return how many.
-
-    The mean is over the label's cells, by the square of how many of their six neighbours are its
-    own: cells at a border hold a little of both sides.
-    """
+    """List the labels around a cell with the density each has here; return how many."""
+    # Means are weighted by the square of how many of a cell's six neighbours are of its label:
+    # cells at a border hold a little of both sides.
     here = coarse[k, j, i]
     same = True
     for c in range(k - 1, k + 2):
@@ -305,6 +311,7 @@ def _candidates(coarse, density, k, j, i, names, means, weights, who):  # type: 
 
 @njit(cache=True, nogil=True, inline="always")
 def _smooth(values, z, y, x):  # type: ignore[no-untyped-def]
+    """Return the mean of a voxel, counted twice, and its six neighbours."""
     here = values[z, y, x]
     total = 2 * here
     total += values[z - 1, y, x] if z > 0 else here
@@ -347,12 +354,12 @@ def _drop_single(labels, first, clean):  # type: ignore[no-untyped-def]
 def named_things(
     unexplained: NDArray[np.int32], labels: NDArray[np.int32], fewest: int
 ) -> NDArray[np.int32]:
-    """Decide what becomes of matter that the grid did not show.
+    """Decide what becomes of foreground that the grid did not show.
 
     Parameters
     ----------
     unexplained : (z, y, x) ndarray of int32
-        Voxels of such matter in every cell.
+        Voxels of it in every cell.
     labels : (z, y, x) ndarray of int32
         Objects on the grid.
     fewest : int
@@ -361,8 +368,8 @@ def named_things(
     Returns
     -------
     (z, y, x) ndarray of int32
-        Whose such matter in a cell is: of a new object, above all labels, where connected cells
-        (26 neighbours) hold enough voxels; else of the object they touch most; else 0.
+        The label of such voxels in a cell: of a new object, above all labels, where connected
+        cells (26 neighbours) hold enough voxels; else of the object they touch most; else 0.
 
     Notes
     -----
@@ -389,7 +396,7 @@ def named_things(
 
 def write_things(
     source: Source,
-    grid: Coarse,
+    grid: GridLabels,
     things: NDArray[np.int32],
     block: NDArray[np.int32],
     box: Box,
@@ -401,7 +408,7 @@ def write_things(
     ----------
     source : Source
         The volume.
-    grid : Coarse
+    grid : GridLabels
         The working grid.
     things : (z, y, x) ndarray of int32
         See `named_things`.
@@ -436,6 +443,7 @@ def _touched(pieces, labels, small):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _write(values, low, factors, things, block):  # type: ignore[no-untyped-def]
+    """Label what is dense in cells of thin things and has no label."""
     fz, fy, fx = factors
     for k, j, i in np.argwhere(things):
         for z in range(k * fz, min((k + 1) * fz, block.shape[0])):

@@ -1,4 +1,4 @@
-"""Volumes too large to be worked on whole: found on a reduced grid, refined block by block."""
+"""Volumes too large to be segmented whole: on a reduced grid, then refined block by block."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
-from napari_unpack.segmentation.common.region import FEWEST, Oracle
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.denoising import looks_grainy
-from napari_unpack.segmentation.foreground.methods import find_matter, levels_of
+from napari_unpack.segmentation.foreground.denoising import needs_denoising
+from napari_unpack.segmentation.foreground.methods import find_foreground, foreground_levels
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
 from napari_unpack.segmentation.label_upsampling import (
-    Coarse,
-    coarse,
+    GridLabels,
+    grid_labels,
     named_things,
     refined,
     write_things,
 )
-from napari_unpack.segmentation.object_table import Sums, confidences, ranks
+from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
 from napari_unpack.tasks import Progress
 
@@ -38,7 +38,7 @@ def segment_large(
     source: Source,
     spacing: Spacing,
     find: Find,
-    tell: Progress,
+    progress: Progress,
     *,
     working: int,
     foreground: str | float,
@@ -54,22 +54,21 @@ def segment_large(
     ----------
     source : Source
         The volume.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     find : callable
-        `find(density, spacing, tell) -> labels` finds the objects of the working grid.
-    tell : callable
-        Progress; called from this thread only.
+        `find(density, spacing, progress) -> labels` finds the objects of the working grid.
+    progress : callable
+        Called from this thread only.
     working : int
         Cells of the working grid at most.
     foreground : str or float
-        See `matter.checked_way`.
+        See `methods.checked_foreground`.
     fewest : int
         Voxels of an object.
     grainy : bool, optional
-        Whatever the grid does not show is noise or haze.
+        The volume is mostly noise or haze, so that what the grid does not show is no object.
     oracle : callable, optional
-        Judges the objects, as they are on the grid.
+        Confidence of the objects, as they are on the grid.
     out : array, optional
         Where labels are written; by default a new ndarray.
     block : int
@@ -90,14 +89,14 @@ def segment_large(
     bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
     may come out as an object.
     """
-    tell(0.0, "Reducing the volume")
+    progress(0.0, "Reducing the volume")
     grid = reduced(source, spacing, reduction(source.shape, spacing, working), block)
-    levels = levels_of(grid.sample, foreground)
-    labels = find(grid.density, grid.spacing, lambda f, text: tell(0.03 + 0.57 * f, text))
-    tell(0.6, "Refining the borders")
-    hidden = looks_grainy(grid.density, foreground) if grainy is None else grainy
+    levels = foreground_levels(grid.sample, foreground)
+    labels = find(grid.density, grid.spacing, lambda f, text: progress(0.03 + 0.57 * f, text))
+    progress(0.6, "Refining the borders")
+    hidden = needs_denoising(grid.density, foreground) if grainy is None else grainy
     left_out = labels == 0 if hidden else _left_out(grid, labels, foreground)
-    rough = coarse(labels, grid.density, left_out, grid.factors, levels)
+    rough = grid_labels(labels, grid.density, left_out, grid.factors, levels)
     if out is None:
         out = np.zeros(source.shape, np.int32)
     _check_room(out, int(labels.max()))
@@ -108,23 +107,24 @@ def segment_large(
         with source.lock:
             out[box] = found
         unexplained[cells] = rest
-        tell(0.6 + 0.3 * n / len(places), "Refining the borders")
+        progress(0.6 + 0.3 * n / len(places), "Refining the borders")
     things = named_things(unexplained, labels, fewest)
     _check_room(out, int(things.max(initial=0)))
     _recover(source, rough, things, places, out)
-    tell(0.9, "Measuring objects")
+    progress(0.9, "Measuring objects")
     labels = np.where(things > 0, things, labels)
     sums = _measured(source, out, places, int(labels.max()), spacing)
-    judged = confidences(labels, grid.density, grid.spacing, oracle)
+    confidence = confidences(labels, grid.density, grid.spacing, oracle)
     names = ranks(sums.totals[:, 0])
     if (names != np.arange(len(names))).any():
         _rename(source, out, places, names)
-    table = sums.table(spacing, judged)
+    table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
 
 
 def _check_room(out: Any, top: int) -> None:
+    """Refuse an array whose type cannot hold so many objects."""
     most = np.iinfo(out.dtype).max
     if top > most:
         raise ValueError(f"out of {out.dtype} cannot hold {top} objects; pass one of int32")
@@ -133,13 +133,11 @@ def _check_room(out: Any, top: int) -> None:
 def _left_out(
     grid: WorkingGrid, labels: NDArray[np.int32], foreground: str | float
 ) -> NDArray[np.bool_]:
-    """Return the cells of matter that are deliberately no object: tables, shells, the rim.
-
-    What is in too few cells to show a shape may be an object at full resolution.
-    """
-    matter, _ = find_matter(grid.density, grid.spacing, foreground)
-    matter &= labels == 0
-    left_out = np.asarray(cc3d.dust(matter, threshold=FEWEST, connectivity=26), np.bool_)
+    """Return the foreground cells that are deliberately no object: tables, shells, the rim."""
+    mask, _ = find_foreground(grid.density, grid.spacing, foreground)
+    mask &= labels == 0
+    # What is in too few cells to show a shape may be an object at full resolution.
+    left_out = np.asarray(cc3d.dust(mask, threshold=MIN_OBJECT_VOXELS, connectivity=26), np.bool_)
     section = measured_section(grid.density)
     if section is not None:
         left_out |= (labels == 0) & ~section
@@ -148,11 +146,12 @@ def _left_out(
 
 def _recover(
     source: Source,
-    rough: Coarse,
+    rough: GridLabels,
     things: NDArray[np.int32],
     places: list[tuple[Box, Box]],
     out: Any,
 ) -> None:
+    """Write the labels of things that the grid did not show, block by block."""
     for box, cells in places:
         if things[cells].any():
             with source.lock:
@@ -164,19 +163,19 @@ def _recover(
 
 def _measured(
     source: Source, out: Any, places: list[tuple[Box, Box]], top: int, spacing: Spacing
-) -> Sums:
+) -> ObjectSums:
     """Add up all objects; every thread has sums of its own, added in order."""
 
-    def one(box: Box) -> Sums:
+    def one(box: Box) -> ObjectSums:
         outer = grown(box, 1, source.shape)
         with source.lock:
             found = np.asarray(out[outer]).astype(np.int32, copy=False)
-        sums = Sums.empty(top)
+        sums = ObjectSums.empty(top)
         start = (outer[0].start, outer[1].start, outer[2].start)
         sums.add(found, source.read(outer), spacing, start, within(box, outer))
         return sums
 
-    total = Sums.empty(top)
+    total = ObjectSums.empty(top)
     jobs = (lambda box=box: one(box) for box, _ in places)
     for _, _, sums in _paired(places, jobs):
         total.totals[:] += sums.totals
@@ -187,6 +186,7 @@ def _measured(
 def _rename(
     source: Source, out: Any, places: list[tuple[Box, Box]], names: NDArray[np.int32]
 ) -> None:
+    """Rename all labels, block by block."""
     for box, _ in places:
         with source.lock:
             out[box] = names[np.asarray(out[box])]
@@ -196,13 +196,14 @@ def _paired(
     places: list[tuple[Box, Box]], jobs: Iterator[Callable[[], T]]
 ) -> Iterator[tuple[int, tuple[Box, Box], T]]:
     """Yield results in order, with their number from 1, a few jobs ahead on threads."""
-    workers = min(os.cpu_count() or 1, 8)
-    with ThreadPoolExecutor(workers) as pool:
-        waiting: list[Future[T]] = [pool.submit(job) for job in islice(jobs, workers + 1)]
+    # More threads than eight wait for the store, and each holds a block in memory.
+    count = min(os.cpu_count() or 1, 8)
+    with ThreadPoolExecutor(count) as threads:
+        waiting: list[Future[T]] = [threads.submit(job) for job in islice(jobs, count + 1)]
         try:
             for n, place in enumerate(places, 1):
                 result = waiting.pop(0).result()
-                waiting += [pool.submit(job) for job in islice(jobs, 1)]
+                waiting += [threads.submit(job) for job in islice(jobs, 1)]
                 yield n, place, result
         finally:
             for future in waiting:

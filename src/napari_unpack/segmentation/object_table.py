@@ -1,7 +1,4 @@
-"""The table of objects: what a person reads about each of them.
-
-Names of objects: 1, 2, ... from the largest to the smallest.
-"""
+"""The table of objects, and their IDs: 1, 2, ... from the largest to the smallest."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from napari_unpack.segmentation.confidence.oracle import default_oracle
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class ObjectSums:
     """What is added up over the voxels of every label, block by block.
 
     Parameters
@@ -35,7 +32,7 @@ class Sums:
     area: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, top: int) -> Sums:
+    def empty(cls, top: int) -> ObjectSums:
         """Return sums of nothing for labels up to `top`."""
         return cls(np.zeros((top + 1, 5)), np.zeros(top + 1))
 
@@ -55,8 +52,7 @@ class Sums:
             The block, with the voxels around it where the volume has them.
         density : (Z, Y, X) ndarray
             Density of the same voxels.
-        spacing : (float, float, float)
-            Voxel size z y x, mm.
+        spacing : (float, float, float) of mm, z y x
         start : (int, int, int)
             First of these voxels in the volume.
         inner : tuple of slice, optional
@@ -72,7 +68,14 @@ class Sums:
         _add(labels, density, bounds, np.array(start), faces, self.totals, self.area)
 
     def table(self, spacing: Spacing, confidence: dict[int, float]) -> pd.DataFrame:
-        """Return the table of all labels that have voxels, columns as in `Segmentation`."""
+        """Return the table of all labels that have voxels, columns as in `Segmentation`.
+
+        Parameters
+        ----------
+        spacing : (float, float, float) of mm, z y x
+        confidence : dict of int to float
+            By label.
+        """
         ids = np.flatnonzero(self.totals[:, 0])
         totals, counts = self.totals[ids], self.totals[ids, 0]
         volume = counts * float(np.prod(spacing))
@@ -98,25 +101,18 @@ def object_table(
     spacing: Spacing,
     oracle: Oracle | None = None,
 ) -> pd.DataFrame:
-    """Measure every object.
+    """Measure every object; columns as in `pipeline.Segmentation`.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Object IDs.
     density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     oracle : callable, optional
-        Judges each object; by default the one that ships with the package.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Indexed by id, columns as in `pipeline.Segmentation`.
+        Confidence of a region; by default the oracle that ships with the package.
     """
-    sums = Sums.empty(int(labels.max(initial=0)))
+    sums = ObjectSums.empty(int(labels.max(initial=0)))
     sums.add(labels, density, spacing)
     return sums.table(spacing, confidences(labels, density, spacing, oracle))
 
@@ -127,7 +123,7 @@ def confidences(
     spacing: Spacing,
     oracle: Oracle | None = None,
 ) -> dict[int, float]:
-    """Judge every object.
+    """Rate every object.
 
     Parameters
     ----------
@@ -137,20 +133,21 @@ def confidences(
     Returns
     -------
     dict of int to float
-        By label; 0 where no judgement could be made, as of densities too large to be squared.
+        By label; 0 where the oracle has no number, as of densities too large to be squared.
     """
     boxes = label_boxes(labels)
-    judge = oracle or default_oracle()
+    confidence_of = oracle or default_oracle()
     found = {}
     for name in boxes.ids.tolist():
         box = boxes.slices(name)
-        value = float(judge(Region.of(labels[box] == name, density, box, spacing)))
+        value = float(confidence_of(Region.of(labels[box] == name, density, box, spacing)))
         found[name] = value if np.isfinite(value) else 0.0
     return found
 
 
 @njit(cache=True, nogil=True)
 def _add(labels, density, inner, start, faces, totals, area):  # type: ignore[no-untyped-def]
+    """Add the voxels of a block to the sums of their labels."""
     depth, height, width = labels.shape
     for z in range(inner[0, 0], inner[0, 1]):
         for y in range(inner[1, 0], inner[1, 1]):
@@ -186,10 +183,6 @@ def ranks(voxels: NDArray[np.number]) -> NDArray[np.int32]:
     ----------
     voxels : (M,) ndarray
         Of every label; of 0, which is background, none count.
-
-    Returns
-    -------
-    (M,) ndarray of int32
     """
     counts = voxels.copy()
     counts[0] = 0
@@ -206,9 +199,5 @@ def rank_labels(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     ----------
     labels : (Z, Y, X) ndarray of int32
         Not changed.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
     """
     return ranks(np.bincount(labels.reshape(-1)))[labels]

@@ -1,4 +1,4 @@
-"""From a density volume to labelled objects: the room's door."""
+"""From a density volume to labelled objects: what `segment` does, step by step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.segmentation.common.array_source import source_of
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
-from napari_unpack.segmentation.common.region import FEWEST, SMALLEST, Oracle, default_smallest
+from napari_unpack.segmentation.common.region import (
+    MIN_OBJECT_VOXELS,
+    Oracle,
+    default_smallest_object,
+)
 from napari_unpack.segmentation.common.validation import (
     Spacing,
     check_out,
@@ -21,24 +25,27 @@ from napari_unpack.segmentation.common.validation import (
     checked_volume,
 )
 from napari_unpack.segmentation.confidence.oracle import default_oracle
-from napari_unpack.segmentation.foreground.denoising import cleared, looks_grainy, to_half_height
-from napari_unpack.segmentation.foreground.methods import checked_way
+from napari_unpack.segmentation.foreground.denoising import (
+    denoised,
+    grow_to_half_height,
+    needs_denoising,
+)
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, checked_foreground
 from napari_unpack.segmentation.isoperimetric.initial_parts import SplitRule, split_parts
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
 from napari_unpack.segmentation.large_volumes import segment_large
-from napari_unpack.segmentation.learned.method import seen_objects
+from napari_unpack.segmentation.learned.method import find_objects
 from napari_unpack.segmentation.object_table import object_table, rank_labels
-from napari_unpack.segmentation.postprocessing.cables import gather_wires
-from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_hanging
+from napari_unpack.segmentation.postprocessing.cables import gather_cables
+from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_suspended
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
-from napari_unpack.segmentation.postprocessing.inclusions import take_out_inclusions
-from napari_unpack.segmentation.working_grid import MOST
+from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
+from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 from napari_unpack.tasks import Progress, no_progress
 
 METHODS = ("learned", "cuts")
-
+# Folds of cloth are at most this many times as dense as the median of the foreground.
 FOLD_DENSITY = 2.2
-"""Folds of cloth are at most this many times as dense as the median of the foreground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +66,32 @@ class Segmentation:
     objects: pd.DataFrame
 
 
+@dataclass(frozen=True)
+class SegmentOptions:
+    """The arguments of `segment` that decide about objects; see there.
+
+    Parameters
+    ----------
+    method : {"learned", "cuts"}
+    foreground : ForegroundOptions
+    smallest : float
+        mm^3.
+    grainy : bool, optional
+    step : float
+        Of log density.
+    rule : SplitRule, optional
+    oracle : callable, optional
+    """
+
+    method: str
+    foreground: ForegroundOptions
+    smallest: float
+    grainy: bool | None = None
+    step: float = 0.11
+    rule: SplitRule | None = None
+    oracle: Oracle | None = None
+
+
 def segment(
     volume: ArrayLike,
     spacing: Sequence[float] = (1.0, 1.0, 1.0),
@@ -74,7 +107,7 @@ def segment(
     step: float = 0.11,
     rule: SplitRule | None = None,
     judge: None = None,
-    working: int = MOST,
+    working: int = WORKING_VOXELS,
     out: Any = None,
 ) -> Segmentation:
     """Find the objects of a packed volume.
@@ -84,8 +117,7 @@ def segment(
     volume : (Z, Y, X) array_like
         Densities, any real type and scale; NaN is background. A zarr or dask array, or a memory
         map, is read block by block where it is larger than `working`.
-    spacing : (3,) sequence of float
-        Voxel size z y x, mm.
+    spacing : (3,) sequence of float, mm z y x
     oracle : callable, optional
         `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
         oracle that ships with the package; with method "cuts" it also decides about cuts.
@@ -95,8 +127,8 @@ def segment(
         "learned" merges what a boundary network predicts to belong together. "cuts" is the method
         of the paper (section 3), recursive cuts chosen by the oracle; it is slow and splits more.
     foreground : str or float
-        How matter is told from air: one of `matter.WAYS`, or the density from which there is
-        matter.
+        How foreground is told from air: one of `methods.FOREGROUND_METHODS`, or the density from
+        which there is foreground.
     smallest : float, optional
         Objects below this, or of fewer than 100 voxels, are dropped or joined to a neighbour,
         mm^3. By default 500 mm^3, but 500 voxels where that is more than a 2000th of
@@ -106,24 +138,20 @@ def segment(
     shell : bool
         Leave out the bag itself.
     grainy : bool, optional
-        Noise or haze hide the objects, as under a microscope: they are taken away first, and
-        there is no table and no bag. By default that is found out where `foreground` is a way.
+        Noise or haze hide the objects, as under a microscope: they are removed first, and there is
+        no table and no bag. By default that is measured where `foreground` is the name of a method.
     step : float
-        Log density step that tells two materials apart; see `materials.MaterialScale`.
+        Of log density, between two regions of method "cuts"; see `DensityScale`.
     rule : SplitRule, optional
-        When to cut.
+        When method "cuts" may split.
     judge : None
         Refused: it belonged to the method "affinity", which is gone.
     working : int
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
-        their labels are then refined to full resolution; see `large`.
+        their labels are then refined to full resolution; see `large_volumes`.
     out : (Z, Y, X) array of int, optional
         Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
         array. By default a new ndarray of int32.
-
-    Returns
-    -------
-    Segmentation
 
     Raises
     ------
@@ -136,138 +164,96 @@ def segment(
         raise TypeError('judge= is gone with method="affinity"; pass oracle= with method="cuts"')
     source = source_of(volume)
     size = checked_spacing(spacing)
-    way = checked_way(foreground)
+    level = checked_foreground(foreground)
     if method == "affinity":
         raise ValueError('method="affinity" is gone; use method="learned" or method="cuts"')
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    decides = (oracle or default_oracle()) if method == "cuts" else None
     if out is not None:
         check_out(out, source.shape)
-    tell = progress or no_progress
-    least = default_smallest(source.shape, size) if smallest is None else smallest
-    find = partial(
-        segment_grid,
-        foreground=way,
-        method=method,
-        smallest=least,
-        supports=supports,
-        shell=shell,
-        grainy=grainy,
-        step=step,
-        rule=rule,
-        oracle=decides,
+    progress = progress or no_progress
+    least = default_smallest_object(source.shape, size) if smallest is None else smallest
+    wanted = SegmentOptions(
+        method, ForegroundOptions(level, supports, shell), least, grainy, step, rule, oracle
     )
+    find = partial(_segment_grid, options=wanted)
     if source.size > working:
-        fewest = int(max(least / float(np.prod(size)), FEWEST))
+        fewest = int(max(least / float(np.prod(size)), MIN_OBJECT_VOXELS))
         labels, table = segment_large(
             source,
             size,
             find,
-            tell,
+            progress,
             working=working,
-            foreground=way,
+            foreground=level,
             grainy=grainy,
             fewest=fewest,
             oracle=oracle,
             out=out,
         )
-        tell(1.0, f"{len(table)} objects")
+        progress(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
     density = checked_volume(np.asarray(source.array))
-    labels = find(density, size, tell)
-    tell(0.95, "Measuring objects")
+    labels = find(density, size, progress)
+    progress(0.95, "Measuring objects")
     table = object_table(labels, density, size, oracle)
     if out is not None:
         out[...] = labels
         labels = out
-    tell(1.0, f"{len(table)} objects")
+    progress(1.0, f"{len(table)} objects")
     return Segmentation(labels, table)
 
 
-def segment_grid(
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    tell: Progress,
-    *,
-    foreground: str | float = "hysteresis",
-    method: str = "learned",
-    smallest: float = SMALLEST,
-    supports: bool = True,
-    shell: bool = True,
-    grainy: bool | None = None,
-    step: float = 0.11,
-    rule: SplitRule | None = None,
-    oracle: Oracle | None = None,
+def _segment_grid(
+    density: NDArray[np.generic], spacing: Spacing, progress: Progress, options: SegmentOptions
 ) -> NDArray[np.int32]:
-    """Find the objects of a volume that is small enough to be worked on whole.
-
-    Parameters
-    ----------
-    density : (Z, Y, X) ndarray
-        Checked density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    tell : callable
-        Progress.
-    foreground, method, smallest, supports, shell, grainy, step, rule, oracle
-        As for `segment`.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        1, 2, ... from the largest object to the smallest; 0 is background.
-
-    Raises
-    ------
-    ValueError
-        If nothing is found.
-    """
-    given, hidden = density, looks_grainy(density, foreground) if grainy is None else grainy
-    if hidden:
-        tell(0.0, "Taking noise and haze away")
-        density, foreground = cleared(density, spacing, foreground), "hysteresis"
-        supports = shell = False
-    if method == "learned":
-        labels = seen_objects(
-            density,
-            spacing,
-            tell,
-            foreground=foreground,
-            supports=supports,
-            shell=shell,
-            smallest=smallest,
-            # What haze is taken from has no densities to go by.
-            steps=not hidden,
-        )
-        if not hidden:
-            labels = gather_wires(labels, density)
-            labels = take_out_inclusions(labels, density, spacing, smallest)
+    """Find the objects of a volume small enough to be segmented whole, named by size."""
+    given, foreground = density, options.foreground
+    noisy = needs_denoising(density, foreground.method)
+    if options.grainy is not None:
+        noisy = options.grainy
+    if noisy:
+        progress(0.0, "Removing noise and haze")
+        density = denoised(density, spacing, foreground.method)
+        # Under a microscope there is neither a table nor a bag.
+        foreground = ForegroundOptions(supports=False, shell=False)
+    if options.method == "cuts":
+        labels = _cut_objects(density, spacing, progress, foreground, options)
     else:
-        decides = oracle or default_oracle()
-        parts, scale = split_parts(
-            density,
-            spacing,
-            tell,
-            decides,
-            foreground=foreground,
-            supports=supports,
-            shell=shell,
-            step=step,
-            rule=rule or SplitRule(smallest=2 * smallest),
+        # Haze removal leaves no densities to compare.
+        labels = find_objects(
+            density, spacing, progress, foreground, smallest=options.smallest, steps=not noisy
         )
-        # The knee is a quarter of the foreground's median density above air.
-        light = scale.air + FOLD_DENSITY * 4 * scale.knee
-        parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
-        parts = join_touching(parts, density, spacing, decides, tell=tell)
-        labels = absorb_small(parts, spacing, max(smallest, FEWEST * float(np.prod(spacing))))
-    if hidden:
-        labels = to_half_height(labels, given, spacing)
-    filled = fill_cavities(labels, spacing, leaky=not hidden)
-    labels = rank_labels(filled if hidden else join_hanging(labels, filled, spacing))
+        if not noisy:
+            labels = gather_cables(labels, density)
+            labels = separate_inclusions(labels, density, spacing, options.smallest)
+    if noisy:
+        labels = grow_to_half_height(labels, given, spacing)
+    filled = fill_cavities(labels, spacing, leaky=not noisy)
+    labels = rank_labels(filled if noisy else join_suspended(labels, filled, spacing))
     if not labels.any():
         raise ValueError(
-            f"nothing found: no object has {smallest:g} mm^3; "
+            f"nothing found: no object has {options.smallest:g} mm^3; "
             "pass a smaller smallest= or a lower foreground="
         )
     return labels
+
+
+def _cut_objects(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    progress: Progress,
+    foreground: ForegroundOptions,
+    options: SegmentOptions,
+) -> NDArray[np.int32]:
+    """Find objects by the paper's method: recursive cuts, then merges that the oracle prefers."""
+    oracle = options.oracle or default_oracle()
+    # Parts are cut down to twice the least object, since every cut may halve the last one.
+    rule = options.rule or SplitRule(smallest=2 * options.smallest)
+    parts, scale = split_parts(density, spacing, progress, oracle, foreground, options.step, rule)
+    # The knee is a quarter of the foreground's median density above air.
+    light = scale.air + FOLD_DENSITY * 4 * scale.knee
+    parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
+    parts = join_touching(parts, density, spacing, oracle, progress=progress)
+    voxel = float(np.prod(spacing))
+    return absorb_small(parts, spacing, max(options.smallest, MIN_OBJECT_VOXELS * voxel))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.geometry.boxes import LabelBoxes, differing_box
 from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
 
 Labels = NDArray[np.integer[Any]]
@@ -73,16 +73,11 @@ def split_between(
         Of these labels.
     density : (Z, Y, X) array_like
         The cut prefers its steps.
-    spacing : (3,) sequence of float
-        Voxel size z y x, mm.
+    spacing : (3,) sequence of float, mm z y x
     a, b : (3,) sequence of int
         Two voxels of one object.
     new_id : int
         The smaller part's; the larger keeps the object's.
-
-    Returns
-    -------
-    LabelEdit
 
     Raises
     ------
@@ -105,6 +100,14 @@ def split_between(
 def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> LabelEdit:
     """Make one object of several; the largest's ID stays.
 
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+    boxes : LabelBoxes
+        Of these labels.
+    ids : iterable of int
+        Objects.
+
     Raises
     ------
     ValueError
@@ -121,6 +124,14 @@ def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Labe
 
 def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> LabelEdit:
     """Make objects background.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+    boxes : LabelBoxes
+        Of these labels.
+    ids : iterable of int
+        Objects.
 
     Raises
     ------
@@ -139,18 +150,13 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
 def difference(labels: Labels, wanted: Labels) -> LabelEdit | None:
     """Return the edit that leads from labels to others of the same shape; None where equal.
 
-    Notes
-    -----
-    Compared plane by plane; memory is that of the voxels that differ.
+    Parameters
+    ----------
+    labels, wanted : (Z, Y, X) ndarray of int
     """
-    planes = [z for z in range(len(labels)) if not np.array_equal(labels[z], wanted[z])]
-    if not planes:
+    box = differing_box(labels, wanted)
+    if box is None:
         return None
-    box: Box = (slice(planes[0], planes[-1] + 1), slice(None), slice(None))
-    where = np.flatnonzero(labels[box] != wanted[box])
-    spots = np.unravel_index(where, labels[box].shape)
-    tight = tuple(slice(int(s.min()), int(s.max()) + 1) for s in spots[1:])
-    box = (box[0], tight[0], tight[1])
     old, new = labels[box], wanted[box]
     where = np.flatnonzero(old != new)
     spots = np.unravel_index(where, old.shape)

@@ -1,8 +1,8 @@
-"""Segments to learn from, and false ones to test against: labelled volumes taken apart."""
+"""Training examples: true objects of labelled volumes, and regions that are not one object."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,17 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.merging import measure_contacts
+from napari_unpack.segmentation.common.adjacency import touching_area_matrix
 from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
-from napari_unpack.segmentation.evaluation import contingency
-from napari_unpack.segmentation.learned.pair_classifier import (
-    PairClassifier,
-    Parts,
-    agglomerate,
-)
 from napari_unpack.tasks import Progress
 
 
@@ -32,17 +26,11 @@ def true_objects(
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Density.
     labels : (Z, Y, X) ndarray of int
         True objects.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     smallest : int
         Voxels.
-
-    Yields
-    ------
-    Region
     """
     boxes = label_boxes(labels)
     for name in boxes.ids[boxes.counts >= smallest].tolist():
@@ -61,19 +49,15 @@ def merged_pairs(
         As for `true_objects`.
     least : float
         Share of the surface of the one with less.
-
-    Yields
-    ------
-    Region
     """
     names = label_boxes(labels).ids
     compact = np.searchsorted(names, labels).astype(np.int32) + 1
     compact[labels == 0] = 0
     if len(names) < 2:
         return
-    contacts = measure_contacts(compact, spacing)
-    surface = np.minimum.outer(contacts.surface, contacts.surface)
-    touching = contacts.area > least * surface
+    area = touching_area_matrix(compact, spacing)
+    surface = area.sum(axis=1)
+    touching = area > least * np.minimum.outer(surface, surface)
     for one, two in np.argwhere(np.triu(touching[1:, 1:], 1)) + 1:
         both = (compact == one) | (compact == two)
         box = bounding_box(both)
@@ -103,16 +87,12 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     ----------
     bags : iterable of Labelled
         Used one after another, so that they need not all be in memory. All their objects are
-        examples of good ones; unions of two that touch, and halves, are examples of bad ones.
+        examples; unions of two that touch, and halves, are counterexamples.
     seed : int
         Of the planes that cut objects in two, and of the mixtures.
     progress : callable, optional
         Called with (fraction in [0, 1], text) after every volume; the fraction stays 0 where the
         number of volumes is not known. Raising in it cancels.
-
-    Returns
-    -------
-    Oracle
 
     Raises
     ------
@@ -136,17 +116,17 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
 
 
 @dataclass(frozen=True, eq=False)
-class _Marked:
+class _Examples:
     volume: NDArray[np.generic]
     labels: NDArray[np.integer]
     spacing: tuple[float, float, float]
 
 
-def train_on_marked(
+def train_on_examples(
     volume: NDArray[np.generic],
     labels: NDArray[np.integer],
     spacing: Sequence[float],
-    good: Iterable[int],
+    examples: Iterable[int],
     seed: int = 0,
 ) -> Oracle:
     """Learn a confidence from the objects of one volume that a person marked as examples.
@@ -157,30 +137,25 @@ def train_on_marked(
         Density.
     labels : (Z, Y, X) ndarray of int
         Objects, right and wrong ones.
-    spacing : (3,) sequence of float
-        Voxel size z y x, mm.
-    good : iterable of int
+    spacing : (3,) sequence of float, mm z y x
+    examples : iterable of int
         Labels of those that are exactly one object each; at least eight.
     seed : int
         As for `train`.
-
-    Returns
-    -------
-    Oracle
 
     Raises
     ------
     ValueError
         If there are fewer than eight.
     """
-    wanted = np.array(sorted(good), np.int64)
+    wanted = np.array(sorted(examples), np.int64)
     if len(wanted) < 8:
         raise ValueError(
             f"an oracle needs at least 8 examples to be trained on, {len(wanted)} are marked"
         )
     a, b, c = (float(v) for v in spacing)
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    return train([_Marked(np.asarray(volume), kept, (a, b, c))], seed)
+    return train([_Examples(np.asarray(volume), kept, (a, b, c))], seed)
 
 
 def oracle_examples(
@@ -194,11 +169,6 @@ def oracle_examples(
         Objects of fewer than 64 voxels are left out.
     seed : int
         Of the planes that cut objects in two.
-
-    Returns
-    -------
-    good, bad : list of (F,) ndarray of float64
-        Columns as `features.FEATURES`.
 
     Raises
     ------
@@ -216,7 +186,13 @@ def oracle_examples(
 
 
 def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Region]:
-    """Yield one half of every object, cut through its centre by a random plane."""
+    """Yield one half of every object, cut through its centre by a random plane.
+
+    Parameters
+    ----------
+    objects : list of Region
+    generator : numpy.random.Generator
+    """
     for region in objects:
         points = np.stack(np.nonzero(region.mask), axis=1)
         side = (points - points.mean(axis=0)) @ generator.normal(size=3) > 0
@@ -224,60 +200,3 @@ def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Re
             mask = np.zeros_like(region.mask)
             mask[tuple(points[side].T)] = True
             yield region.part(mask)
-
-
-def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Return the (M, T) voxels that each part shares with each true object; row 0 is empty."""
-    table = contingency(parts, truth)
-    compact = np.flatnonzero(np.bincount(parts.reshape(-1)))
-    found = np.zeros((int(parts.max(initial=0)) + 1, table.shape[1]))
-    found[compact[compact > 0]] = table[1:]
-    return found
-
-
-def examples_of(
-    measured: Parts,
-    shared: NDArray[np.float64],
-    affinity: PairClassifier | None = None,
-    described: Callable[[int, int, NDArray[np.float64]], NDArray[np.float64]] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the pairs that joining parts meets: their features, and whether they are one object.
-
-    Parameters
-    ----------
-    measured : Parts
-        Used up.
-    shared : (M, T) ndarray of float64
-        See `overlaps`.
-    affinity : PairClassifier, optional
-        A classifier to follow, so that it learns from the states its own mistakes lead to;
-        without one the truth is followed.
-    described : callable, optional
-        `described(one, two, features) -> features` that the judge goes by.
-
-    Returns
-    -------
-    rows : (N, F) ndarray of float64
-    same : (N,) ndarray of bool
-    """
-    rows: list[NDArray[np.float64]] = []
-    same: list[bool] = []
-
-    def judge(one: int, two: int, row: NDArray[np.float64]) -> float:
-        first, second = shared[one], shared[two]
-        main = first.argmax(), second.argmax()
-        agree = main[0] == main[1]
-        if described is not None:
-            row = described(one, two, row)
-        # Matter without a label, such as the bag's shell, belongs to nothing else.
-        if main[0] or main[1]:
-            rows.append(row)
-            same.append(bool(agree))
-        if affinity is None:
-            return float(agree and main[0] > 0)
-        chance = float(affinity.probability(row[None])[0])
-        # A wrong join would leave no right answer behind it: it is recorded, not made.
-        return chance if agree else 0.0
-
-    agglomerate(measured, judge)
-    return np.array(rows), np.array(same, np.bool_)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.array_source import Source, blocks
 from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
 
-MOST = 16_000_000
-"""Voxels that are worked on whole."""
+# Voxels that are segmented whole, a bag of 250 in each direction.
+WORKING_VOXELS = 16_000_000
+# Voxels that are read at once by each thread.
 BLOCK = 16_000_000
-"""Voxels that are read at once."""
-SAMPLES = 4_000_000
 
 Factors = tuple[int, int, int]
 
@@ -43,15 +43,14 @@ class WorkingGrid:
     sample: NDArray[Any]
 
 
-def reduction(shape: tuple[int, int, int], spacing: Spacing, most: int = MOST) -> Factors:
+def reduction(shape: tuple[int, int, int], spacing: Spacing, most: int = WORKING_VOXELS) -> Factors:
     """Choose how many voxels become one cell along each axis.
 
     Parameters
     ----------
     shape : (int, int, int)
         Voxels z y x.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     most : int
         Cells at most.
 
@@ -80,16 +79,11 @@ def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOC
     ----------
     source : Source
         The volume.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     factors : (int, int, int)
         See `reduction`.
     most : int
         Voxels read at once.
-
-    Returns
-    -------
-    WorkingGrid
 
     Raises
     ------
@@ -99,7 +93,7 @@ def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOC
     wide = np.float64 if source.dtype.itemsize > 4 else np.float32
     shape = tuple(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
     means = np.empty(shape, wide)
-    stride = max(1, int(np.ceil((source.size / SAMPLES) ** (1 / 3))))
+    stride = max(1, int(np.ceil((source.size / MOST_SAMPLES) ** (1 / 3))))
     sample = np.empty(tuple(-(-n // stride) for n in source.shape), source.dtype)
     low, high = np.inf, -np.inf
     for box, cells in blocks(source.shape, factors, most):

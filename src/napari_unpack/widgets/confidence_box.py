@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SLOT = "confidence"
 FILES = "Oracle (*.npz)"
-# The fewest examples that `train_on_marked` accepts.
+# The fewest examples that `train_on_examples` accepts.
 NEEDED = 8
 
 # Where nine in ten of at least so many objects score lower than this, the oracle was trained on
@@ -139,10 +139,10 @@ class ConfidenceBox(Collapsible):
         labels, examples = session.labels, session.examples
 
         def work(progress: Progress) -> Scored:
-            from napari_unpack.segmentation.training import train_on_marked
+            from napari_unpack.segmentation.training import train_on_examples
 
             progress(0.0, "Training")
-            oracle = train_on_marked(session.volume, labels, tuple(session.spacing), examples)
+            oracle = train_on_examples(session.volume, labels, tuple(session.spacing), examples)
             oracle.save(path)
             return oracle, _scores(session, labels, oracle)
 

@@ -1,4 +1,4 @@
-"""Who touches whom, as a list of pairs: any number of labels, none of which touches many."""
+"""Which labels touch, and over which area: sparse, for any number of labels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """Labels and their contacts.
+    """The touching areas of labels, as a sparse matrix in rows of neighbours.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class Neighbours:
     other : (2 P,) ndarray of int64
         Labels, rising for each; background is none.
     area : (2 P,) ndarray of float64
-        Of these contacts, mm^2.
+        Touching area with each of these, mm^2.
     surface : (M,) ndarray of float64
         The whole surface of every label, faces to background and to the volume's border
         included, mm^2.
@@ -61,18 +61,13 @@ class Neighbours:
 
 
 def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
-    """Find all contacts between labels.
+    """Measure the touching areas of all labels.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Labels, 0 background.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-
-    Returns
-    -------
-    Neighbours
+    spacing : (float, float, float) of mm, z y x
 
     Notes
     -----
@@ -91,8 +86,32 @@ def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     return Neighbours(start, others[order], np.tile(area, 2)[order], surface, voxels)
 
 
+def touching_area_matrix(labels: NDArray[np.int32], spacing: Spacing) -> NDArray[np.float64]:
+    """Measure the touching areas of few labels; memory is quadratic in them.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        0 is background.
+    spacing : (float, float, float) of mm, z y x
+
+    Returns
+    -------
+    (M, M) ndarray of float64
+        mm^2, symmetric; row and column 0 are background, including the volume's border.
+    """
+    found = find_neighbours(labels, spacing)
+    count = len(found.voxels)
+    area = np.zeros((count, count))
+    area[np.repeat(np.arange(count), np.diff(found.start)), found.other] = found.area
+    # What of a surface touches no label, background touches.
+    area[0] = area[:, 0] = found.surface - area.sum(axis=1)
+    return area
+
+
 @njit(cache=True, nogil=True)
 def _surfaces(labels, count, faces):  # type: ignore[no-untyped-def]
+    """Return the faces between two labels, and the surface and voxels of every label."""
     surface = np.zeros(count)
     voxels = np.zeros(count, np.int64)
     between = 0
@@ -125,6 +144,8 @@ def _surfaces(labels, count, faces):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _between(labels, count, number):  # type: ignore[no-untyped-def]
+    """Return for every face between two labels their names as one key, and its axis."""
+    # The number of faces is known from `_surfaces`, so that no list has to grow.
     keys = np.empty(number, np.int64)
     axes = np.empty(number, np.int8)
     size = labels.shape

@@ -14,8 +14,8 @@ from napari_unpack.segmentation.common.validation import block_dtype, checked_fo
 
 Box = tuple[slice, slice, slice]
 
-SLAB = 8
-"""Cells of a slab; what is read twice, at its faces, is little beside them."""
+# Cells; what is read twice, at the faces of a slab, is little beside them.
+THINNEST_SLAB = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def blocks(
     size, cell = list(grid), int(np.prod(factors))
     while cell * int(np.prod(size, dtype=np.int64)) > most and max(size) > 1:
         # Slabs first, of whole planes, which most stores read best; then across.
-        axis = 0 if size[0] > SLAB else int(np.argmax(size))
+        axis = 0 if size[0] > THINNEST_SLAB else int(np.argmax(size))
         size[axis] = -(-size[axis] // 2)
     for z in range(0, grid[0], size[0]):
         for y in range(0, grid[1], size[1]):
@@ -113,7 +113,16 @@ def blocks(
 
 
 def grown(box: Box, by: int, shape: tuple[int, int, int]) -> Box:
-    """Return a box widened by some voxels on every side, within the volume."""
+    """Return a box widened on every side, within the volume.
+
+    Parameters
+    ----------
+    box : (slice, slice, slice)
+    by : int
+        Voxels.
+    shape : (int, int, int)
+        Of the volume.
+    """
     a, b, c = (
         slice(max(s.start - by, 0), min(s.stop + by, n)) for s, n in zip(box, shape, strict=True)
     )
@@ -121,6 +130,12 @@ def grown(box: Box, by: int, shape: tuple[int, int, int]) -> Box:
 
 
 def within(box: Box, outer: Box) -> Box:
-    """Return where a box lies in an array that holds an outer box."""
+    """Return where a box lies in an array that holds an outer box.
+
+    Parameters
+    ----------
+    box, outer : (slice, slice, slice)
+        In the volume.
+    """
     a, b, c = (slice(s.start - o.start, s.stop - o.start) for s, o in zip(box, outer, strict=True))
     return a, b, c

@@ -11,19 +11,13 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 
 def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
-    """Return volume over convex hull volume, in (0, 1].
+    """Return volume over convex hull volume: 1 for a convex shape, below 0.5 for rings and shells.
 
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
         At least one voxel.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-
-    Returns
-    -------
-    float
-        1 for a convex shape, 0.5 and less for rings, shells and crumpled cloth.
+    spacing : (float, float, float) of mm, z y x
 
     Notes
     -----
@@ -52,8 +46,7 @@ def hull_points(
         At least one voxel.
     first : (3,) ndarray, optional
         Index of the mask's first voxel.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
 
     Returns
     -------
@@ -62,7 +55,7 @@ def hull_points(
     """
     if points is None:
         assert mask is not None
-        ends = _corners(_row_ends(mask))
+        ends = _corners(np.asarray(_extremes(np.ascontiguousarray(mask))))
         moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
         origin = np.zeros(3) if first is None else first
         points = (ends[:, None, :] + moves + origin).reshape(-1, 3) * np.array(spacing)
@@ -86,6 +79,7 @@ def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.f
     """
     if len(points) <= count:
         return points
+    # Every turn by the golden angle, which spreads directions evenly over the sphere.
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - z * z)
@@ -99,21 +93,19 @@ def hull_volume(corners: NDArray[np.float64]) -> float:
 
 
 def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    # So few points cost less to carry than a hull costs to find.
     if len(points) <= 12:
         return points
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
+        # All in a plane: each may be a corner.
         return points
-
-
-def _row_ends(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the voxels that are first or last of their rows along all three axes."""
-    return np.asarray(_extremes(np.ascontiguousarray(mask)))
 
 
 @njit(cache=True, nogil=True)
 def _extremes(mask):  # type: ignore[no-untyped-def]
+    """Return the voxels that are first or last of their rows along all three axes."""
     nz, ny, nx = mask.shape
     first_z = np.full((ny, nx), nz, np.int32)
     last_z = np.full((ny, nx), -1, np.int32)

@@ -1,9 +1,8 @@
-"""Material parts: where a component changes density, however well its objects touch.
+"""Density regions: where a component changes density, however well its objects touch.
 
 Noise is averaged away over regions instead of being thresholded voxel by voxel: the gradient of
-the compressed density is flooded from its minima, and adjacent basins are merged while their
-mean densities are indistinguishable (statistical region merging, Nock & Nielsen, PAMI 26(11)
-2004).
+the log density is flooded from its minima, and adjacent basins are merged while their mean
+densities are indistinguishable (statistical region merging, Nock & Nielsen, PAMI 26(11) 2004).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from napari_unpack.segmentation.common.flooding import flood
 
 
 @dataclass(frozen=True)
-class MaterialScale:
+class DensityScale:
     """How densities are compared.
 
     Parameters
@@ -30,7 +29,7 @@ class MaterialScale:
         Densities above air are compared by log(1 + d / knee): absolutely below the knee,
         relatively above it.
     step : float
-        Mean log densities closer than this are one material.
+        Mean log densities closer than this are one region.
     """
 
     air: float
@@ -39,22 +38,16 @@ class MaterialScale:
 
 
 def log_density(
-    density: NDArray[np.generic], mask: NDArray[np.bool_], scale: MaterialScale
+    density: NDArray[np.generic], mask: NDArray[np.bool_], scale: DensityScale
 ) -> NDArray[np.float32]:
-    """Return the compressed density inside a mask, 0 outside.
+    """Return the log density inside a mask, 0 outside.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
         Densities; NaN counts as air.
     mask : (Z, Y, X) ndarray of bool
-        Where.
-    scale : MaterialScale
-        How.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of float32
+    scale : DensityScale
     """
     lifted = np.zeros(mask.shape, np.float32)
     values = density[mask].astype(np.float32)
@@ -63,32 +56,24 @@ def log_density(
     return lifted
 
 
-def material_parts(
+def density_regions(
     density: NDArray[np.generic],
     mask: NDArray[np.bool_],
-    scale: MaterialScale,
+    scale: DensityScale,
     smallest: int,
     hosts: NDArray[np.int32] | None = None,
 ) -> NDArray[np.int32]:
-    """Part a mask at its density steps.
+    """Split a mask at its density steps into 6-connected regions 1, 2, ...; 0 is outside.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Densities.
     mask : (Z, Y, X) ndarray of bool
-        What to part.
-    scale : MaterialScale
-        How densities are compared.
+    scale : DensityScale
     smallest : int
         Parts of fewer voxels join the neighbour they differ least from.
     hosts : (Z, Y, X) ndarray of int32, optional
         Labels, not 0 in the mask, that no part crosses the borders of.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        1, 2, ... inside the mask, each 6-connected; 0 outside.
 
     Notes
     -----
@@ -96,19 +81,21 @@ def material_parts(
     """
     lifted = log_density(density, mask, scale)
     noise = _noise(lifted, mask)
+    # Smoothed twice with weights 2 and 1: noise must not make a basin of every voxel.
     smooth = _mean_of_neighbours(_mean_of_neighbours(lifted, mask), mask)
     gradient = _gradient(smooth, mask)
+    # Below a third of the median slope all is flat; above 0.8 a factor of e, all is a step.
     floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
-    basins = flood(minima(levels, mask), mask, levels)
+    basins = flood(regional_minima(levels, mask), mask, levels)
     if hosts is not None:
-        basins = crossed(basins, hosts)
-    return merge_basins(basins, smooth, gradient, noise, scale.step, smallest, hosts)
+        basins = intersected_labels(basins, hosts)
+    return _merge_basins(basins, smooth, gradient, noise, scale.step, smallest, hosts)
 
 
-def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Label the plateaus from which no way leads down.
+def regional_minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Label the plateaus from which no path leads down 1, 2, ...; all else is 0.
 
     Parameters
     ----------
@@ -116,11 +103,6 @@ def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int
         Heights, below 255 inside the mask.
     mask : (Z, Y, X) ndarray of bool
         Where to look.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        1, 2, ... on minima, 0 elsewhere.
     """
     plateaus, count = cc3d.connected_components(
         np.where(mask, levels + np.uint8(1), 0).astype(np.uint8), connectivity=6, return_N=True
@@ -132,8 +114,8 @@ def minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int
     return names[plateaus]
 
 
-def crossed(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Part labels where others end.
+def intersected_labels(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Split labels where others end.
 
     Parameters
     ----------
@@ -154,6 +136,7 @@ def crossed(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.i
 
 @njit(cache=True, nogil=True)
 def _pairs(basins, hosts, top):  # type: ignore[no-untyped-def]
+    """Number every pair of basin and host in order of appearance."""
     names = np.zeros(basins.shape, np.int32)
     latest = np.zeros(top + 1, np.int32)
     # By name less 1: basin, host, and the pair of the same basin met before it.
@@ -181,6 +164,7 @@ def _pairs(basins, hosts, top):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _has_no_descent(plateaus, levels, count):  # type: ignore[no-untyped-def]
+    """Return which plateaus have no lower neighbour."""
     lowest = np.ones(count + 1, np.bool_)
     depth, height, width = plateaus.shape
     for z in range(depth):
@@ -202,6 +186,7 @@ def _has_no_descent(plateaus, levels, count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mean_of_neighbours(values, mask):  # type: ignore[no-untyped-def]
+    """Return the mean of every voxel, counted twice, and its face neighbours inside a mask."""
     result = np.zeros_like(values)
     depth, height, width = mask.shape
     for z in range(depth):
@@ -228,6 +213,7 @@ def _mean_of_neighbours(values, mask):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gradient(values, mask):  # type: ignore[no-untyped-def]
+    """Return the gradient's length inside a mask, a voxel: air is no step."""
     result = np.zeros_like(values)
     depth, height, width = mask.shape
     for z in range(depth):
@@ -256,10 +242,11 @@ def _noise(lifted: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
     differences = (lifted[:, :, 1:] - lifted[:, :, :-1])[both]
     if not len(differences):
         return 0.0
+    # 1.4826 times the median deviation is the standard deviation of a normal distribution.
     return float(1.4826 * np.median(np.abs(differences)) / np.sqrt(2))
 
 
-def merge_basins(
+def _merge_basins(
     basins: NDArray[np.int32],
     values: NDArray[np.float32],
     gradient: NDArray[np.float32],
@@ -268,28 +255,9 @@ def merge_basins(
     smallest: int,
     hosts: NDArray[np.int32] | None = None,
 ) -> NDArray[np.int32]:
-    """Merge adjacent basins whose mean values do not differ.
-
-    Parameters
-    ----------
-    basins : (Z, Y, X) ndarray of int32
-        Labels 1, 2, ...; 0 outside.
-    values, gradient : (Z, Y, X) ndarray of float32
-        What is compared, and how steep it is.
-    noise : float
-        Standard deviation of the values' noise; small basins may differ by more.
-    step : float
-        Larger differences of means are different materials.
-    smallest : int
-        Smaller basins are merged with the least different neighbour in any case.
-    hosts : (Z, Y, X) ndarray of int32, optional
-        Basins that lie in different ones of these stay apart.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        Merged labels 1, 2, ...
-    """
+    """Merge adjacent basins whose mean values do not differ; see Nock & Nielsen 2004."""
+    # Basins in different hosts stay apart; small ones are merged with the neighbour that differs
+    # least in any case.
     count = int(basins.max())
     sizes, sums = _statistics(basins, values, count)
     pairs, faces, slopes = _adjacency(basins, gradient, count)
@@ -299,6 +267,7 @@ def merge_basins(
         within = host[pairs[:, 0]] == host[pairs[:, 1]]
         pairs, faces, slopes = pairs[within], faces[within], slopes[within]
     owner = np.arange(count + 1)
+    # The most alike first, so that a region does not creep across a slow ramp.
     for limit in (step / 4, step / 2, step):
         _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise)
     _absorb_small(pairs, faces, owner, sizes, sums, smallest)
@@ -312,6 +281,7 @@ def merge_basins(
 
 @njit(cache=True, nogil=True)
 def _statistics(basins, values, count):  # type: ignore[no-untyped-def]
+    """Return the voxels of every basin and the sum of its values."""
     sizes = np.zeros(count + 1, np.float64)
     sums = np.zeros(count + 1, np.float64)
     labels, flat = basins.reshape(-1), values.reshape(-1)
@@ -341,6 +311,7 @@ def _adjacency(
 
 @njit(cache=True, nogil=True)
 def _find(owner, k):  # type: ignore[no-untyped-def]
+    """Return the root of a basin, halving the path to it."""
     while owner[k] != k:
         owner[k] = owner[owner[k]]
         k = owner[k]
@@ -349,6 +320,7 @@ def _find(owner, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise):  # type: ignore[no-untyped-def]
+    """Merge pairs, flattest first, whose means differ by less than a limit and their noise."""
     means = sums / np.maximum(sizes, 1)
     difference = np.abs(means[pairs[:, 0]] - means[pairs[:, 1]])
     for k in np.argsort(difference + slopes):
@@ -364,6 +336,8 @@ def _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _absorb_small(pairs, faces, owner, sizes, sums, smallest):  # type: ignore[no-untyped-def]
+    """Merge small basins with the neighbour of the least difference for the faces shared."""
+    # In three steps, so that specks join each other before they join something large.
     for limit in (smallest / 8, smallest / 2, smallest / 1):
         for _ in range(8):
             best = np.full(len(owner), -1)

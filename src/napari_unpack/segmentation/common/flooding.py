@@ -45,7 +45,9 @@ def flood(
 
 @njit(cache=True, nogil=True)
 def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
+    """Flood padded labels: -1 is outside, 0 is to be flooded."""
     head = np.full(256, -1, np.int64)
+    # One first-in, first-out list of voxels for each height.
     tail = np.full(256, -1, np.int64)
     after = np.full(len(labels), -1, np.int32)
     steps = np.array([-strides[0], strides[0], -strides[1], strides[1], -strides[2], strides[2]])
@@ -54,6 +56,7 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
         if labels[voxel] <= 0:
             continue
         for step in steps:
+            # Seeds with nothing left to flood around them need no place in the lists.
             if labels[voxel + step] == 0:
                 level = np.int64(heights[voxel])
                 if tail[level] < 0:
@@ -77,6 +80,7 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
             if labels[other] != 0:
                 continue
             labels[other] = labels[voxel]
+            # Water never falls below where it came over a ridge.
             height = max(np.int64(heights[other]), level)
             if tail[height] < 0:
                 head[height] = other

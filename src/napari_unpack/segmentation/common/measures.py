@@ -1,4 +1,4 @@
-"""One pass over a region for all that its features need: kernels."""
+"""Kernels that measure a region in one pass: all that the oracle's features need."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# Of histograms for quantiles: which are exact to one bin.
 BINS = 4096
 
 
 @njit(cache=True, nogil=True)
-def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-untyped-def]
-    """Walk over the region once.
+def measure_region(mask, depth, field, origin, spacing, middle):  # type: ignore[no-untyped-def]
+    """Measure densities, gradients, moments and the boundary of a region in one pass.
 
     Parameters
     ----------
@@ -23,8 +24,7 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
         Density, of the box or of the whole volume.
     origin : (3,) ndarray of int64
         First voxel of the box in `field`.
-    spacing : (3,) ndarray of float64
-        Voxel size z y x, mm.
+    spacing : (3,) ndarray of float64, mm z y x
     middle : float
         The region's median density, above 0.
 
@@ -48,6 +48,7 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
     """
     nz, ny, nx = mask.shape
     fz, fy, fx = field.shape
+    # 1. Count voxels and boundary faces, so that every array has its size from the start.
     count, faces = 0, 0
     for z in range(nz):
         for y in range(ny):
@@ -77,6 +78,7 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
     )
     near, inner = 0.0, 0.0
     count, faces = 0, 0
+    # 2. Every voxel: its density and depth, and what it adds to the moments of the shape.
     for z in range(nz):
         for y in range(ny):
             for x in range(nx):
@@ -95,6 +97,8 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
                 moments[6] += a * b
                 moments[7] += a * c
                 moments[8] += b * c
+                # 3. The density's gradient by differences with face neighbours inside, mean of both
+                # sides where there are two; faces without one are the boundary.
                 sum1, sum2, border = 0.0, 0.0, 0
                 for axis in range(3):
                     slope, sides = 0.0, 0
@@ -123,6 +127,8 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
                 count += 1
                 if border == 0:
                     continue
+                # 4. Boundary voxels: of the 27 voxels around, those inside give the outward normal
+                # and the mean curvature; 18 of 27 are inside at a plane.
                 occupied = 0
                 normal[:] = 0
                 for dz in range(-1, 2):
@@ -140,8 +146,8 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
                     for side in (-1, 1):
                         if open_faces[2 * axis + (side + 1) // 2] == 0:
                             continue
-                        # Faces counted as they are favour boxes along the axes: each stands for
-                        # its area projected onto the surface.
+                        # 5. Boundary faces. Counted as they are they favour boxes along the axes:
+                        # each stands for its area projected onto the surface.
                         slant = 1.0
                         if length > 1e-9:
                             slant = max(side * normal[axis] / length, 0.0)
@@ -157,7 +163,8 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
                             continue
                         beyond = _at(field, k, j, i)
                         near += size * abs(value - beyond)
-                        # A scan blurs its edges over about a voxel on both sides.
+                        # 6. The step of density across the face, from a voxel inside to one two
+                        # voxels further out: a scan blurs its edges over about one on both sides.
                         k, j, i = z + 2 * dz, y + 2 * dy, x + 2 * dx
                         free = not (0 <= k < nz and 0 <= j < ny and 0 <= i < nx)
                         if free or not mask[k, j, i]:
@@ -176,6 +183,8 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
                         edge[5] += size * max(-step, 0.0)
                         edge[6] += size * max(step, 0.0)
                         edge[7] += size * abs(step) * curvature
+                        # 7. Where the step is weak, or the outside denser, the region may have been
+                        # cut there; the vector area of a flat cut is large, of noise all round 0.
                         if step < 0.2 * middle:
                             if step > -0.2 * middle:
                                 edge[8] += size
@@ -187,13 +196,22 @@ def survey(mask, depth, field, origin, spacing, middle):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True, inline="always")
 def _at(field, z, y, x):  # type: ignore[no-untyped-def]
+    """Return a density, 0 where none was measured."""
     value = np.float64(field[z, y, x])
     return value if np.isfinite(value) else 0.0
 
 
 @njit(cache=True, nogil=True)
 def level_area(mask, field, origin, spacing, level):  # type: ignore[no-untyped-def]
-    """Return the area in mm^2 of the faces inside between densities below and above a level."""
+    """Return the area, mm^2, of the faces inside between densities below and above a level.
+
+    Parameters
+    ----------
+    mask, field, origin, spacing
+        As for `measure_region`.
+    level : float
+        Density.
+    """
     nz, ny, nx = mask.shape
     total = 0.0
     for z in range(nz):
@@ -214,15 +232,16 @@ def level_area(mask, field, origin, spacing, level):  # type: ignore[no-untyped-
     return total
 
 
-def chamfer(mask: NDArray[np.bool_], spacing: tuple[float, float, float]) -> NDArray[np.float32]:
+def chamfer_depth(
+    mask: NDArray[np.bool_], spacing: tuple[float, float, float]
+) -> NDArray[np.float32]:
     """Return the length of the shortest way out over the 26 neighbours.
 
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
         What lies beyond the box is outside.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
 
     Returns
     -------
@@ -248,6 +267,7 @@ def chamfer(mask: NDArray[np.bool_], spacing: tuple[float, float, float]) -> NDA
 
 @njit(cache=True, nogil=True)
 def _chamfer(mask, out, strides, jumps, lengths):  # type: ignore[no-untyped-def]
+    """Sweep forward and back over the volume (Rosenfeld & Pfaltz 1966)."""
     nz, ny, nx = mask.shape
     for turn in range(2):
         for row in range(nz * ny):
@@ -272,7 +292,7 @@ def _chamfer(mask, out, strides, jumps, lengths):  # type: ignore[no-untyped-def
 
 
 def quantiles(values: NDArray[np.float32], shares: list[float]) -> NDArray[np.float64]:
-    """Return quantiles from a histogram: the same in whatever order the values come.
+    """Return quantiles, to a 4096th of the range, whatever the order of the values.
 
     Parameters
     ----------
@@ -280,11 +300,6 @@ def quantiles(values: NDArray[np.float32], shares: list[float]) -> NDArray[np.fl
         At least one.
     shares : list of float
         In [0, 1].
-
-    Returns
-    -------
-    (K,) ndarray of float64
-        To a 4096th of the range of the values.
     """
     low, high = float(values.min()), float(values.max())
     if high <= low:
@@ -296,6 +311,7 @@ def quantiles(values: NDArray[np.float32], shares: list[float]) -> NDArray[np.fl
 
 @njit(cache=True, nogil=True)
 def _histogram(values, low, scale):  # type: ignore[no-untyped-def]
+    """Count values into `BINS` bins."""
     counts = np.zeros(BINS)
     for value in values:
         counts[min(int((value - low) * scale), BINS - 1)] += 1

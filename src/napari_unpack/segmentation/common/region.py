@@ -13,29 +13,32 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 Box = tuple[slice, slice, slice]
 
-FEWEST = 100
-"""Voxels that show a shape."""
+# Fewer show no shape, so that neither the oracle nor a classifier can say anything of them.
+MIN_OBJECT_VOXELS = 100
+# A lighter or a key has more.
+MIN_OBJECT_MM3 = 500.0
+# Of the whole volume that `MIN_OBJECT_MM3` may be: where it is more, the volume is no bag, or its
+# unit is not mm.
+LARGEST_SHARE = 1 / 2000
 
-# mm^3 or voxels; and the share of a volume of which that many mm^3 are too much.
-SMALLEST, SHARE = 500.0, 1 / 2000
 
+def default_smallest_object(shape: tuple[int, int, int], spacing: Spacing) -> float:
+    """Return the size below which nothing is an object by default, mm^3.
 
-def default_smallest(shape: tuple[int, int, int], spacing: Spacing) -> float:
-    """Return the size below which nothing is an object unless told otherwise, mm^3.
-
-    Notes
-    -----
-    That of a lighter or a key. Where it is a large part of the whole, the volume is no bag or its
-    unit is not mm, and as many voxels are taken if they are less.
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Voxels, z y x.
+    spacing : (float, float, float) of mm, z y x
     """
     voxel = float(np.prod(spacing))
-    is_bag = SHARE * voxel * float(np.prod(shape)) >= SMALLEST
-    return SMALLEST if is_bag else SMALLEST * min(voxel, 1.0)
+    is_bag = LARGEST_SHARE * voxel * float(np.prod(shape)) >= MIN_OBJECT_MM3
+    return MIN_OBJECT_MM3 if is_bag else MIN_OBJECT_MM3 * min(voxel, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What an oracle is asked to judge.
+    """What an oracle rates: the voxels of an object, or of what may be one, in their box.
 
     Parameters
     ----------
@@ -45,8 +48,7 @@ class Region:
         Density in the same box, a view of the volume.
     origin : (int, int, int)
         First voxel of the box in the volume.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     whole : ndarray, optional
         Density of the whole volume, so that what lies beyond the box can be seen.
     """
@@ -61,7 +63,17 @@ class Region:
     def of(
         mask: NDArray[np.bool_], density: NDArray[np.generic], box: Box, spacing: Spacing
     ) -> Region:
-        """Return the region of a mask in a box of a volume, beyond which it can see."""
+        """Return the region of a mask in a box of a volume.
+
+        Parameters
+        ----------
+        mask : (Z, Y, X) ndarray of bool
+            Of the box's shape.
+        density : (Z', Y', X') ndarray
+            Of the whole volume.
+        box : (slice, slice, slice)
+        spacing : (float, float, float) of mm, z y x
+        """
         first = (box[0].start, box[1].start, box[2].start)
         return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
 
@@ -111,8 +123,8 @@ class Region:
         return a, b, c
 
 
+# Returns the confidence in [0, 1] that a region is exactly one object.
 Oracle = Callable[[Region], float]
-"""Returns the confidence in [0, 1] that a region is exactly one object."""
 
 
 def bounding_box(mask: NDArray[np.bool_]) -> Box:
@@ -126,7 +138,14 @@ def bounding_box(mask: NDArray[np.bool_]) -> Box:
 
 
 def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
-    """Return the region of both's voxels in a density volume."""
+    """Return the region of the voxels of two.
+
+    Parameters
+    ----------
+    one, two : Region
+    density : (Z, Y, X) ndarray
+        Of the whole volume.
+    """
     low = np.minimum(one.origin, two.origin).tolist()
     ends = [np.add(region.origin, region.mask.shape) for region in (one, two)]
     high = np.maximum(*ends).tolist()

@@ -1,4 +1,4 @@
-"""What the segmentation accepts, said in sentences when it is given something else."""
+"""Checks of what segmentation is given, with a sentence that says what is wrong."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     array = np.asarray(volume)
     checked_form(array.shape, array.dtype)
     array = array.astype(block_dtype(array.dtype), copy=False)
-    low, high = finite_range(array)
+    low, high = _finite_range(array)
     if not low < high:
         raise ValueError(
             f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
@@ -52,6 +52,11 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
 
 def checked_form(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, int, int]:
     """Return the shape of a density volume, or say what is wrong with it or its type.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    dtype : numpy.dtype
 
     Raises
     ------
@@ -78,17 +83,12 @@ def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return dtype.newbyteorder("=")
 
 
-def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
-    """Return the smallest and largest finite value of an array.
-
-    Raises
-    ------
-    ValueError
-        If no value is finite.
-    """
+def _finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
+    """Return the smallest and largest finite value of an array."""
     if array.dtype.kind != "f":
         return float(array.min()), float(array.max())
     low, high = np.inf, -np.inf
+    # Plane by plane: a mask of the whole volume would need as much memory again.
     for plane in array:
         finite = plane[np.isfinite(plane)]
         if finite.size:
@@ -99,7 +99,13 @@ def finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
 
 
 def check_out(out: Any, shape: tuple[int, int, int]) -> None:
-    """Say what is wrong with an array that labels are to be written to.
+    """Refuse an array that labels cannot be written to.
+
+    Parameters
+    ----------
+    out : array
+    shape : (int, int, int)
+        Of the volume.
 
     Raises
     ------
@@ -137,6 +143,12 @@ def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
 
 def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
     """Return a label volume as an integer array.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) array_like of int
+    name : str
+        Of the argument, for messages.
 
     Raises
     ------

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
 
-FREEDOM = 10.0
-"""Degrees of freedom of the tails."""
-
-SOFTENED = 0.03
-"""Added to the variances of every component."""
+# Of the tails, Student's.
+DEGREES_OF_FREEDOM = 10.0
+# Of every component. With 0.01, what looked a little unlike everything learned, as all of a real
+# scan does, was taken for wrong.
+ADDED_VARIANCE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +41,28 @@ class Mixture:
 
     def log_density(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log of the mixture's density at (N, C) points."""
-        from scipy.special import gammaln, logsumexp
-
         terms = []
         for weight, mean, covariance in zip(
             self.weights, self.means, self.covariances, strict=True
         ):
             root, size = np.linalg.cholesky(covariance), len(mean)
             distance = np.square(np.linalg.solve(root, (points - mean).T)).sum(axis=0)
-            peak = gammaln((FREEDOM + size) / 2) - gammaln(FREEDOM / 2)
-            peak -= size / 2 * np.log(FREEDOM * np.pi) + np.log(np.diag(root)).sum()
-            tail = (FREEDOM + size) / 2 * np.log1p(distance / FREEDOM)
+            peak = gammaln((DEGREES_OF_FREEDOM + size) / 2) - gammaln(DEGREES_OF_FREEDOM / 2)
+            peak -= size / 2 * np.log(DEGREES_OF_FREEDOM * np.pi) + np.log(np.diag(root)).sum()
+            tail = (DEGREES_OF_FREEDOM + size) / 2 * np.log1p(distance / DEGREES_OF_FREEDOM)
             terms.append(np.log(weight) + peak - tail)
         return np.asarray(logsumexp(terms, axis=0))
 
 
 def pooled(mixtures: Sequence[Mixture], counts: Sequence[int]) -> Mixture:
-    """Return the mixture of mixtures, weighted by the points that each was fitted to."""
+    """Return the mixture of mixtures, weighted by the points that each was fitted to.
+
+    Parameters
+    ----------
+    mixtures : sequence of Mixture
+    counts : sequence of int
+        Points of each.
+    """
     weights = [m.weights * n / float(sum(counts)) for m, n in zip(mixtures, counts, strict=True)]
     return Mixture(
         np.concatenate(weights),
@@ -77,21 +83,16 @@ def fit_mixture(points: NDArray[np.float64], seed: int, most: int = 10) -> Mixtu
     most : int
         Components at most; never more than one for every 2 C points.
 
-    Returns
-    -------
-    Mixture
-
     Notes
     -----
-    Full covariances. Softened by 0.01 only, what looked a little unlike everything learned, as all
-    of a real scan does, was taken for wrong.
+    Full covariances.
     """
     from sklearn.mixture import GaussianMixture
 
     count = max(1, min(most, len(points) // (2 * points.shape[1])))
     models = [
         GaussianMixture(
-            k, reg_covar=SOFTENED, random_state=seed, n_init=2, init_params="k-means++"
+            k, reg_covar=ADDED_VARIANCE, random_state=seed, n_init=2, init_params="k-means++"
         ).fit(points)
         for k in range(1, count + 1)
     ]

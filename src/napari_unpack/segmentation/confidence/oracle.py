@@ -22,10 +22,11 @@ from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture, fit_mixture, pooled
 
 FORMAT = "napari-unpack oracle 3"
-LIMIT = 8.0
-MANY = 500
-"""Rows from which mixtures are fitted to three quarters of them in turn and averaged: what one
-alone says of things unlike all it learned hangs on which these were."""
+# Deviations; one feature that is far off must not outweigh all others.
+Z_SCORE_LIMIT = 8.0
+# Rows from which mixtures are fitted to three quarters of them in turn and averaged: what one
+# alone says of things unlike all it learned depends on which these were.
+ENOUGH_TO_RESAMPLE = 500
 
 Rows = NDArray[np.float64] | list[NDArray[np.float64]]
 
@@ -71,10 +72,6 @@ class Oracle:
         seed : int
             Of the mixtures' initialisation.
 
-        Returns
-        -------
-        Oracle
-
         Raises
         ------
         ValueError
@@ -86,10 +83,12 @@ class Oracle:
 
     def project(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the principal components of (N, F) feature rows."""
-        return np.clip((table - self.center) / self.scale, -LIMIT, LIMIT) @ self.axes.T
+        return (
+            np.clip((table - self.center) / self.scale, -Z_SCORE_LIMIT, Z_SCORE_LIMIT) @ self.axes.T
+        )
 
     def scores(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the confidence of (N, F) feature rows, in [0, 1].
+        """Return the confidence of (N, F) feature rows, in [0, 1] (Li et al. 2012, section 3).
 
         Notes
         -----
@@ -174,7 +173,7 @@ def default_oracle() -> Oracle:
 
 
 def _fits(oracle: Oracle) -> bool:
-    """Tell whether the arrays of an oracle have each other's shapes and finite values."""
+    """Return whether the arrays of an oracle have each other's shapes and finite values."""
     parts, width = oracle.axes.shape[0] if oracle.axes.ndim == 2 else -1, len(FEATURES)
     shapes = [
         (oracle.center, (width,)),
@@ -203,10 +202,6 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
     seed : int
         Of the mixtures' initialisation.
 
-    Returns
-    -------
-    Oracle
-
     Raises
     ------
     ValueError
@@ -227,7 +222,7 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
     true = np.concatenate(kinds)
     center = true.mean(axis=0)
     scale = np.maximum(true.std(axis=0), 1e-3)
-    axes = _principal(np.clip((true - center) / scale, -LIMIT, LIMIT), 0.95)
+    axes = _principal(np.clip((true - center) / scale, -Z_SCORE_LIMIT, Z_SCORE_LIMIT), 0.95)
     blank = Oracle(
         center, scale, axes, Mixture(*(np.zeros(1),) * 3), np.zeros(101), None, np.zeros(2)
     )
@@ -250,7 +245,7 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
 
 def _resampled(rows: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Return rows without each quarter of them in turn, where they are many."""
-    if len(rows) < MANY:
+    if len(rows) < ENOUGH_TO_RESAMPLE:
         return [rows]
     quarters = np.array_split(np.arange(len(rows)), 4)
     return [np.delete(rows, quarter, axis=0) for quarter in quarters]

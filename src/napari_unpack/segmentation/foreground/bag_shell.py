@@ -1,4 +1,4 @@
-"""The bag itself: the thin skin around everything, which is no object in it."""
+"""The bag's own shell: the thin skin around everything, which is no object in it."""
 
 from __future__ import annotations
 
@@ -19,27 +19,21 @@ def find_shell(
     outermost: float = 0.6,
     fewest: int = 3,
 ) -> NDArray[np.bool_]:
-    """Find the parts that are the bag and not its content.
+    """Return by label, (M,), which parts are the bag and not its content.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Parts 1, 2, ..., 0 background.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     thickness : float
         Fabric, piping and zips are at most this thick on average, mm.
     extent : float
-        The skin reaches over this share of the extent of all matter, along two axes at least.
+        The skin reaches over this share of the extent of all parts, along two axes at least.
     outermost : float
-        Share of its voxels that are the first matter seen along an axis from outside.
+        Share of its voxels that are the first seen along an axis from outside.
     fewest : int
         There is no bag around fewer other parts.
-
-    Returns
-    -------
-    (M,) ndarray of bool
-        By label.
 
     Notes
     -----
@@ -71,7 +65,7 @@ def find_shell(
 
 @njit(cache=True, nogil=True)
 def _outermost(labels, top, reach):  # type: ignore[no-untyped-def]
-    """Count by label the voxels no deeper than `reach` behind the first matter along an axis."""
+    """Count by label the voxels no deeper than `reach` behind the first along an axis."""
     seen = np.zeros(labels.shape, np.bool_)
     counts = np.zeros(top + 1, np.int64)
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Volumes in which noise or haze hide what is there, as under a microscope."""
+"""Denoising: volumes in which noise or haze hide the objects, as under a microscope."""
 
 from __future__ import annotations
 
@@ -11,60 +11,41 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.validation import Spacing
 
-ALIKE = 0.7
-"""Correlation of neighbouring voxels below which a volume is grainy. Measured: 0.83 and above on
-scans of bags, also by few photons; 0.44 on nuclei."""
+# Of neighbouring voxels, below which a volume is mostly noise. Measured: 0.83 and above on scans
+# of bags, also by few photons; 0.44 on nuclei.
+LEAST_CORRELATION = 0.7
+# Of neighbours that are correlated; the result is then good to a few thousandths.
+MOST_PAIRS = 500_000
+# Standard deviation, in voxels of the finest axis, of the Gaussian that removes noise.
+NOISE_WIDTH = 1.0
+# Voxels of the finest axis: what is wider is haze. About as far as the network sees.
+HAZE_WIDTH = 30.0
+# Voxels of the finest axis by which borders may be wrong once noise and haze are gone.
+BORDER_ERROR = 4.0
 
-PAIRS = 500_000
 
-# Voxels of the finest axis: what one of them says is noise; what is wider is haze, and about as
-# far as the network sees; how far borders are wrong.
-GRAIN, HAZE, EDGE = 1.0, 30.0, 4.0
-
-
-def looks_grainy(density: NDArray[np.generic], foreground: str | float) -> bool:
-    """Tell whether noise is to be taken away: not for someone who knows the density of matter.
+def needs_denoising(density: NDArray[np.generic], foreground: str | float) -> bool:
+    """Return whether noise is to be removed: not where the foreground's density is given.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        See `is_grainy`.
+        NaN is left out.
     foreground : str or float
-        See `matter.checked_way`.
+        See `methods.checked_foreground`.
     """
-    return isinstance(foreground, str) and is_grainy(density)
+    return isinstance(foreground, str) and is_noisy(density)
 
 
-def is_grainy(density: NDArray[np.generic]) -> bool:
-    """Tell whether a voxel says so little of its neighbours that the volume is mostly noise.
-
-    Parameters
-    ----------
-    density : (Z, Y, X) ndarray
-        NaN is passed over.
-    """
-    return -1.0 < likeness(density) < ALIKE
+def is_noisy(density: NDArray[np.generic]) -> bool:
+    """Return whether neighbours correlate so little that the volume is mostly noise."""
+    return -1.0 < _neighbour_correlation(density) < LEAST_CORRELATION
 
 
-def likeness(density: NDArray[np.generic]) -> float:
-    """Return the correlation of the log density of neighbours, along the axis where it is largest.
-
-    Parameters
-    ----------
-    density : (Z, Y, X) ndarray
-        NaN is passed over.
-
-    Returns
-    -------
-    float
-        -1 where there is nothing to compare.
-
-    Notes
-    -----
-    Over half a million pairs of voxels an axis at most. White noise of variance n on anything of
-    variance s lowers it to s / (n + s). The logarithm's knee lies at a quarter of the density in
-    which the mean gram of matter lies.
-    """
+def _neighbour_correlation(density: NDArray[np.generic]) -> float:
+    """Return the correlation of log density along the axis where it is largest, or -1."""
+    # White noise of variance n on anything of variance s lowers it to s / (n + s). The knee of the
+    # logarithm lies at a quarter of the mean density, weighted by density.
     sample = density[:: max(1, density.shape[0] // 64)].astype(np.float64)
     sample = sample[np.isfinite(sample)]
     if not len(sample):
@@ -77,7 +58,7 @@ def likeness(density: NDArray[np.generic]) -> float:
     best = -1.0
     for axis in range(3):
         lines = np.moveaxis(density, axis, 2)
-        skip = max(1, int(np.ceil(np.sqrt(density.size / PAIRS))))
+        skip = max(1, int(np.ceil(np.sqrt(density.size / MOST_PAIRS))))
         some = lines[::skip, ::skip].astype(np.float64)
         lifted = np.log1p(np.clip(some - air, 0, None) / knee)
         one, two = lifted[..., :-1].reshape(-1), lifted[..., 1:].reshape(-1)
@@ -88,18 +69,26 @@ def likeness(density: NDArray[np.generic]) -> float:
     return best
 
 
-def cleared(
+def denoised(
     density: NDArray[np.generic], spacing: Spacing, foreground: str | float
 ) -> NDArray[np.float32]:
-    """Return `flattened` density, 0 below a foreground that is a density."""
-    clear = flattened(density, spacing)
+    """Remove noise and haze, and what lies below a foreground that is a density.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+    spacing : (float, float, float) of mm, z y x
+    foreground : str or float
+        See `methods.checked_foreground`.
+    """
+    clear = without_noise_and_haze(density, spacing)
     if not isinstance(foreground, str):
-        clear[~(_smooth(density, GRAIN, spacing) >= foreground)] = 0
+        clear[~(_smooth(density, NOISE_WIDTH, spacing) >= foreground)] = 0
     return clear
 
 
-def flattened(density: NDArray[np.generic], spacing: Spacing) -> NDArray[np.float32]:
-    """Take grain and haze away.
+def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> NDArray[np.float32]:
+    """Remove noise and haze.
 
     Parameters
     ----------
@@ -118,11 +107,11 @@ def flattened(density: NDArray[np.generic], spacing: Spacing) -> NDArray[np.floa
     -----
     Linear in the voxels. Haze is the result of three running means.
     """
-    values = _smooth(density, GRAIN, spacing)
+    values = _smooth(density, NOISE_WIDTH, spacing)
     haze = values
     for _ in range(3):
         # Three running means of width w have the variance w^2 / 4.
-        widths = [max(1, round(2 * HAZE * min(spacing) / s)) for s in spacing]
+        widths = [max(1, round(2 * HAZE_WIDTH * min(spacing) / s)) for s in spacing]
         haze = uniform_filter(haze, widths)
     values -= haze
     below = values[values < 0]
@@ -130,19 +119,18 @@ def flattened(density: NDArray[np.generic], spacing: Spacing) -> NDArray[np.floa
     return np.maximum(values - np.float32(0.5 * deviation), 0)
 
 
-def to_half_height(
+def grow_to_half_height(
     labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing
 ) -> NDArray[np.int32]:
-    """Let every object end where it is half as bright as its middle is, above what surrounds it.
+    """Move every object's border to half its height: half as bright as its middle, above ground.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects. Not changed.
     density : (Z, Y, X) ndarray
-        Density, with its grain and haze.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+        With its noise and haze.
+    spacing : (float, float, float) of mm, z y x
 
     Returns
     -------
@@ -156,10 +144,10 @@ def to_half_height(
     found = np.zeros_like(labels)
     if not labels.any():
         return found
-    values = _smooth(density, EDGE / 2, spacing)
+    values = _smooth(density, BORDER_ERROR / 2, spacing)
     low, high = float(values.min()), float(values.max())
     cost = ((high - values) * (255 / max(high - low, 1e-6))).astype(np.uint8)
-    near = distance_transform_edt(labels == 0, sampling=spacing) <= EDGE * min(spacing)
+    near = distance_transform_edt(labels == 0, sampling=spacing) <= BORDER_ERROR * min(spacing)
     basins = flood(labels, near, cost)
     boxes = label_boxes(basins)
     for name in boxes.ids.tolist():

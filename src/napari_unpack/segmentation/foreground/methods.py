@@ -1,8 +1,8 @@
-"""Which voxels are matter: the ways of telling, by name or by a density."""
+"""The methods that tell foreground from air, by name or by a density."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
@@ -10,19 +10,36 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.mumford_shah import mumford_shah
-from napari_unpack.segmentation.foreground.thresholds import Levels, find_levels, foreground, peel
+from napari_unpack.segmentation.foreground.thresholds import (
+    Levels,
+    above_levels,
+    find_levels,
+    peel,
+)
 
-WAYS = ("hysteresis", "otsu", "mumford-shah")
-"""Names of the ways; a number is a fixed density."""
+# Names of methods; a number is a fixed density.
+FOREGROUND_METHODS = ("hysteresis", "otsu", "mumford-shah")
 
 
-def checked_way(way: str | float) -> str | float:
-    """Return a way of finding the foreground, or say what is wrong with it.
+@dataclass(frozen=True)
+class ForegroundOptions:
+    """What of a volume may be objects.
 
     Parameters
     ----------
-    way : str or float
-        One of `WAYS`, or the density from which there is matter.
+    method : str or float
+        One of `FOREGROUND_METHODS`, or the density from which there is foreground.
+    supports, shell : bool
+        Leave out the scanner's table, and the bag itself.
+    """
+
+    method: str | float = "hysteresis"
+    supports: bool = True
+    shell: bool = True
+
+
+def checked_foreground(method: str | float) -> str | float:
+    """Return a method of finding the foreground, or say what is wrong with it.
 
     Raises
     ------
@@ -31,79 +48,73 @@ def checked_way(way: str | float) -> str | float:
     ValueError
         If the name is unknown or the number is not finite.
     """
-    wanted = f"foreground must be one of {', '.join(map(repr, WAYS))} or a density"
-    if isinstance(way, str):
-        if way not in WAYS:
-            raise ValueError(f"{wanted}, got {way!r}")
-        return way
-    if not isinstance(way, Real) or isinstance(way, bool | np.bool_):
-        raise TypeError(f"{wanted}, got {way!r}")
-    if not np.isfinite(float(way)):
-        raise ValueError(f"{wanted}, got {way!r}")
-    return float(way)
+    wanted = f"foreground must be one of {', '.join(map(repr, FOREGROUND_METHODS))} or a density"
+    if isinstance(method, str):
+        if method not in FOREGROUND_METHODS:
+            raise ValueError(f"{wanted}, got {method!r}")
+        return method
+    if not isinstance(method, Real) or isinstance(method, bool | np.bool_):
+        raise TypeError(f"{wanted}, got {method!r}")
+    if not np.isfinite(float(method)):
+        raise ValueError(f"{wanted}, got {method!r}")
+    return float(method)
 
 
-def levels_of(sample: NDArray[np.generic], way: str | float) -> Levels:
-    """Return the densities at which a volume's matter begins.
+def foreground_levels(sample: NDArray[np.generic], method: str | float) -> Levels:
+    """Return where a volume's foreground begins: one level, not two, for otsu and a density.
 
     Parameters
     ----------
     sample : (Z, Y, X) ndarray
         The density volume, or voxels drawn evenly from it.
-    way : str or float
-        See `checked_way`.
-
-    Returns
-    -------
-    Levels
-        With one level, not two, for otsu and a density.
+    method : str or float
+        See `checked_foreground`.
     """
     levels = find_levels(sample)
-    if way in ("hysteresis", "mumford-shah"):
+    if method in ("hysteresis", "mumford-shah"):
         return levels
-    level = levels.high if isinstance(way, str) else way
+    level = levels.high if isinstance(method, str) else method
     return replace(levels, low=level, high=level)
 
 
-def find_matter(
-    density: NDArray[np.generic], spacing: Spacing, way: str | float
+def find_foreground(
+    density: NDArray[np.generic], spacing: Spacing, method: str | float
 ) -> tuple[NDArray[np.bool_], Levels]:
-    """Tell matter from air.
+    """Tell foreground from air.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
         Density; NaN is background.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    way : str or float
-        See `checked_way`.
+    spacing : (float, float, float) of mm, z y x
+    method : str or float
+        See `checked_foreground`.
 
     Returns
     -------
-    matter : (Z, Y, X) ndarray of bool
+    foreground : (Z, Y, X) ndarray of bool
         Foreground without the blurred fringe of dense things.
     levels : Levels
-        Where matter begins.
+        Where the foreground begins.
 
     Raises
     ------
     ValueError
-        If no voxel is matter.
+        If no voxel is foreground.
     """
-    levels = levels_of(density, way)
-    if way == "mumford-shah":
-        matter = mumford_shah(density, levels, spacing)
-        if not matter.any():
+    levels = foreground_levels(density, method)
+    if method == "mumford-shah":
+        foreground = mumford_shah(density, levels, spacing)
+        if not foreground.any():
             raise ValueError(
                 "nothing found in the foreground: all of it is smooth; "
                 "pass foreground= with a density to choose it yourself"
             )
-        return peel(matter, density, levels.air), levels
-    return peel(foreground(density, levels), density, levels.air), levels
+        return peel(foreground, density, levels.air), levels
+    return peel(above_levels(density, levels), density, levels.air), levels
 
 
-def typical_knee(density: NDArray[np.generic], matter: NDArray[np.bool_], air: float) -> float:
-    """Return a quarter of the median density of matter above air; see `MaterialScale`."""
-    values = density[matter][:: max(1, int(matter.size // 1_000_000))]
+def typical_knee(density: NDArray[np.generic], foreground: NDArray[np.bool_], air: float) -> float:
+    """Return a quarter of the median density of the foreground above air; see `DensityScale`."""
+    values = density[foreground][:: max(1, int(foreground.size // 1_000_000))]
     return max((float(np.nanmedian(values.astype(np.float64))) - air) / 4, 1e-6)

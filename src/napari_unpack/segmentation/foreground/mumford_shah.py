@@ -1,8 +1,8 @@
 """Piecewise-smooth Mumford-Shah foreground, coarse to fine (Grady & Alvino, TIP 18(11) 2009).
 
-The mask of least cost and boundary: a minimum cut, by convex total variation.
-
-The smooth fields of the Mumford-Shah energy: their solve, their energy, what they prefer.
+Two steps alternate until the mask stays as it is: smooth fields are fitted to the densities inside
+and outside of the mask (`relax`), and the mask of least cost and boundary is chosen for these
+fields (`least_boundary`), a minimum cut that is solved as convex total variation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from napari_unpack.segmentation.foreground.thresholds import Levels
 
 def least_boundary(
     cost: NDArray[np.float32],
-    matter: NDArray[np.bool_],
+    foreground: NDArray[np.bool_],
     price: float,
     faces: tuple[float, float, float],
     active: NDArray[np.bool_],
@@ -34,7 +34,7 @@ def least_boundary(
     ----------
     cost : (Z, Y, X) ndarray of float32
         Of every voxel that is chosen; negative where it should be.
-    matter : (Z, Y, X) ndarray of bool
+    foreground : (Z, Y, X) ndarray of bool
         Choice to begin with, kept where not `active`.
     price : float
         Of a face between a chosen voxel and one that is not.
@@ -47,10 +47,6 @@ def least_boundary(
     close : float
         Done when no value changed by more than this in ten iterations.
 
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
-
     Notes
     -----
     min sum c u + price sum |u_i - u_j| over u in [0, 1] is convex, and the set where its solution
@@ -60,7 +56,7 @@ def least_boundary(
     """
     # No boundary is worth more than all faces of a voxel: beyond that its own cost decides.
     clear = np.abs(cost) > 2 * price * sum(faces)
-    u = np.where(active & clear, cost < 0, matter).astype(np.float32)
+    u = np.where(active & clear, cost < 0, foreground).astype(np.float32)
     active = active & ~clear
     ahead = u.copy()
     dual = np.zeros((3, *u.shape), np.float32)
@@ -139,7 +135,7 @@ class Weights:
     smoothness : float
         mu over alpha: the square of the length, in voxels, over which the fields may change.
     boundary : float
-        nu over alpha: the price of a face between matter and air.
+        nu over alpha: the price of a face between foreground and air.
     squeeze : tuple of float
         By axis, what a field's step between neighbours counts: 1 where voxels are cubes.
     faces : tuple of float
@@ -153,7 +149,19 @@ class Weights:
 
     @classmethod
     def of(cls, spacing: Spacing, unit: float, length: float = 6.0, price: float = 0.05) -> Weights:
-        """Return the weights of a grid whose finest one has voxels of edge `unit`."""
+        """Return the weights of a grid.
+
+        Parameters
+        ----------
+        spacing : (float, float, float) of mm, z y x
+            Of this grid.
+        unit : float
+            Edge of the voxels of the finest grid, mm.
+        length : float
+            Over which the fields may change, in `unit`.
+        price : float
+            Of a face of the finest grid.
+        """
         edge = float(np.cbrt(np.prod(spacing)))
         squeeze = tuple((edge / s) ** 2 for s in spacing)
         faces = tuple(edge / s for s in spacing)
@@ -161,20 +169,14 @@ class Weights:
 
 
 def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mask:
-    """Tell matter from air where neither has one density everywhere.
+    """Tell foreground from air where neither has one density everywhere.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Density; NaN is background.
+        NaN is background.
     levels : Levels
-        See `foreground.find_levels`.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
+    spacing : (float, float, float) of mm, z y x
 
     Notes
     -----
@@ -195,30 +197,30 @@ def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mas
     (F1 0.57 against 0.66): light cloth within a few voxels of denser things may be lost.
     """
     unit = float(np.cbrt(np.prod(spacing)))
-    grids = [(squeezed(density, levels), spacing)]
+    grids = [(_squeezed(density, levels), spacing)]
     while grids[-1][0].size > 50_000:
         smaller = halved(*grids[-1])
         if smaller[0].size == grids[-1][0].size:
             break
         grids.append(smaller)
-    matter, inside, outside = started(grids[-1][0], Weights.of(grids[-1][1], unit))
+    foreground, inside, outside = _started(grids[-1][0], Weights.of(grids[-1][1], unit))
     for (data, size), coarser in zip(grids[-2::-1], grids[:0:-1], strict=True):
-        matter, inside, outside = (
-            enlarged(field, data.shape, coarser[1], size) for field in (matter, inside, outside)
+        foreground, inside, outside = (
+            _enlarged(field, data.shape, coarser[1], size)
+            for field in (foreground, inside, outside)
         )
         weights = Weights.of(size, unit)
-        active = doubtful(data, matter, inside, outside, weights)
-        matter = descend(data, matter, inside, outside, weights, active, 1)
-    return matter & np.isfinite(density)
+        active = _doubtful(data, foreground, inside, outside, weights)
+        foreground = descend(data, foreground, inside, outside, weights, active, 1)
+    return foreground & np.isfinite(density)
 
 
-def squeezed(density: NDArray[Any], levels: Levels) -> Field:
-    """Return the logarithm of density above air in units of what makes matter, levelled off.
-
-    In rising light the levels say little: air then is the two-hundredth darkest density, and the
-    unit six deviations of the noise. What is denser than twice the lower quartile of matter is
-    levelled off, later where air itself is spread out.
-    """
+def _squeezed(density: NDArray[Any], levels: Levels) -> Field:
+    """Return the log density above air in units of the foreground level, levelled off."""
+    # In rising light the levels say little: air then is the 0.5 % quantile, and the unit six
+    # deviations of the noise. What is denser than twice the lower quartile of the foreground is
+    # levelled off, later where air itself is spread out: a field that has to climb from cloth to
+    # steel within a few voxels would call the cloth air.
     thin = slice(None, None, max(1, int(np.cbrt(density.size / 500_000))))
     sample = density[thin, thin].astype(np.float64)
     known = sample[np.isfinite(sample)]
@@ -239,7 +241,13 @@ def squeezed(density: NDArray[Any], levels: Levels) -> Field:
 
 
 def halved(data: Field, spacing: Spacing) -> tuple[Field, Spacing]:
-    """Return the mean of every two voxels along the finer axes, and the new voxel size."""
+    """Return the mean of every two voxels along the finer axes, and the new voxel size.
+
+    Parameters
+    ----------
+    data : (Z, Y, X) ndarray of float32
+    spacing : (float, float, float) of mm, z y x
+    """
     finest = min(
         s for s, n in zip(spacing, data.shape, strict=True) if n > 1 or max(data.shape) < 2
     )
@@ -259,33 +267,33 @@ def halved(data: Field, spacing: Spacing) -> tuple[Field, Spacing]:
     return data, (sizes[0], sizes[1], sizes[2])
 
 
-def enlarged(field: Any, shape: tuple[int, ...], spacing: Spacing, finer: Spacing) -> Any:
-    """Return a coarser grid's field on a finer one."""
+def _enlarged(field: Any, shape: tuple[int, ...], spacing: Spacing, finer: Spacing) -> Any:
+    """Return a coarser grid's field on a finer one of this shape."""
     for axis in range(3):
         if spacing[axis] > 1.5 * finer[axis]:
             field = np.repeat(field, 2, axis=axis)
     return np.ascontiguousarray(field[: shape[0], : shape[1], : shape[2]])
 
 
-def started(data: Field, weights: Weights) -> tuple[Mask, Field, Field]:
+def _started(data: Field, weights: Weights) -> tuple[Mask, Field, Field]:
     """Solve on the coarsest grid, from two masks: dense anywhere, and denser than around it."""
     valid = np.isfinite(data)
     everywhere = np.ones(data.shape, np.bool_)
     best, least = None, np.inf
     for first in (data >= np.log(2), data > _around(data, valid) + 0.05):
-        matter = first & valid
-        inside, outside = _around(data, matter), _around(data, valid & ~matter)
-        matter = descend(data, matter, inside, outside, weights, everywhere, 8, close=5e-4)
-        value = energy(data, matter, inside, outside, weights)
+        foreground = first & valid
+        inside, outside = _around(data, foreground), _around(data, valid & ~foreground)
+        foreground = descend(data, foreground, inside, outside, weights, everywhere, 8, close=5e-4)
+        value = energy(data, foreground, inside, outside, weights)
         if value < least:
-            best, least = (matter, inside, outside), value
+            best, least = (foreground, inside, outside), value
     assert best is not None
     return best
 
 
 def descend(
     data: Field,
-    matter: Mask,
+    foreground: Mask,
     inside: Field,
     outside: Field,
     weights: Weights,
@@ -293,13 +301,13 @@ def descend(
     rounds: int,
     close: float = 0.005,
 ) -> Mask:
-    """Alternate between fields and mask until the mask stays as it is.
+    """Alternate between fields and mask while the energy falls; return the mask.
 
     Parameters
     ----------
     data : (Z, Y, X) ndarray of float32
         What the fields follow; NaN where nothing was measured.
-    matter : (Z, Y, X) ndarray of bool
+    foreground : (Z, Y, X) ndarray of bool
         Mask to begin with.
     inside, outside : (Z, Y, X) ndarray of float32
         Fields to begin with; changed.
@@ -311,37 +319,32 @@ def descend(
         At most.
     close : float
         How far the fields are relaxed; see `relax`.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
-        The energy with it is no higher than with the one begun with.
     """
     for _ in range(rounds):
-        relax(data, matter, inside, weights, active, close)
-        relax(data, ~matter, outside, weights, active, close)
-        before = energy(data, matter, inside, outside, weights)
-        cost = preferences(data, inside, outside, weights)
-        changed = least_boundary(cost, matter, weights.boundary, weights.faces, active)
-        if np.array_equal(changed, matter):
-            return matter
+        relax(data, foreground, inside, weights, active, close)
+        relax(data, ~foreground, outside, weights, active, close)
+        before = energy(data, foreground, inside, outside, weights)
+        cost = _preferences(data, inside, outside, weights)
+        changed = least_boundary(cost, foreground, weights.boundary, weights.faces, active)
+        if np.array_equal(changed, foreground):
+            return foreground
         if energy(data, changed, inside, outside, weights) > before:
-            return matter
-        matter = changed
-    relax(data, matter, inside, weights, active, close)
-    relax(data, ~matter, outside, weights, active, close)
-    return matter
+            return foreground
+        foreground = changed
+    relax(data, foreground, inside, weights, active, close)
+    relax(data, ~foreground, outside, weights, active, close)
+    return foreground
 
 
-def doubtful(
-    data: Field, matter: Mask, inside: Field, outside: Field, weights: Weights, reach: int = 2
+def _doubtful(
+    data: Field, foreground: Mask, inside: Field, outside: Field, weights: Weights, reach: int = 2
 ) -> Mask:
-    """Return where a finer grid may differ: near the boundary, and where the data object."""
-    cost = preferences(data, inside, outside, weights)
-    wrong = np.where(matter, cost > 2 * weights.boundary, cost < -2 * weights.boundary)
-    edge = np.zeros_like(matter)
+    """Return where a finer grid may differ: near the boundary, and where the data contradict."""
+    cost = _preferences(data, inside, outside, weights)
+    wrong = np.where(foreground, cost > 2 * weights.boundary, cost < -2 * weights.boundary)
+    edge = np.zeros_like(foreground)
     for axis in range(3):
-        step = np.moveaxis(matter, axis, 0)
+        step = np.moveaxis(foreground, axis, 0)
         differs = step[1:] != step[:-1]
         view = np.moveaxis(edge, axis, 0)
         view[1:] |= differs
@@ -358,8 +361,8 @@ def _around(data: Field, known: Mask) -> Field:
     return np.where(weight > 1e-4, total / np.maximum(weight, 1e-4), np.float32(mean))
 
 
-BEYOND = 0.001
-"""Weight of an edge with no end in a field's own side, by which the field is extended there."""
+# Of an edge with no end in a field's own side, by which the field is extended there; e below.
+EDGE_WEIGHT_BEYOND = 0.001
 
 
 def relax(
@@ -371,7 +374,7 @@ def relax(
     close: float = 0.005,
     sweeps: int = 100,
 ) -> int:
-    """Make a field fit the data of its side and be smooth.
+    """Make a field fit the data of its side and be smooth; return the sweeps made.
 
     Parameters
     ----------
@@ -390,11 +393,6 @@ def relax(
     sweeps : int
         Done after so many in any case.
 
-    Returns
-    -------
-    int
-        Sweeps made.
-
     Notes
     -----
     Red-black Gauss-Seidel: every step solves one voxel's equation exactly, so that no sweep
@@ -411,33 +409,40 @@ def relax(
 
 def energy(
     data: NDArray[np.float32],
-    matter: NDArray[np.bool_],
+    foreground: NDArray[np.bool_],
     inside: NDArray[np.float32],
     outside: NDArray[np.float32],
     weights: Weights,
 ) -> float:
-    """Return the energy of a mask and its fields; see `mumford_shah.mumford_shah`."""
+    """Return the energy of a mask and its fields; see the notes of `mumford_shah`.
+
+    Parameters
+    ----------
+    data, inside, outside : (Z, Y, X) ndarray of float32
+    foreground : (Z, Y, X) ndarray of bool
+    weights : Weights
+    """
     squeeze = np.array(weights.squeeze) * weights.smoothness
     faces = np.array(weights.faces) * weights.boundary
-    return float(_energy(data, matter, inside, outside, squeeze, faces))
+    return float(_energy(data, foreground, inside, outside, squeeze, faces))
 
 
-def preferences(
+def _preferences(
     data: NDArray[np.float32],
     inside: NDArray[np.float32],
     outside: NDArray[np.float32],
     weights: Weights,
 ) -> NDArray[np.float32]:
-    """Return by how much the energy rises if a voxel is matter rather than air, boundary aside."""
+    """Return by how much the energy rises if a voxel is foreground, the boundary left out."""
     squeeze = np.array(weights.squeeze) * weights.smoothness
-    return np.asarray(_preferences(data, inside, outside, squeeze))
+    return np.asarray(_preference_kernel(data, inside, outside, squeeze))
 
 
 @njit(cache=True, nogil=True)
 def _sweep(data, side, field, squeeze, where, color):  # type: ignore[no-untyped-def]
     depth, height, width = data.shape
     largest = np.float32(0)
-    beyond, half = np.float32(BEYOND), np.float32((1 - BEYOND) / 2)
+    beyond, half = np.float32(EDGE_WEIGHT_BEYOND), np.float32((1 - EDGE_WEIGHT_BEYOND) / 2)
     for n in where:
         x = n % width
         y = (n // width) % height
@@ -464,13 +469,13 @@ def _sweep(data, side, field, squeeze, where, color):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def _energy(data, matter, inside, outside, squeeze, faces):  # type: ignore[no-untyped-def]
+def _energy(data, foreground, inside, outside, squeeze, faces):  # type: ignore[no-untyped-def]
     depth, height, width = data.shape
-    total, half = 0.0, (1 - BEYOND) / 2
+    total, half = 0.0, (1 - EDGE_WEIGHT_BEYOND) / 2
     for z in range(depth):
         for y in range(height):
             for x in range(width):
-                here, value = matter[z, y, x], data[z, y, x]
+                here, value = foreground[z, y, x], data[z, y, x]
                 if value == value:
                     field = inside[z, y, x] if here else outside[z, y, x]
                     total += (np.float64(value) - field) ** 2
@@ -478,22 +483,22 @@ def _energy(data, matter, inside, outside, squeeze, faces):  # type: ignore[no-u
                     k, j, i = z + (axis == 0), y + (axis == 1), x + (axis == 2)
                     if k == depth or j == height or i == width:
                         continue
-                    there = matter[k, j, i]
+                    there = foreground[k, j, i]
                     both = np.float64(here) + np.float64(there)
                     f = np.float64(inside[z, y, x]) - inside[k, j, i]
                     g = np.float64(outside[z, y, x]) - outside[k, j, i]
-                    total += squeeze[axis] * (BEYOND + half * both) * f * f
-                    total += squeeze[axis] * (BEYOND + half * (2 - both)) * g * g
+                    total += squeeze[axis] * (EDGE_WEIGHT_BEYOND + half * both) * f * f
+                    total += squeeze[axis] * (EDGE_WEIGHT_BEYOND + half * (2 - both)) * g * g
                     if here != there:
                         total += faces[axis]
     return total
 
 
 @njit(cache=True, nogil=True)
-def _preferences(data, inside, outside, squeeze):  # type: ignore[no-untyped-def]
+def _preference_kernel(data, inside, outside, squeeze):  # type: ignore[no-untyped-def]
     depth, height, width = data.shape
     result = np.zeros(data.shape, np.float32)
-    half = (1 - BEYOND) / 2
+    half = (1 - EDGE_WEIGHT_BEYOND) / 2
     for z in range(depth):
         for y in range(height):
             for x in range(width):

@@ -1,17 +1,17 @@
-"""Long thin supports under a bag: scanner tables, belts and trays, which touch everything.
+"""What the scanner puts into a volume: a round field of view, a table or belt, and its pad.
 
-The round field of view of a scanner: beyond it nothing was measured, at its rim nonsense.
-
-The pad on a scanner's table: a soft thin outline between the table and the bag.
+Beyond the round field of view nothing was measured. Tables, belts and trays are long, thin, and
+touch everything; a pad is a soft thin outline between the table and the bag.
 """
 
 from __future__ import annotations
 
+import cc3d
 import edt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import binary_closing, binary_dilation, maximum_filter1d
 
 from napari_unpack.segmentation.common.validation import Spacing
 
@@ -24,7 +24,6 @@ def measured_section(
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Density.
     rim : float
         Pixels within this of the circle's edge are not trusted.
     padded : float
@@ -67,52 +66,31 @@ def _noisy_all_round(
     return float(share.min()) > 0.05
 
 
-HEIGHT = 40.0
+# mm between the table and the outline of a pad, at most.
+THICKEST_PAD = 40.0
 
 
-def pad_and_beyond(
+def _pad_and_beyond(
     share: NDArray[np.float32],
     table: NDArray[np.bool_],
     spacing: tuple[float, float],
     clear: float = 0.55,
     emptiness: float = 0.25,
 ) -> NDArray[np.bool_]:
-    """Find the cross-section of a pad on a table, and of what lies beyond the table.
-
-    Parameters
-    ----------
-    share : (H, W) ndarray of float32
-        Fraction of slices in which a pixel is matter.
-    table : (H, W) ndarray of bool
-        Cross-section of the table, wider than it is high, with the bag above or below it.
-    spacing : (float, float)
-        Pixel size, mm.
-    clear : float
-        In a quarter of the table's columns the outline is at least this persistent.
-    emptiness : float
-        Between outline and table, where it is clear, fewer voxels than this share are matter.
-
-    Returns
-    -------
-    (H, W) ndarray of bool
-        The outline of the pad, where there is one, and all that is seen from the bag behind it
-        or behind the table.
-
-    Notes
-    -----
-    The outline is the most persistent line that moves at most one pixel a column, no further
-    than 40 mm from the table: found by dynamic programming. Under the bag's weight it wanders
-    from slice to slice, so that a threshold would lose it there.
-    """
+    """Find the cross-section of a table's pad, and of all that lies behind it or the table."""
+    # `share` is the share of slices in which a pixel of the cross-section is foreground. A pad's
+    # outline is the most persistent line that moves at most one pixel a column, found by dynamic
+    # programming: under the bag's weight it wanders from slice to slice, so that a threshold would
+    # lose it there. Where it is `clear`, less than `emptiness` of what lies under it is foreground.
     if not table.any():
         return np.zeros_like(table)
     columns = np.flatnonzero(table.any(axis=0))
     heights = np.arange(len(table))[:, None]
     middle = heights.mean() if not share.any() else np.average(heights[:, 0], weights=share.sum(1))
     if middle > np.average(heights[:, 0], weights=table.sum(axis=1)):
-        return pad_and_beyond(share[::-1], table[::-1], spacing, clear, emptiness)[::-1]
+        return _pad_and_beyond(share[::-1], table[::-1], spacing, clear, emptiness)[::-1]
     surface = table[:, columns].argmax(axis=0)
-    reach = min(int(HEIGHT / spacing[0]), int(surface.min()))
+    reach = min(int(THICKEST_PAD / spacing[0]), int(surface.min()))
     behind = np.zeros_like(table)
     behind[:, columns] = heights >= surface
     if reach < 4 or len(columns) < 16:
@@ -133,6 +111,7 @@ def pad_and_beyond(
 
 @njit(cache=True, nogil=True)
 def _ridge(band, surface):  # type: ignore[no-untyped-def]
+    """Return the height of the path of largest sum over the columns of a band."""
     height, width = band.shape
     total = np.full((height, width), -1e9)
     came = np.zeros((height, width), np.int64)
@@ -152,12 +131,12 @@ def _ridge(band, surface):  # type: ignore[no-untyped-def]
     return path
 
 
-MOST = 0.4
-"""Share of all matter that supports are at most; more of it is no support but the bag."""
+# Share of the foreground that supports are at most; more of it is no support but the bag.
+LARGEST_SUPPORT = 0.4
 
 
 def find_supports(
-    matter: NDArray[np.bool_],
+    foreground: NDArray[np.bool_],
     spacing: Spacing,
     thickness: float = 12.0,
     width: float = 120.0,
@@ -167,60 +146,51 @@ def find_supports(
 
     Parameters
     ----------
-    matter : (Z, Y, X) ndarray of bool
-        Foreground.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    foreground : (Z, Y, X) ndarray of bool
+    spacing : (float, float, float) of mm, z y x
     thickness : float
         A support's walls are at most this thick, mm.
     width : float
         Its cross-section is at least this wide, mm, and so is its length.
     persistence : float
-        Fraction of the slices along its axis in which a point of its cross-section is matter.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
-        Voxels of supports.
+        Share of the slices along its axis in which a point of its cross-section is foreground.
 
     Notes
     -----
     A table or belt is a prism along the direction of travel: seen along that axis it is a set of
-    pixels that are matter in nearly every slice, and packed things are not. Along each axis the
+    pixels that are foreground in nearly every slice, and packed things are not. Along each axis the
     persistent pixels are grouped, kept where nine in ten are thin and the group is wide, joined
-    by what else is prismatic inside them (a foam core), by a pad and all beyond (see `pads`), and
-    grown a little into their partial-volume rim. Three passes over the volume. A tilted or short
+    by what else is prismatic inside them (a foam core), by `_pad_and_beyond`, and grown a little
+    into their partial-volume rim. Three passes over the volume. A tilted or short
     support is not found by this; it is left to splitting.
     """
-    found = np.zeros(matter.shape, np.bool_)
+    found = np.zeros(foreground.shape, np.bool_)
     for axis in range(3):
-        length = matter.shape[axis] * spacing[axis]
+        length = foreground.shape[axis] * spacing[axis]
         others = [a for a in range(3) if a != axis]
-        extent = max(matter.shape[a] * spacing[a] for a in others)
+        extent = max(foreground.shape[a] * spacing[a] for a in others)
         if length < width or extent < 1.5 * width:
             continue
         plane = (spacing[others[0]], spacing[others[1]])
-        share = matter.mean(axis=axis, dtype=np.float32)
+        share = foreground.mean(axis=axis, dtype=np.float32)
         section = _thin_and_wide(share, persistence, plane, thickness, width)
-        if not _leaves_the_scan(section, matter, axis):
+        if not _leaves_the_scan(section, foreground, axis):
             continue
         section = _with_cores(section, share)
         section |= _beyond(section, share, plane)
-        if float(share[section].sum()) <= MOST * float(share.sum()):
+        if float(share[section].sum()) <= LARGEST_SUPPORT * float(share.sum()):
             found |= np.expand_dims(section, axis)
-    return found & matter if found.any() else found
+    return found & foreground if found.any() else found
 
 
 def _leaves_the_scan(
-    section: NDArray[np.bool_], matter: NDArray[np.bool_], axis: int, slices: int = 2
+    section: NDArray[np.bool_], foreground: NDArray[np.bool_], axis: int, slices: int = 2
 ) -> bool:
-    """Tell whether most of a cross-section is matter at both ends of the scan.
-
-    A table or belt is longer than what is scanned of it; the wall of a carton in a bag is not.
-    """
+    """Return whether most of a cross-section is foreground at both ends of the scan."""
+    # A table or belt is longer than what is scanned of it; the wall of a carton in a bag is not.
     if not section.any():
         return False
-    ends = np.moveaxis(matter, axis, 0)
+    ends = np.moveaxis(foreground, axis, 0)
     return all(
         float(np.any(end, axis=0)[section].mean()) >= 0.5 for end in (ends[:slices], ends[-slices:])
     )
@@ -229,10 +199,11 @@ def _leaves_the_scan(
 def _beyond(
     section: NDArray[np.bool_], share: NDArray[np.float32], spacing: tuple[float, float]
 ) -> NDArray[np.bool_]:
+    """Find what lies behind a support, whichever way its cross-section is wide."""
     rows, columns = (np.flatnonzero(section.any(axis=a)) for a in (1, 0))
     if np.ptp(columns) * spacing[1] >= np.ptp(rows) * spacing[0]:
-        return pad_and_beyond(share, section, spacing)
-    return pad_and_beyond(share.T, section.T, spacing[::-1]).T
+        return _pad_and_beyond(share, section, spacing)
+    return _pad_and_beyond(share.T, section.T, spacing[::-1]).T
 
 
 def _thin_and_wide(
@@ -243,9 +214,6 @@ def _thin_and_wide(
     width: float,
 ) -> NDArray[np.bool_]:
     """Return the pixels of persistent thin pieces, with what is half as persistent beside them."""
-    import cc3d
-    from scipy.ndimage import binary_dilation
-
     section = share >= persistence
     pieces, count = cc3d.connected_components(section, connectivity=8, return_N=True)
     keep = np.zeros(count + 1, np.bool_)
@@ -264,9 +232,6 @@ def _with_cores(
     section: NDArray[np.bool_], share: NDArray[np.float32], doubt: float = 0.2
 ) -> NDArray[np.bool_]:
     """Add the holes of a support's cross-section that are the same in nearly every slice."""
-    import cc3d
-    from scipy.ndimage import binary_closing, binary_dilation
-
     walls = binary_closing(np.pad(section, 4), np.ones((3, 3)), iterations=3)[4:-4, 4:-4]
     holes, count = cc3d.connected_components(~walls, connectivity=4, return_N=True)
     changes = np.minimum(share, 1 - share)

@@ -1,4 +1,4 @@
-"""Foreground: where there is matter, by robust Otsu thresholds with hysteresis."""
+"""Foreground by robust Otsu thresholds with hysteresis."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# Of histograms: a pair of thresholds is sought among all 131,000 pairs of bins.
 BINS = 512
-SAMPLES = 4_000_000
+# Voxels, evenly spread, that levels are found from: their quantiles are good to a thousandth.
+MOST_SAMPLES = 4_000_000
 
 
 @dataclass(frozen=True)
 class Levels:
-    """The density levels that tell matter from air.
+    """The density levels that tell foreground from air.
 
     Parameters
     ----------
@@ -25,7 +27,7 @@ class Levels:
         Standard deviation of the background about it; from its upper side, since scanners clip
         the lower.
     low, high : float
-        A voxel is matter at `low` where it is connected to a voxel at `high`.
+        A voxel is foreground at `low` where it is connected to a voxel at `high`.
     """
 
     air: float
@@ -35,16 +37,12 @@ class Levels:
 
 
 def find_levels(volume: NDArray[np.generic]) -> Levels:
-    """Find the levels of air and matter in a volume of any scale.
+    """Find the levels of air and foreground in a volume of any scale.
 
     Parameters
     ----------
     volume : (Z, Y, X) ndarray
         Densities; NaN is ignored.
-
-    Returns
-    -------
-    Levels
 
     Raises
     ------
@@ -65,13 +63,13 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
         top = float(sample.max())
     air = _background(sample, bottom, top)
     dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[0]
-    matter = sample[sample > dense]
-    if not len(matter) or not dense > air:
+    foreground = sample[sample > dense]
+    if not len(foreground) or not dense > air:
         raise ValueError(
             "nothing found in the foreground: no density rises above the background at "
             f"{air:g}; pass foreground= with a density to choose it yourself"
         )
-    knee = (float(np.median(matter)) - air) / 4
+    knee = (float(np.median(foreground)) - air) / 4
     lifted = np.arcsinh(np.clip(sample - air, 0, top - air) / knee)
     first = _two_thresholds(*_histogram(lifted))[0]
     high = air + knee * float(np.sinh(first))
@@ -83,18 +81,19 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
 
 
 def _spread(sample: NDArray[np.float64], air: float, high: float) -> float:
-    """Return the background's standard deviation, matter above it clipped away in rounds."""
+    """Return the background's standard deviation, foreground above it clipped away in rounds."""
     noise = high - air
     for _ in range(6):
         inside = sample[sample <= min(air + 3 * noise, high)]
         if not len(inside):
             break
+        # 84 % of a normal distribution lie below its mean and one deviation.
         noise = max(float(np.quantile(inside, 0.84)) - air, 0.0)
     return noise
 
 
-def foreground(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
-    """Return the voxels of matter.
+def above_levels(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
+    """Return the voxels above the levels, with hysteresis.
 
     Parameters
     ----------
@@ -102,10 +101,6 @@ def foreground(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
         Densities; NaN is background.
     levels : Levels
         See `find_levels`.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
 
     Raises
     ------
@@ -130,20 +125,19 @@ def foreground(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
 
 
 def peel(
-    matter: NDArray[np.bool_],
+    foreground: NDArray[np.bool_],
     density: NDArray[np.generic],
     air: float,
     layers: int = 2,
     fraction: float = 0.5,
 ) -> NDArray[np.bool_]:
-    """Take off the blurred fringe of matter that is denser than the threshold asks.
+    """Take off the blurred fringe of foreground that is denser than the threshold asks.
 
     Parameters
     ----------
-    matter : (Z, Y, X) ndarray of bool
+    foreground : (Z, Y, X) ndarray of bool
         Foreground by one threshold for the whole volume. Not changed.
     density : (Z, Y, X) ndarray
-        Density.
     air : float
         Density of the background.
     layers : int
@@ -152,37 +146,34 @@ def peel(
         A voxel beside the background goes where its density above air is below this share of
         the largest among its 26 neighbours: a blurred edge lies at half of its height.
 
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
-
     Notes
     -----
     One low threshold makes steel a voxel or two too thick and gives it a shell of every density
-    between air's and its own. Thin matter is safe: its densest voxels have no denser neighbour.
+    between air's and its own. Thin foreground is safe: its densest voxels have no denser neighbour.
     """
     for _ in range(layers):
-        inner = matter.copy()
-        _peel(matter, density, air, fraction, inner)
-        matter = inner
-    return matter
+        inner = foreground.copy()
+        _peel(foreground, density, air, fraction, inner)
+        foreground = inner
+    return foreground
 
 
 @njit(cache=True, nogil=True)
-def _peel(matter, density, air, fraction, inner):  # type: ignore[no-untyped-def]
-    depth, height, width = matter.shape
+def _peel(foreground, density, air, fraction, inner):  # type: ignore[no-untyped-def]
+    """Take one layer off `inner`, a copy of the foreground."""
+    depth, height, width = foreground.shape
     for z in range(depth):
         for y in range(height):
             for x in range(width):
-                if not matter[z, y, x]:
+                if not foreground[z, y, x]:
                     continue
                 rim = (
-                    (z > 0 and not matter[z - 1, y, x])
-                    or (z + 1 < depth and not matter[z + 1, y, x])
-                    or (y > 0 and not matter[z, y - 1, x])
-                    or (y + 1 < height and not matter[z, y + 1, x])
-                    or (x > 0 and not matter[z, y, x - 1])
-                    or (x + 1 < width and not matter[z, y, x + 1])
+                    (z > 0 and not foreground[z - 1, y, x])
+                    or (z + 1 < depth and not foreground[z + 1, y, x])
+                    or (y > 0 and not foreground[z, y - 1, x])
+                    or (y + 1 < height and not foreground[z, y + 1, x])
+                    or (x > 0 and not foreground[z, y, x - 1])
+                    or (x + 1 < width and not foreground[z, y, x + 1])
                 )
                 if not rim:
                     continue
@@ -195,7 +186,7 @@ def _peel(matter, density, air, fraction, inner):  # type: ignore[no-untyped-def
 
 
 def _sample(volume: NDArray[np.generic]) -> NDArray[np.float64]:
-    step = max(1, int(np.ceil((volume.size / SAMPLES) ** (1 / 3))))
+    step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / 3))))
     sample = volume[::step, ::step, ::step].astype(np.float64).reshape(-1)
     sample = sample[np.isfinite(sample)]
     if len(sample) < 2 or sample.min() == sample.max():

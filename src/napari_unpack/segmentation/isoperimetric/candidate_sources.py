@@ -1,12 +1,8 @@
-"""Candidates that take sheets and other thin parts off what they touch.
+"""Where candidate cuts come from: distance trees, sheets, density steps, and the lattice.
 
-A region made ready for cutting: its depth, and a small copy of it.
-
-Candidates at density steps: materials inside a region, and basins of its gradient.
-
-Candidates from the isoperimetric potential of the full lattice: cuts of least area.
-
-Candidates from isoperimetric distance trees: where a shape, or its density, is narrowest.
+Each source proposes cuts of a region in blocks: trees where the shape or its density is narrowest,
+sheets where something thin lies on something thick, density steps between regions of one density,
+and the lattice where the isoperimetric potential has cuts of least area.
 """
 
 from __future__ import annotations
@@ -14,17 +10,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import cc3d
 import edt
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
 from napari_unpack.segmentation.common.flooding import flood
-from napari_unpack.segmentation.common.measures import chamfer
+from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region
-from napari_unpack.segmentation.isoperimetric.distance_tree import significant_minima, tree_sweep
-from napari_unpack.segmentation.isoperimetric.lattice import Lattice, isoperimetric_ratio
-from napari_unpack.segmentation.isoperimetric.multiresolution import Coarse, coarsened
+from napari_unpack.segmentation.isoperimetric.distance_tree import (
+    isoperimetric_ratio,
+    significant_minima,
+    tree_sweep,
+    two_sides,
+)
+from napari_unpack.segmentation.isoperimetric.lattice import Lattice
+from napari_unpack.segmentation.isoperimetric.multiresolution import ReducedRegion, coarsened
 
+# Of a region's reduced copy: the lattice's iterations grow with its diameter.
 MOST_BLOCKS = 30_000
 
 
@@ -40,19 +44,27 @@ class PreparedRegion:
         No part is smaller than this, mm^3.
     depth : (Z, Y, X) ndarray of float32
         Distance to the outside, mm.
-    coarse : Coarse
+    coarse : ReducedRegion
         The same in at most 30,000 blocks.
     """
 
     region: Region
     smallest: float
     depth: NDArray[np.float32]
-    coarse: Coarse
+    coarse: ReducedRegion
 
     @staticmethod
     def of(region: Region, smallest: float) -> PreparedRegion:
-        """Prepare a region."""
-        depth = chamfer(region.mask, region.spacing)
+        """Prepare a region.
+
+        Parameters
+        ----------
+        region : Region
+            6-connected.
+        smallest : float
+            mm^3.
+        """
+        depth = chamfer_depth(region.mask, region.spacing)
         small = coarsened(region.mask, depth, region.density, region.spacing, MOST_BLOCKS)
         return PreparedRegion(region, smallest, depth, small)
 
@@ -62,26 +74,14 @@ class PreparedRegion:
         return max(1, int(np.ceil(self.smallest / float(np.prod(self.coarse.spacing)))))
 
 
+# Its source, the parts of the blocks, and where borders settle (see `carried_back`).
 Proposal = tuple[str, NDArray[np.int32], NDArray[np.float32] | None]
-"""Provenance, parts of the blocks, and where borders settle (see `coarse.carried_back`)."""
 
 Proposals = Iterator[Proposal]
 
 
-def largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the largest step of every voxel to a face neighbour, both inside a mask.
-
-    Parameters
-    ----------
-    values : (Z, Y, X) ndarray of float32
-        Of blocks.
-    mask : (Z, Y, X) ndarray of bool
-        Which of them count.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of float32
-    """
+def _largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the largest step of every voxel to a face neighbour, both inside a mask."""
     steps = np.zeros(mask.shape, np.float32)
     for axis in range(3):
         along, inside = np.moveaxis(values, axis, 0), np.moveaxis(mask, axis, 0)
@@ -92,13 +92,12 @@ def largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArr
     return steps
 
 
-def density_candidates(piece: PreparedRegion) -> Proposals:
-    """Propose to part what differs in density.
+def density_candidates(prepared: PreparedRegion) -> Proposals:
+    """Propose to split where densities differ.
 
     Parameters
     ----------
     piece : PreparedRegion
-        What to cut.
 
     Yields
     ------
@@ -106,17 +105,17 @@ def density_candidates(piece: PreparedRegion) -> Proposals:
         "materials" (Otsu's two classes, then three, of the voxels off the rim) and "basins" (a
         watershed of the gradient from its calm places).
     """
-    from scipy.ndimage import gaussian_filter
+    # Slow to import, and needed by one method alone.
     from skimage.filters import threshold_multiotsu
 
-    small = piece.coarse
+    small = prepared.coarse
     weight = gaussian_filter(small.mask.astype(np.float32), 0.7)
     smooth = gaussian_filter(np.where(small.mask, small.density, 0), 0.7)
     smooth = np.where(small.mask, smooth / np.maximum(weight, 1e-3), 0).astype(np.float32)
     inner = small.mask & (small.depth > 1.5 * max(small.spacing))
-    if np.count_nonzero(inner) < 2 * piece.fewest:
+    if np.count_nonzero(inner) < 2 * prepared.fewest:
         return
-    slope = largest_steps(smooth, small.mask)
+    slope = _largest_steps(smooth, small.mask)
     low, high = np.quantile(smooth[inner], [0.01, 0.99])
     settle = np.clip(slope / max(float(np.quantile(slope[inner], 0.99)), 1e-6), 0, 1)
     if high > low + 0.02 * abs(float(high)):
@@ -127,11 +126,11 @@ def density_candidates(piece: PreparedRegion) -> Proposals:
             except ValueError:
                 continue
             kinds = np.where(inner, np.digitize(smooth, levels) + 1, 0).astype(np.int32)
-            sides = _grown(kinds, small.mask, piece.fewest // 2, settle)
+            sides = _grown(kinds, small.mask, prepared.fewest // 2, settle)
             if sides.max() > 1:
                 yield "materials", sides, None
     calm = inner & (slope < np.quantile(slope[inner], 0.4))
-    sides = _grown(calm.astype(np.int32), small.mask, max(piece.fewest // 4, 8), settle)
+    sides = _grown(calm.astype(np.int32), small.mask, max(prepared.fewest // 4, 8), settle)
     if 1 < sides.max() <= 12:
         yield "basins", sides, None
 
@@ -143,8 +142,6 @@ def _grown(
     settle: NDArray[np.floating],
 ) -> NDArray[np.int32]:
     """Take the large components of every kind, and flood the rest of the mask from them."""
-    import cc3d
-
     pieces, count = cc3d.connected_components(kinds, connectivity=6, return_N=True)
     sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
     large = sizes >= max(fewest, 1)
@@ -153,20 +150,14 @@ def _grown(
     return flood(seeds, mask, (255 * settle).astype(np.uint8))
 
 
-def lattice_candidates(piece: PreparedRegion, keep: int = 2) -> Proposals:
-    """Propose minima of the isoperimetric ratio, by shape alone and with density steps.
+def lattice_candidates(prepared: PreparedRegion, keep: int = 2) -> Proposals:
+    """Propose minima of the isoperimetric ratio, as "lattice" and, with steps, "lattice, density".
 
     Parameters
     ----------
     piece : PreparedRegion
-        What to cut.
     keep : int
         Cuts at most of each.
-
-    Yields
-    ------
-    Proposal
-        "lattice", "lattice, density".
 
     Notes
     -----
@@ -175,7 +166,7 @@ def lattice_candidates(piece: PreparedRegion, keep: int = 2) -> Proposals:
     largest degree, which on a binary lattice is any inner one; a ground in the middle makes level
     sets that are shells around it, one at an end makes them cross the shape.
     """
-    small = piece.coarse
+    small = prepared.coarse
     for source, density in (("lattice", None), ("lattice, density", small.density)):
         lattice = Lattice.of(small.mask, small.spacing, density)
         places = np.stack(np.unravel_index(lattice.where, small.mask.shape), axis=1)
@@ -184,39 +175,30 @@ def lattice_candidates(piece: PreparedRegion, keep: int = 2) -> Proposals:
         potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-3, 500)
         order, cut = lattice.sweep(potential, weighted=density is not None)
         ratio = isoperimetric_ratio(cut, lattice.voxel)
-        last = len(order) - piece.fewest
-        for k in significant_minima(ratio, piece.fewest, last, 1.1, keep):
-            sides = np.zeros(small.mask.size, np.int32)
-            sides[lattice.where[order[: k + 1]]] = 1
-            sides[lattice.where[order[k + 1 :]]] = 2
-            yield source, sides.reshape(small.mask.shape), None
+        last = len(order) - prepared.fewest
+        for k in significant_minima(ratio, prepared.fewest, last, 1.1, keep):
+            yield source, two_sides(lattice.where[order], k, small.mask.shape), None
 
 
 def sheet_candidates(
-    piece: PreparedRegion, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
+    prepared: PreparedRegion, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
 ) -> Proposals:
-    """Propose to take thin parts off thick ones.
+    """Propose, as "sheet", to take thin parts off thick ones.
 
     Parameters
     ----------
     piece : PreparedRegion
-        What to cut.
     shares : tuple of float
         Half thickness that counts as thin, against the largest depth.
     wide : float
         A thin part's extent is at least this many times its half thickness.
-
-    Yields
-    ------
-    Proposal
-        "sheet".
 
     Notes
     -----
     Thin is what an opening takes away: no ball of the half thickness fits there. Under a thick
     thing that rests on it a flat sheet goes on: what lies between its two faces is its own.
     """
-    small = piece.coarse
+    small = prepared.coarse
     deepest = float(small.depth.max())
     for share in shares:
         half = share * deepest
@@ -225,7 +207,7 @@ def sheet_candidates(
             continue
         away = edt.edt(~core, anisotropy=small.spacing, black_border=False)
         thin = small.mask & (away > half + max(small.spacing))
-        sides = _with_sheets(core, thin, small.mask, small.spacing, half, piece.fewest, wide)
+        sides = _with_sheets(core, thin, small.mask, small.spacing, half, prepared.fewest, wide)
         if sides is not None:
             yield "sheet", sides, None
 
@@ -239,10 +221,7 @@ def _with_sheets(
     fewest: int,
     wide: float,
 ) -> NDArray[np.int32] | None:
-    import cc3d
-
-    from napari_unpack.segmentation.common.flooding import flood
-
+    """Flood from the thick core and from every wide thin piece; None where there is no such."""
     pieces, count = cc3d.connected_components(thin, connectivity=26, return_N=True)
     sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
     seeds = core.astype(np.int32)
@@ -279,17 +258,18 @@ def _slab(
     return inside
 
 
-DROP = 1.1
-KEEP = 3
+# Factor by which the ratio rises between two minima that both count.
+SIGNIFICANT_RISE = 1.1
+
+CUTS_OF_EACH_TREE = 3
 
 
-def tree_candidates(piece: PreparedRegion) -> Proposals:
-    """Propose the significant minima of the ratio along several distance trees.
+def tree_candidates(prepared: PreparedRegion) -> Proposals:
+    """Propose the significant regional_minima of the ratio along several distance trees.
 
     Parameters
     ----------
     piece : PreparedRegion
-        What to cut.
 
     Yields
     ------
@@ -302,19 +282,19 @@ def tree_candidates(piece: PreparedRegion) -> Proposals:
     Density edges are where the step between blocks exceeds four times
     its median and a twentieth of the median density.
     """
-    small = piece.coarse
-    for source, depth, conductance in _fields(piece):
+    small = prepared.coarse
+    for source, depth, conductance in _fields(prepared):
         sweep = tree_sweep(small.mask, depth, small.spacing, conductance)
-        last = len(sweep.order) - piece.fewest
-        for k in significant_minima(sweep.ratio, piece.fewest, last, DROP, KEEP):
-            sides = np.zeros(small.mask.size, np.int32)
-            sides[sweep.order[: k + 1]] = 1
-            sides[sweep.order[k + 1 :]] = 2
-            yield source, sides.reshape(small.mask.shape), None
+        last = len(sweep.order) - prepared.fewest
+        for k in significant_minima(
+            sweep.ratio, prepared.fewest, last, SIGNIFICANT_RISE, CUTS_OF_EACH_TREE
+        ):
+            yield source, two_sides(sweep.order, k, small.mask.shape), None
 
 
-def _fields(piece: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], str]]:
-    small = piece.coarse
+def _fields(prepared: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], str]]:
+    """Yield the source, the depth that a tree grows along, and the conductance of its edges."""
+    small = prepared.coarse
     yield "tree", small.depth, "unit"
     yield "tree, wide", small.depth, "distance"
     yield "tree, city-block", _city_block(small.mask, small.spacing), "unit"
@@ -322,7 +302,7 @@ def _fields(piece: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], s
     low, middle = np.quantile(values, [0.05, 0.5])
     edges = _edges(small.density, small.mask, float(middle))
     if edges.any():
-        aware = chamfer(small.mask & ~edges, small.spacing)
+        aware = chamfer_depth(small.mask & ~edges, small.spacing)
         yield "tree, edges", np.minimum(aware, small.depth), "unit"
     lift = np.clip((small.density - low) / max(float(middle - low), 1e-6), 0.0, 2.0)
     yield "tree, valleys", (small.depth * lift).astype(np.float32), "unit"
@@ -331,7 +311,7 @@ def _fields(piece: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], s
 def _edges(
     density: NDArray[np.float32], mask: NDArray[np.bool_], middle: float
 ) -> NDArray[np.bool_]:
-    step = largest_steps(density, mask)
+    step = _largest_steps(density, mask)
     typical = float(np.median(step[mask]))
     return np.asarray(mask & (step > max(4 * typical, 0.05 * abs(middle))))
 
@@ -339,8 +319,6 @@ def _edges(
 def _city_block(
     mask: NDArray[np.bool_], spacing: tuple[float, float, float]
 ) -> NDArray[np.float32]:
-    from scipy.ndimage import distance_transform_cdt
-
     padded = np.pad(mask, 1)
     steps = distance_transform_cdt(padded, metric="taxicab")[1:-1, 1:-1, 1:-1]
     return steps.astype(np.float32) * np.float32(min(spacing))

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.flooding import flood
-from napari_unpack.segmentation.common.measures import chamfer
+from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.candidate_sources import (
     PreparedRegion,
@@ -34,7 +34,9 @@ SOURCES: tuple[Callable[[PreparedRegion], Proposals], ...] = (
     density_candidates,
     lattice_candidates,
 )
+# Share of the smaller part in which two candidates agree that are one.
 SAME = 0.97
+# Larger regions are cut on a reduced copy: the candidates of so many take some seconds.
 MOST_VOXELS = 1_000_000
 
 
@@ -49,7 +51,7 @@ class Candidate:
     ratio : float
         Isoperimetric ratio: area between parts over the volume of all but the largest, 1/mm.
     source : str
-        Which splitter proposed it: "tree", "lattice", "sheet", "materials" ...
+        Which source proposed it: "tree", "lattice", "sheet", "materials" ...
     """
 
     parts: NDArray[np.int32]
@@ -57,7 +59,7 @@ class Candidate:
     source: str
 
 
-def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate]:
+def candidate_cuts(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate]:
     """Propose cuts of a region from every source.
 
     Parameters
@@ -83,7 +85,7 @@ def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate
     if region.volume < 2 * smallest or region.voxels < 16:
         return []
     if region.voxels > MOST_VOXELS:
-        return _reduced_pool(region, smallest, most_parts)
+        return _reduced_candidates(region, smallest, most_parts)
     piece = PreparedRegion.of(region, smallest)
     fewest = max(int(smallest / region.voxel_volume), 1)
     areas = region.voxel_volume / np.array(region.spacing)
@@ -95,7 +97,7 @@ def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate
                 continue
             blocks.append(sides)
             parts = carried_back(sides, piece.coarse.factor, region.mask, piece.depth, edges)
-            parts = connected_parts(parts, fewest)
+            parts = _connected_parts(parts, fewest)
             if 2 <= parts.max() <= most_parts:
                 found.append(Candidate(parts, _ratio(parts, areas, region.voxel_volume), name))
     kept: list[Candidate] = []
@@ -105,21 +107,8 @@ def pool(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate
     return kept
 
 
-def connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int32]:
-    """Relabel parts by 6-connected component; small fragments go to a neighbour.
-
-    Parameters
-    ----------
-    parts : (Z, Y, X) ndarray of int32
-        Not changed.
-    smallest : int
-        Components of fewer voxels are flooded by the others.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        1, 2, ... by first voxel; 0 stays 0.
-    """
+def _connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int32]:
+    """Name parts by 6-connected component; those of fewer voxels are flooded by others."""
     components, count = cc3d.connected_components(parts, connectivity=6, return_N=True)
     sizes = np.bincount(components.reshape(-1), minlength=count + 1)
     large = sizes >= min(smallest, sizes[1:].max(initial=0))
@@ -128,28 +117,29 @@ def connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int32
     return seeds if large[1:].all() else flood(seeds, parts > 0)
 
 
-def _reduced_pool(region: Region, smallest: float, most_parts: int) -> list[Candidate]:
+def _reduced_candidates(region: Region, smallest: float, most_parts: int) -> list[Candidate]:
     """Search on a copy of at most a million voxels, and carry its candidates back."""
-    depth = chamfer(region.mask, region.spacing)
+    depth = chamfer_depth(region.mask, region.spacing)
     small = coarsened(region.mask, depth, region.density, region.spacing, MOST_VOXELS)
     copy = Region(small.mask, small.density, (0, 0, 0), small.spacing)
     fewest = max(int(smallest / region.voxel_volume), 1)
     found = []
-    for candidate in pool(copy, smallest, most_parts):
+    for candidate in candidate_cuts(copy, smallest, most_parts):
         parts = carried_back(candidate.parts, small.factor, region.mask, depth)
-        parts = connected_parts(parts, fewest)
+        parts = _connected_parts(parts, fewest)
         if parts.max() >= 2:
             found.append(Candidate(parts, candidate.ratio, candidate.source))
     return found
 
 
 def _ratio(parts: NDArray[np.int32], areas: NDArray[np.float64], voxel: float) -> float:
+    """Return the isoperimetric ratio of parts: the area between them over all but the largest."""
     counts = np.bincount(parts.reshape(-1))[1:]
     return float(_between(parts, areas) / ((counts.sum() - counts.max()) * voxel))
 
 
 def _alike(one: NDArray[np.int32], two: NDArray[np.int32]) -> bool:
-    """Tell whether two partitions of one region agree but for few voxels, whatever the names."""
+    """Return whether two partitions of one region agree but for few voxels, whatever the names."""
     inside = (one > 0) & (two > 0)
     width = int(two.max()) + 1
     table = np.bincount(one[inside] * width + two[inside], minlength=(int(one.max()) + 1) * width)
@@ -162,6 +152,7 @@ def _alike(one: NDArray[np.int32], two: NDArray[np.int32]) -> bool:
 
 @njit(cache=True, nogil=True)
 def _between(parts, areas):  # type: ignore[no-untyped-def]
+    """Return the area between parts."""
     nz, ny, nx = parts.shape
     total = 0.0
     for z in range(nz):

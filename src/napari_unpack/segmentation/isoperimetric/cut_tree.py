@@ -1,8 +1,8 @@
-"""Recursive splitting by the oracle: grow a tree of cuts, then keep the objects it likes best.
+"""Recursive splitting (Li et al. 2012, section 3): grow a tree of cuts, then choose its objects.
 
 A cut that frees one of four objects need not raise the confidence at once, so that a rule which
 stops at the first cut without gain leaves the others together. Here cuts are grown as far as
-there is hope, judged once, and chosen afterwards; trying other parameters then costs nothing.
+confidence may still rise, rated once, and chosen afterwards: trying other rules costs nothing.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from napari_unpack.segmentation.common.region import FEWEST, Oracle, Region
-from napari_unpack.segmentation.isoperimetric.candidates import pool
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle, Region
+from napari_unpack.segmentation.isoperimetric.candidates import candidate_cuts
 from napari_unpack.tasks import Progress
 
 
@@ -39,16 +39,23 @@ class CutRule:
     least: bool = False
 
 
-GRID = tuple(
+# Tried for every volume, from cautious to eager; the confidence chooses one, see `best_rule`.
+RULES = tuple(
     CutRule(gain, compactness, least)
     for least, gain, compactness in itertools.product(
         (False, True), (0.25, 0.1, 0.03), (0.7, 1.1, 1.6, 3.0)
     )
 )
-SURE = 0.9
-HOPELESS = 0.1
-FAINT = 0.05
-DEEPEST = 6
+
+# Confidence from which a region stays whole without the time for candidates.
+SURE_OF_ONE_OBJECT = 0.9
+# A cut, or a merge, is followed although it loses so much: the next may win more. Two of four
+# objects together look no better than all four.
+MOST_CONFIDENCE_LOST = 0.1
+# Mean confidence of parts below which nothing is cut further: they look like no object at all.
+LEAST_CONFIDENCE_BELOW_FIRST_CUT = 0.05
+# Cuts inside each other, which bounds the work on one region.
+DEEPEST_CUT = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +73,7 @@ class Node:
     compactness : float
         Of the cut, see `CutRule`.
     source : str
-        Which splitter proposed the cut; empty where there is none.
+        Which source proposed the cut; empty where there is none.
     """
 
     region: Region
@@ -77,9 +84,9 @@ class Node:
 
 
 def split_recursively(
-    regions: list[Region], oracle: Oracle, smallest: float, tell: Progress | None = None
+    regions: list[Region], oracle: Oracle, smallest: float, progress: Progress | None = None
 ) -> list[Region]:
-    """Split regions into what the oracle takes for single objects.
+    """Split regions into what the oracle takes for single objects, in a fixed order.
 
     Parameters
     ----------
@@ -89,36 +96,33 @@ def split_recursively(
         Confidence in [0, 1] that a region is exactly one object.
     smallest : float
         No part is smaller, mm^3.
-    tell : callable, optional
+    progress : callable, optional
         Called before every split with the fraction of voxels seen; raising in it cancels.
-
-    Returns
-    -------
-    list of Region
-        In a fixed order.
     """
+    # The share of voxels seen is the progress; trees differ too much for more.
     total = max(sum(region.voxels for region in regions), 1)
     seen = 0
     trees = []
     for region in regions:
         share = seen / total
-        told = None if tell is None else partial(_tell, tell, share)
-        trees.append(grow(region, oracle, smallest, told))
+        report = None if progress is None else partial(_at_share, progress, share)
+        trees.append(grow_cut_tree(region, oracle, smallest, report))
         seen += region.voxels
     if not trees:
         return []
     return [node.region for node in _all(trees, best_rule(trees))]
 
 
-def _tell(tell: Progress, share: float, _: float, text: str) -> None:
-    tell(share, text)
+def _at_share(progress: Progress, share: float, _: float, text: str) -> None:
+    """Report a text at a fixed share of the work."""
+    progress(share, text)
 
 
-def grow(
+def grow_cut_tree(
     region: Region,
     oracle: Oracle,
     smallest: float,
-    tell: Progress | None = None,
+    progress: Progress | None = None,
     depth: int = 0,
     confidence: float | None = None,
 ) -> Node:
@@ -132,31 +136,29 @@ def grow(
         Confidence in [0, 1] that a region is exactly one object.
     smallest : float
         No part is smaller, mm^3.
-    tell : callable, optional
+    progress : callable, optional
         Called before every split with (0, text); raising in it cancels.
     depth : int
         Of this region in the tree; below 6 nothing is cut.
     confidence : float, optional
         The region's, where it is known.
 
-    Returns
-    -------
-    Node
-
     Notes
     -----
-    At every region that is not sure to be one object the whole pool is judged, and the cut whose
+    At every region that is not sure to be one object all candidates are rated, and the cut whose
     parts are the best by volume is followed, also where it gains nothing yet; one that loses more
     than 0.1 is not, nor below the first cut one to which hardly any confidence is left. The work is
     bounded by the depth and the smallest part.
     """
     sure = oracle(region) if confidence is None else confidence
-    if sure >= SURE or depth >= DEEPEST:
+    if sure >= SURE_OF_ONE_OBJECT or depth >= DEEPEST_CUT:
         return Node(region, sure)
-    if tell is not None:
-        tell(0.0, f"Splitting: {region.voxels} voxels")
+    if progress is not None:
+        progress(0.0, f"Splitting: {region.voxels} voxels")
     best: tuple[float, list[Region], list[float], float, str] | None = None
-    for candidate in pool(region, max(smallest, FEWEST * region.voxel_volume / 2)):
+    for candidate in candidate_cuts(
+        region, max(smallest, MIN_OBJECT_VOXELS * region.voxel_volume / 2)
+    ):
         parts = [region.part(candidate.parts == k) for k in range(1, candidate.parts.max() + 1)]
         scores = [oracle(part) for part in parts]
         volumes = [part.volume for part in parts]
@@ -164,17 +166,25 @@ def grow(
         if best is None or value > best[0]:
             small = sum(volumes) - max(volumes)
             best = (value, parts, scores, candidate.ratio * small ** (1 / 3), candidate.source)
-    if best is None or best[0] < max(sure - HOPELESS, FAINT if depth else 0.0):
+    if best is None or best[0] < max(
+        sure - MOST_CONFIDENCE_LOST, LEAST_CONFIDENCE_BELOW_FIRST_CUT if depth else 0.0
+    ):
         return Node(region, sure)
     nodes = tuple(
-        grow(part, oracle, smallest, tell, depth + 1, score)
+        grow_cut_tree(part, oracle, smallest, progress, depth + 1, score)
         for part, score in zip(best[1], best[2], strict=True)
     )
     return Node(region, sure, nodes, best[3], best[4])
 
 
-def kept(node: Node, rule: CutRule) -> list[Node]:
+def selected(node: Node, rule: CutRule) -> list[Node]:
     """Return the nodes that a rule keeps as objects, in the order of the tree.
+
+    Parameters
+    ----------
+    node : Node
+        The tree's root.
+    rule : CutRule
 
     Notes
     -----
@@ -183,31 +193,27 @@ def kept(node: Node, rule: CutRule) -> list[Node]:
     """
     if not node.parts or node.compactness > rule.compactness:
         return [node]
-    parts = [leaf for part in node.parts for leaf in kept(part, rule)]
-    value = min(leaf.confidence for leaf in parts) if rule.least else worth(parts)
+    parts = [leaf for part in node.parts for leaf in selected(part, rule)]
+    value = min(leaf.confidence for leaf in parts) if rule.least else mean_confidence(parts)
     return parts if value - node.confidence > rule.gain else [node]
 
 
-def worth(parts: Sequence[Node]) -> float:
-    """Return what a segmentation into parts is worth: their mean confidence by volume.
-
-    A small piece that looks like something by itself makes no whole worth cutting.
-    """
+def mean_confidence(parts: Sequence[Node]) -> float:
+    """Return the mean confidence of parts, weighted by volume."""
+    # A small piece that looks like an object makes no whole worth cutting.
     volumes = [part.region.volume for part in parts]
     return float(np.average([part.confidence for part in parts], weights=volumes))
 
 
-def liking(objects: list[Node]) -> float:
-    """Return how much the oracle likes a segmentation: mean confidence, weighted by V^(1/3).
-
-    Large objects count more than small ones, but do not drown them.
-    """
+def _segmentation_confidence(objects: list[Node]) -> float:
+    """Return the confidence of a segmentation: that of its objects, weighted by V^(1/3)."""
+    # Large objects count more than small ones, but do not drown them.
     weights = np.cbrt([node.region.volume for node in objects])
     return float(np.average([node.confidence for node in objects], weights=weights))
 
 
-def best_rule(trees: list[Node], rules: tuple[CutRule, ...] = GRID) -> CutRule:
-    """Return the rule whose segmentation of all regions the oracle likes best.
+def best_rule(trees: list[Node], rules: tuple[CutRule, ...] = RULES) -> CutRule:
+    """Return the rule whose segmentation of all regions has the highest confidence.
 
     Parameters
     ----------
@@ -216,18 +222,14 @@ def best_rule(trees: list[Node], rules: tuple[CutRule, ...] = GRID) -> CutRule:
     rules : tuple of CutRule
         The more cautious first: of equals the first is taken.
 
-    Returns
-    -------
-    CutRule
-
     Notes
     -----
     Grady et al. (2012) choose the parameters of their segmentation for every volume by their
     confidence measure. The trees are grown once, so that a rule costs microseconds.
     """
-    return max(rules, key=lambda rule: round(liking(list(_all(trees, rule))), 9))
+    return max(rules, key=lambda rule: round(_segmentation_confidence(list(_all(trees, rule))), 9))
 
 
 def _all(trees: list[Node], rule: CutRule) -> Iterator[Node]:
     for tree in trees:
-        yield from kept(tree, rule)
+        yield from selected(tree, rule)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.validation import Spacing
 
+# Depths of a tree's edges are told apart to a quarter of the smallest voxel edge.
 LEVELS_PER_VOXEL = 4
 
 
@@ -40,9 +41,39 @@ class TreeSweep:
     @property
     def ratio(self) -> NDArray[np.float64]:
         """Return the isoperimetric ratio cut / min(volume, rest) of every prefix, 1/mm."""
-        count = np.arange(1, len(self.order) + 1, dtype=np.float64)
-        smaller = np.minimum(count, len(self.order) - count)
-        return np.where(smaller > 0, self.cut / np.maximum(smaller, 1) / self.voxel, np.inf)
+        return isoperimetric_ratio(self.cut, self.voxel)
+
+
+def isoperimetric_ratio(cut: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
+    """Return cut / min(volume, rest) of every prefix, 1/mm (Grady & Schwartz 2006); inf at the end.
+
+    Parameters
+    ----------
+    cut : (N,) ndarray of float64
+        mm^2.
+    voxel : float
+        Volume of a voxel, mm^3.
+    """
+    count = np.arange(1, len(cut) + 1, dtype=np.float64)
+    smaller = np.minimum(count, len(cut) - count)
+    return np.where(smaller > 0, cut / np.maximum(smaller, 1) / voxel, np.inf)
+
+
+def two_sides(order: NDArray[np.int64], k: int, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Return 1 for the first k + 1 voxels of an order, 2 for the others, 0 outside.
+
+    Parameters
+    ----------
+    order : (N,) ndarray of int64
+        Flat indices.
+    k : int
+    shape : (int, int, int)
+        Of the result.
+    """
+    sides = np.zeros(int(np.prod(shape)), np.int32)
+    sides[order[: k + 1]] = 1
+    sides[order[k + 1 :]] = 2
+    return sides.reshape(shape)
 
 
 def tree_sweep(
@@ -59,14 +90,9 @@ def tree_sweep(
         One 6-connected component. Voxels that the deepest one cannot reach are left out.
     distance : (Z, Y, X) ndarray of float
         Distance to the outside, mm; any non-negative depth that is small at necks serves.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     conductance : {"unit", "distance"}
         Of the tree's edges when the potential is solved.
-
-    Returns
-    -------
-    TreeSweep
 
     Notes
     -----
@@ -93,6 +119,8 @@ def tree_sweep(
 
 @njit(cache=True, nogil=True)
 def _grow(index, position, depth, strides, root):  # type: ignore[no-untyped-def]
+    """Grow the maximum spanning tree by Prim; return the nodes in order, and their parents."""
+    # A doubly linked list of nodes for each level of weight.
     count = len(position)
     levels = 2 * depth.max() + 1
     head = np.full(levels, -1, np.int32)
@@ -130,6 +158,7 @@ def _grow(index, position, depth, strides, root):  # type: ignore[no-untyped-def
             if weight <= old:
                 continue
             if old >= 0:
+                # It waits with a lesser weight: out of that list.
                 a, b = before[other], after[other]
                 if a >= 0:
                     after[a] = b
@@ -155,6 +184,7 @@ def _grow(index, position, depth, strides, root):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _potential(order, parent, depth, weighted):  # type: ignore[no-untyped-def]
+    """Solve the potential on the tree: subtrees from the leaves up, sums from the root down."""
     size = np.ones(len(parent), np.float64)
     for k in range(len(order) - 1, 0, -1):
         size[parent[order[k]]] += size[order[k]]
@@ -171,6 +201,7 @@ def _potential(order, parent, depth, weighted):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cuts(index, position, strides, ranked, faces):  # type: ignore[no-untyped-def]
+    """Return the area between every prefix and the rest: a face counts from its first node on."""
     rank = np.full(len(position), -1, np.int64)
     for k in range(len(ranked)):
         rank[ranked[k]] = k
@@ -190,24 +221,19 @@ def _cuts(index, position, strides, ranked, faces):  # type: ignore[no-untyped-d
 def significant_minima(
     curve: NDArray[np.float64], first: int, last: int, drop: float, keep: int
 ) -> list[int]:
-    """Find the deepest well-separated local minima of a positive curve.
+    """Return the deepest well-separated local minima of a positive curve, deepest first.
 
     Parameters
     ----------
     curve : (N,) ndarray of float64
         For instance the isoperimetric ratio of every prefix.
     first, last : int
-        Only minima with first <= k < last count.
+        Only regional_minima with first <= k < last count.
     drop : float
         A minimum counts where the curve must rise by this factor (above 1) before a deeper
         one can be reached.
     keep : int
         At most so many are returned.
-
-    Returns
-    -------
-    list of int
-        Positions, deepest first.
     """
     if last <= first:
         return []
@@ -222,6 +248,7 @@ def significant_minima(
 
 
 def _persistent(values: NDArray[np.float64], rise: float) -> list[int]:
+    """Return the minima whose basin is at least so deep before it joins a deeper one."""
     order = np.argsort(values, kind="stable")
     logs = np.log(np.maximum(values, 1e-12))
     owner = np.full(len(values), -1)

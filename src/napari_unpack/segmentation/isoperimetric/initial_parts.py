@@ -9,13 +9,17 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.density_regions import (
-    MaterialScale,
-    material_parts,
+    DensityScale,
+    density_regions,
 )
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
-from napari_unpack.segmentation.foreground.methods import find_matter, typical_knee
+from napari_unpack.segmentation.foreground.methods import (
+    ForegroundOptions,
+    find_foreground,
+    typical_knee,
+)
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
 from napari_unpack.tasks import Progress
@@ -37,55 +41,54 @@ class SplitRule:
 def split_parts(
     density: NDArray[np.generic],
     spacing: Spacing,
-    tell: Progress,
+    progress: Progress,
     oracle: Oracle,
-    *,
-    foreground: str | float = "hysteresis",
-    supports: bool = True,
-    shell: bool = True,
+    foreground: ForegroundOptions,
     step: float = 0.11,
     rule: SplitRule | None = None,
-) -> tuple[NDArray[np.int32], MaterialScale]:
-    """Take a volume apart: matter, materials, necks.
+) -> tuple[NDArray[np.int32], DensityScale]:
+    """Split a volume: foreground, density regions, recursive cuts.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Checked density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    tell : callable
-        Progress.
-    oracle, foreground, supports, shell, step, rule
-        As for `segment`.
+    spacing : (float, float, float) of mm, z y x
+    progress : callable
+    oracle : callable
+        Confidence in [0, 1] that a region is exactly one object.
+    foreground : ForegroundOptions
+    step : float
+        Log density step between two density regions.
+    rule : SplitRule, optional
 
     Returns
     -------
     parts : (Z, Y, X) ndarray of int32
         1, 2, ...; usually more than there are objects.
-    scale : MaterialScale
+    scale : DensityScale
         How densities were compared.
     """
     limits = rule or SplitRule()
-    tell(0.0, "Finding matter")
-    matter, levels = find_matter(density, spacing, foreground)
+    progress(0.0, "Finding the foreground")
+    mask, levels = find_foreground(density, spacing, foreground.method)
     section = measured_section(density)
     if section is not None:
-        matter &= section
-    if supports:
-        matter &= ~find_supports(matter, spacing)
-    tell(0.1, "Finding materials")
+        mask &= section
+    if foreground.supports:
+        mask &= ~find_supports(mask, spacing)
+    progress(0.1, "Finding density regions")
     fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
-    scale = MaterialScale(levels.air, typical_knee(density, matter, levels.air), step)
-    materials = material_parts(density, matter, scale, fewest)
-    tell(0.25, "Finding components")
-    regions = _components(materials, density, spacing, limits.smallest)
+    scale = DensityScale(levels.air, typical_knee(density, mask, levels.air), step)
+    regions = density_regions(density, mask, scale, fewest)
+    progress(0.25, "Finding components")
+    components = _components(regions, density, spacing, limits.smallest)
 
-    def told(fraction: float, text: str) -> None:
-        tell(0.3 + 0.5 * fraction, text)
+    def report(fraction: float, text: str) -> None:
+        progress(0.3 + 0.5 * fraction, text)
 
-    parts = _label(split_recursively(regions, oracle, limits.smallest, told), density.shape)
-    if shell:
+    found = split_recursively(components, oracle, limits.smallest, report)
+    parts = _label(found, density.shape)
+    if foreground.shell:
         skin = find_shell(parts, spacing)
         parts[skin[parts]] = 0
     return parts, scale

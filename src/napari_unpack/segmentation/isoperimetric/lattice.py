@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.validation import Spacing
 
-FLOOR = 0.01
+# Of a face across a density step, as a share: it keeps the system well conditioned.
+LEAST_CONDUCTANCE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +52,9 @@ class Lattice:
         ----------
         mask : (Z, Y, X) ndarray of bool
             At least one voxel.
-        spacing : (float, float, float)
-            Voxel size z y x, mm.
+        spacing : (float, float, float) of mm, z y x
         density : (Z, Y, X) ndarray of float, optional
             Finite inside the mask. Faces across a step of it conduct less.
-
-        Returns
-        -------
-        Lattice
 
         Notes
         -----
@@ -83,7 +79,7 @@ class Lattice:
             inner = steps[after >= 0]
             typical = float(np.median(inner)) if len(inner) else 0.0
             scale = max(3 * typical + 0.05 * abs(float(np.median(values))), 1e-9)
-            conductance *= np.maximum(1 / (1 + (steps / scale) ** 2), FLOOR)
+            conductance *= np.maximum(1 / (1 + (steps / scale) ** 2), LEAST_CONDUCTANCE)
         return Lattice(where, after, areas, conductance, voxel)
 
     def potential(
@@ -108,10 +104,6 @@ class Lattice:
             Of the residual, relative to the first.
         most : int
             Iterations at most.
-
-        Returns
-        -------
-        (N,) ndarray of float64
 
         Notes
         -----
@@ -151,15 +143,9 @@ class Lattice:
         return order, np.asarray(_cuts(self.after, np.ascontiguousarray(weight), order))
 
 
-def isoperimetric_ratio(cut: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
-    """Return cut / min(volume, rest) of every prefix, 1/mm; inf for the last."""
-    count = np.arange(1, len(cut) + 1, dtype=np.float64)
-    smaller = np.minimum(count, len(cut) - count)
-    return np.where(smaller > 0, cut / np.maximum(smaller, 1) / voxel, np.inf)
-
-
 @njit(cache=True, nogil=True)
 def _apply(after, conductance, held, x, out):  # type: ignore[no-untyped-def]
+    """Write the product of the Laplacian and a field, 0 at held nodes."""
     out[:] = 0
     for node in range(len(x)):
         for axis in range(3):
@@ -176,6 +162,7 @@ def _apply(after, conductance, held, x, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _solve(after, conductance, held, start, source, tolerance, most):  # type: ignore[no-untyped-def]
+    """Solve by conjugate gradients, preconditioned by the diagonal."""
     count = len(start)
     diagonal = np.zeros(count)
     for node in range(count):
@@ -218,6 +205,7 @@ def _solve(after, conductance, held, start, source, tolerance, most):  # type: i
 
 @njit(cache=True, nogil=True)
 def _cuts(after, weight, order):  # type: ignore[no-untyped-def]
+    """Return the weight of the faces between every prefix and the rest."""
     rank = np.empty(len(order), np.int64)
     for k in range(len(order)):
         rank[order[k]] = k

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cc3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.validation import Spacing
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse:
+class ReducedRegion:
     """A region in blocks of `factor` voxels along each axis.
 
     Parameters
@@ -42,8 +44,8 @@ def coarsened(
     density: NDArray[np.generic],
     spacing: Spacing,
     most: int,
-) -> Coarse:
-    """Halve the resolution of a region until it has at most so many blocks.
+) -> ReducedRegion:
+    """Halve the resolution of a region until it has at most so many blocks in one component.
 
     Parameters
     ----------
@@ -52,33 +54,24 @@ def coarsened(
     depth : (Z, Y, X) ndarray of float32
         Distance to the outside, mm.
     density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     most : int
         Blocks.
-
-    Returns
-    -------
-    Coarse
-        Of one 6-connected component, the largest.
     """
-    import cc3d
-
     voxels = int(np.count_nonzero(mask))
     factor = 1
     while voxels / factor**3 > most:
         factor *= 2
     values = np.where(mask, np.nan_to_num(density.astype(np.float32)), np.float32(0))
     if factor == 1:
-        return Coarse(1, mask, spacing, depth, values)
+        return ReducedRegion(1, mask, spacing, depth, values)
     count = _blocks(mask.astype(np.float32), factor).sum(axis=(1, 3, 5))
     total = _blocks(values, factor).sum(axis=(1, 3, 5))
     deepest = np.ascontiguousarray(_blocks(depth, factor).max(axis=(1, 3, 5)))
     small = cc3d.largest_k(count > 0, k=1, connectivity=6) > 0
     mean = (total / np.maximum(count, 1)).astype(np.float32)
     a, b, c = spacing
-    return Coarse(factor, small, (a * factor, b * factor, c * factor), deepest, mean)
+    return ReducedRegion(factor, small, (a * factor, b * factor, c * factor), deepest, mean)
 
 
 def carried_back(
@@ -88,7 +81,7 @@ def carried_back(
     depth: NDArray[np.float32],
     edges: NDArray[np.float32] | None = None,
 ) -> NDArray[np.int32]:
-    """Bring parts from blocks to voxels.
+    """Bring parts from blocks to all voxels of a mask that they reach through faces.
 
     Parameters
     ----------
@@ -102,11 +95,6 @@ def carried_back(
         Distance to the outside, mm: borders settle where it is small.
     edges : (Z, Y, X) ndarray of float32, optional
         In [0, 1]: borders settle where it is large, rather than by depth.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        Every voxel of the mask that a part reaches through faces has one.
 
     Notes
     -----
@@ -138,8 +126,6 @@ def _blocks(values: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
 
 def _border(parts: NDArray[np.int32], width: int) -> NDArray[np.bool_]:
-    from scipy.ndimage import binary_dilation
-
     near = np.zeros(parts.shape, np.bool_)
     for axis in range(3):
         low = np.moveaxis(parts, axis, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cc3d
 import edt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,9 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.region import bounding_box
 from napari_unpack.segmentation.common.validation import Spacing, checked_spacing
-from napari_unpack.segmentation.isoperimetric.lattice import Lattice, isoperimetric_ratio
+from napari_unpack.segmentation.isoperimetric.distance_tree import (
+    isoperimetric_ratio,
+    two_sides,
+)
+from napari_unpack.segmentation.isoperimetric.lattice import Lattice
 from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
 
+# Of the lattice that is solved: its time grows with the power 4/3 of them.
 MOST_NODES = 40_000
 
 
@@ -32,8 +38,7 @@ def cut_between(
         The object.
     density : (Z, Y, X) array_like, optional
         Density; the cut prefers steps of it. NaN counts as 0.
-    spacing : (3,) sequence of float
-        Voxel size z y x, mm.
+    spacing : (3,) sequence of float, mm z y x
     a, b : (3,) sequence of int
         Two different voxels of the mask.
 
@@ -54,8 +59,6 @@ def cut_between(
     or half-way where there is neither. Shapes above 40,000 voxels are solved in blocks and the cut
     is settled at full resolution. Where a and b do not hang together, the part is b's component.
     """
-    import cc3d
-
     shape, size = np.asarray(mask, np.bool_), checked_spacing(spacing)
     one, two = _checked(shape, "a", a), _checked(shape, "b", b)
     if one == two:
@@ -81,6 +84,7 @@ def cut_between(
 
 
 def _checked(mask: NDArray[np.bool_], name: str, at: Sequence[int]) -> tuple[int, ...]:
+    """Return a voxel of a mask, or say what is wrong with it."""
     voxel = tuple(int(v) for v in at)
     inside = len(voxel) == mask.ndim == 3 and all(
         0 <= v < n for v, n in zip(voxel, mask.shape, strict=True)
@@ -114,10 +118,8 @@ def _sides(
     potential[nodes] = -np.inf, np.inf
     order, cut = lattice.sweep(potential, weighted=True)
     k = int(np.argmin(isoperimetric_ratio(cut, lattice.voxel)[:-1]))
-    blocks = np.zeros(small.mask.size, np.int32)
-    blocks[lattice.where[order[: k + 1]]] = 1
-    blocks[lattice.where[order[k + 1 :]]] = 2
-    sides = carried_back(blocks.reshape(small.mask.shape), small.factor, mask, depth)
+    blocks = two_sides(lattice.where[order], k, small.mask.shape)
+    sides = carried_back(blocks, small.factor, mask, depth)
     sides[start], sides[end] = 1, 2
     return _connected(sides, start, end)
 
@@ -126,8 +128,6 @@ def _connected(
     sides: NDArray[np.int32], start: tuple[int, ...], end: tuple[int, ...]
 ) -> NDArray[np.int32]:
     """Give fragments that do not hang on their own seed to the other side."""
-    import cc3d
-
     pieces = cc3d.connected_components(sides, connectivity=6)
     own = (pieces == pieces[start]) | (pieces == pieces[end])
     seeds = np.where(own, sides, 0).astype(np.int32, copy=False)

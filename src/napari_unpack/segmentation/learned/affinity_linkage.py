@@ -1,4 +1,4 @@
-"""Joining fragments by how strongly they belong together on average."""
+"""Mean-affinity linkage: fragments are merged while their mean affinity is high enough."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.learned.fragments import Ties
+from napari_unpack.segmentation.learned.fragments import FragmentAffinities
 
 
 @dataclass(frozen=True)
-class Bar:
-    """How surely two must belong together to be joined: the larger they are, the more so.
+class LinkageThreshold:
+    """The mean affinity from which two are merged: the larger they are, the higher.
 
     Parameters
     ----------
     usual : float
-        Mean probability where the smaller has 1000 cells.
+        Where the smaller has 1000 cells.
     slope : float
         More of it for every ten times as many.
     lowest, highest : float
@@ -31,38 +31,34 @@ class Bar:
     lowest: float = 0.05
     highest: float = 0.6
 
-    def height(self, cells: float) -> float:
-        """Return the bar for a pair whose smaller has so many cells."""
+    def at(self, cells: float) -> float:
+        """Return the threshold for a pair whose smaller has so many cells."""
         wanted = self.usual + self.slope * math.log10(max(cells, 1.0) / 1000)
         return min(max(wanted, self.lowest), self.highest)
 
 
-def link(
-    ties: Ties, sizes: NDArray[np.integer], bar: Bar, weights: NDArray[np.float64]
+def mean_affinity_linkage(
+    affinities: FragmentAffinities,
+    sizes: NDArray[np.integer],
+    threshold: LinkageThreshold,
+    weights: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Join the pair that passes the bar by most, again and again.
+    """Merge the pair that exceeds the threshold by most, again and again; return (count,) owners.
 
     Parameters
     ----------
-    ties : Ties
-        Pairs of fragments.
+    affinities : FragmentAffinities
     sizes : (count,) ndarray of int
         Cells of every fragment.
-    bar : Bar
-        What a pair must pass.
+    threshold : LinkageThreshold
     weights : (K,) ndarray of float64
         Of the reaches in the mean.
 
-    Returns
-    -------
-    (count,) ndarray of int64
-        For every fragment the one that stands for its object.
-
     Notes
     -----
-    Average linkage on a signed graph (Bailoni et al., GASP, CVPR 2022): pairs that long reaches
-    alone tie take part in the mean as soon as their objects touch, so that they hold apart what
-    a leak would join. O(E log E) for E pairs while objects have few neighbours.
+    Average linkage on a signed graph (Bailoni et al., GASP, CVPR 2022): pairs that
+    only long reaches connect enter the mean as soon as their objects touch, so that they hold apart
+    what a leak would merge. O(E log E) for E pairs while objects have few neighbours.
     """
     count = len(sizes)
     cells = sizes.astype(np.float64).tolist()
@@ -74,15 +70,15 @@ def link(
         total, number, faces = near[a][b]
         if not faces:
             return
-        excess = total / number - bar.height(min(cells[a], cells[b]))
+        excess = total / number - threshold.at(min(cells[a], cells[b]))
         if excess >= 0:
             heapq.heappush(heap, (-excess, min(a, b), max(a, b), number, cells[a] + cells[b]))
 
     rows = zip(
-        ties.pairs.tolist(),
-        (ties.sums @ weights).tolist(),
-        (ties.counts @ weights).tolist(),
-        ties.touching.tolist(),
+        affinities.pairs.tolist(),
+        (affinities.sums @ weights).tolist(),
+        (affinities.counts @ weights).tolist(),
+        affinities.touching.tolist(),
         strict=True,
     )
     for (a, b), total, number, faces in rows:
@@ -90,8 +86,9 @@ def link(
         consider(a, b)
     while heap:
         _, a, b, number, both = heapq.heappop(heap)
-        tied = near[a].get(b)
-        if tied is None or tied[1] != number or cells[a] + cells[b] != both:
+        entry = near[a].get(b)
+        # Entries of the heap are not updated; one that a merge has changed is out of date.
+        if entry is None or entry[1] != number or cells[a] + cells[b] != both:
             continue
         if len(near[a]) < len(near[b]):
             a, b = b, a
@@ -109,7 +106,7 @@ def link(
 
 
 def _inherit(near: list[dict[int, list[float]]], a: int, b: int) -> None:
-    """Add the ties of b to those of a."""
+    """Add the affinities of b to those of a."""
     del near[a][b], near[b][a]
     for c, theirs in near[b].items():
         del near[c][b]

@@ -1,10 +1,9 @@
-"""Borders between touching objects, drawn voxel by voxel by a small trained judge.
+"""Borders between touching objects, drawn voxel by voxel by a small trained classifier.
 
 A thin plate on a box is a few voxels thick, all of them at a border, blurred into the box on one
-side and into air on the other. No one measure tells whose such a voxel is: not its density, not
-what the network says of its faces, not who is around it. A judge trained on drawn bags weighs them.
-
-What tells whose a voxel at a border is: densities, the network's word, and who is around it.
+side and into air on the other. No one measure tells which object such a voxel belongs to: not its
+density, not the affinities across its faces, not the labels around it. A classifier trained on
+simulated bags weighs them.
 """
 
 from __future__ import annotations
@@ -18,13 +17,21 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_refinement import find_inside
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
-FEW = 7
-"""Labels at most that are weighed at a voxel: its own, those across its six faces, and others."""
-
+# Labels at most that are compared at a voxel: its own, those across its six faces, and others.
+MOST_RIVALS = 7
+# Stored with the weights and compared with them: the names must stay as they were trained.
+# Of a label at a voxel, beside its rival there, the other label with most voxels around: whether
+# it holds the voxel; the affinities across the faces it shares with both, and how many they are;
+# how many of the 26 voxels around (nearer ones count more) and what shares of the 124 and 342
+# around are either's, and air's; by how much nearer the voxel's density is to the label's local
+# mean than to the rival's, over the noise and over their step; that step over the noise; how far
+# the voxel lies below the mean of its neighbourhood, over the noise; by how much likelier its
+# density is in the whole label than in the whole rival; density over the local mean; by how much
+# larger the label is.
 BORDER_FEATURES = (
     "holds",
     "said",
@@ -47,26 +54,17 @@ BORDER_FEATURES = (
     "of_mean",
     "log_larger",
 )
-"""Of a label at a voxel, beside its rival there, the other label with most voxels around:
-whether it holds the voxel; what the network says of the faces it shares with both, and how many
-they are; how many of the 26 voxels around (nearer ones count more) and what shares of the 124 and
-342 around are either's, and air's; by how much nearer the voxel's density is to the label's local
-mean than to the rival's, over the noise and over their step; that step over the noise; how far
-the voxel lies below the mean of its neighbourhood, over the noise; by how much likelier its density
-is in the whole label than in the whole rival; density over the local mean; by how much larger the
-label is."""
 
-GRAINY = 0.05
-"""What matter varies by itself, a share of its density."""
-
-BINS, WIDE = 160, 0.06
-"""Bins of log density, and how wide they are."""
+# Standard deviation of one object's density, as a share of it, beside noise; as in training.
+TEXTURE = 0.05
+# Of log density: the last bin begins at 9.5, above any metal.
+BINS, BIN_WIDTH = 160, 0.06
 
 
 @njit(cache=True, nogil=True)
-def bin_of(value, knee):  # type: ignore[no-untyped-def]
-    """Return the bin of a density above air; see `materials.MaterialScale`."""
-    return int(min(np.log1p(max(value, 0.0) / knee) / WIDE, BINS - 1.0))
+def _bin_of(value, knee):  # type: ignore[no-untyped-def]
+    """Return the bin of a density above air; see `DensityScale`."""
+    return int(min(np.log1p(max(value, 0.0) / knee) / BIN_WIDTH, BINS - 1.0))
 
 
 @njit(cache=True, nogil=True)
@@ -79,12 +77,8 @@ def find_rivals(labels, z, y, x, names):  # type: ignore[no-untyped-def]
         0 is background, which has no claim.
     z, y, x : int
         The voxel, of a label.
-    names : (FEW,) ndarray of int32
+    names : (MOST_RIVALS,) ndarray of int32
         Gets the labels, the voxel's own first.
-
-    Returns
-    -------
-    int
     """
     size = labels.shape
     count = 1
@@ -101,7 +95,7 @@ def find_rivals(labels, z, y, x, names):  # type: ignore[no-untyped-def]
                     n = 1
                     while n < count and names[n] != name:
                         n += 1
-                    if n == count and count < FEW:
+                    if n == count and count < MOST_RIVALS:
                         names[n] = name
                         count += 1
     return count
@@ -111,24 +105,25 @@ def find_rivals(labels, z, y, x, names):  # type: ignore[no-untyped-def]
 def describe(  # type: ignore[no-untyped-def]
     labels, inside, values, knee, following, noise, means, sizes, logs, z, y, x, names, rows
 ):
-    """Write what tells about every label at a voxel.
+    """Write the features of every label at a voxel.
 
     Parameters
     ----------
     labels, inside : (Z, Y, X) ndarray of int32 and bool
-        Objects, and which voxels are inside them; see `sharpening.find_inside`.
+        Objects, and which voxels are inside them; see `find_inside`.
     values, knee, following, noise, means, sizes, logs
-        See `borders.Scene`.
+        See `BorderEvidence`.
     z, y, x : int
         The voxel.
     names : (N,) ndarray of int32
         See `find_rivals`; at least two.
-    rows : (FEW, F) ndarray of float32
+    rows : (MOST_RIVALS, F) ndarray of float32
         Gets N rows in the order of `BORDER_FEATURES`.
     """
     count = len(names)
-    # By label: nearer ones count more; within 2, within 3; local mean; faces, what is said of them.
-    tallies = np.zeros((count, 6))
+    # By label: the 26 voxels around, nearer ones counting more; voxels within 2; within 3; local
+    # mean density; faces shared; affinities across them.
+    counts = np.zeros((count, 6))
     weights = np.full(count, 1e-9)
     air = np.zeros(2)
     around, many = 0.0, 0
@@ -150,29 +145,28 @@ def describe(  # type: ignore[no-untyped-def]
                 for n in range(count):
                     if names[n] == name:
                         if reach == 1:
-                            tallies[n, 0] += 1 / np.sqrt(abs(k - z) + abs(j - y) + abs(i - x))
-                        tallies[n, 1] += reach <= 2
-                        tallies[n, 2] += 1
-                        # Something thin has no inside.
+                            counts[n, 0] += 1 / np.sqrt(abs(k - z) + abs(j - y) + abs(i - x))
+                        counts[n, 1] += reach <= 2
+                        counts[n, 2] += 1
                         weight = 1.0 if inside[k, j, i] else 0.02
-                        tallies[n, 3] += weight * values[k, j, i]
+                        counts[n, 3] += weight * values[k, j, i]
                         weights[n] += weight
-    _ask_faces(labels, following, z, y, x, names, tallies)
+    _add_faces(labels, following, z, y, x, names, counts)
     here = values[z, y, x]
-    lifted = bin_of(here, knee)
+    lifted = _bin_of(here, knee)
     for n in range(count):
         if weights[n] < 0.5:
-            tallies[n, 3] += 0.5 * means[names[n]]
+            counts[n, 3] += 0.5 * means[names[n]]
             weights[n] += 0.5
-        tallies[n, 3] /= weights[n]
+        counts[n, 3] /= weights[n]
     for n in range(count):
         rival = -1
         for m in range(count):
-            if m != n and (rival < 0 or tallies[m, 1] > tallies[rival, 1]):
+            if m != n and (rival < 0 or counts[m, 1] > counts[rival, 1]):
                 rival = m
-        mine, other = tallies[n], tallies[rival]
+        mine, other = counts[n], counts[rival]
         step = mine[3] - other[3]
-        spread = noise + GRAINY * max(min(mine[3], other[3]), 0.0) + 1e-6
+        spread = noise + TEXTURE * max(min(mine[3], other[3]), 0.0) + 1e-6
         nearer = abs(here - other[3]) - abs(here - mine[3])
         likelier = logs[names[n], lifted] - logs[names[rival], lifted]
         row = rows[n]
@@ -193,8 +187,8 @@ def describe(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _ask_faces(labels, following, z, y, x, names, tallies):  # type: ignore[no-untyped-def]
-    """Add to columns 4 and 5 the faces shared with every label, and the network's word on them."""
+def _add_faces(labels, following, z, y, x, names, counts):  # type: ignore[no-untyped-def]
+    """Add to columns 4 and 5 the faces shared with every label, and the affinities across them."""
     size = labels.shape
     for side in range(6):
         axis, ahead = side // 2, side % 2
@@ -207,41 +201,38 @@ def _ask_faces(labels, following, z, y, x, names, tallies):  # type: ignore[no-u
             i += 2 * ahead - 1
         if not (0 <= k < size[0] and 0 <= j < size[1] and 0 <= i < size[2]):
             continue
-        said = following[axis, z, y, x] if ahead else following[axis, k, j, i]
+        affinity = following[axis, z, y, x] if ahead else following[axis, k, j, i]
         for n in range(len(names)):
             if names[n] == labels[k, j, i]:
-                tallies[n, 4] += 1
-                tallies[n, 5] += said / 255.0
+                counts[n, 4] += 1
+                counts[n, 5] += affinity / 255.0
 
 
+# Voxels that a border moves at most.
 ROUNDS = 6
-"""Voxels that a border moves at most."""
-
+# Lead, before the logistic, that the label of a voxel has: in doubt nothing moves.
 HOLD = 1.0
-"""By how much more, before the logistic, must speak for another label."""
-
-RARE = 0.005
-"""Share that every density has of every object at least."""
+# Of every bin of density in every object: one voxel of an odd density must not decide.
+LEAST_SHARE = 0.005
 
 FACES = BORDER_FEATURES.index("faces")
-
+# Voxels to every side whose labels `describe` reads: it looks three far, and whether a voxel
+# there is inside depends on the next.
 REACH = 4
-"""Voxels to every side whose labels `border_features.describe` goes by: it looks three far, and
-whether one there is inside hangs on the next."""
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """What borders are judged by, besides the labels.
+class BorderEvidence:
+    """What borders are drawn by, besides the labels.
 
     Parameters
     ----------
     values : (Z, Y, X) ndarray of float32
         Density above air.
     knee : float
-        See `materials.MaterialScale`.
+        See `DensityScale`.
     following : (3, Z, Y, X) ndarray of uint8
-        That a voxel belongs with the next; see `boundaries.Prediction`.
+        Affinity with the next voxel; see `boundary_network.Prediction`.
     noise : float
         Standard deviation of the density's noise.
     means, sizes : (M,) ndarray of float64
@@ -262,10 +253,10 @@ class Scene:
     def of(
         labels: NDArray[np.int32],
         density: NDArray[np.generic],
-        scale: MaterialScale,
+        scale: DensityScale,
         following: NDArray[np.uint8],
         noise: float,
-    ) -> Scene:
+    ) -> BorderEvidence:
         """Measure every label as it is now.
 
         Parameters
@@ -274,14 +265,10 @@ class Scene:
             Objects; 0 is background.
         density : (Z, Y, X) ndarray
             NaN and infinities count as air.
-        scale : MaterialScale
+        scale : DensityScale
             How densities are compared.
         following, noise
             See `Scene`.
-
-        Returns
-        -------
-        Scene
         """
         air = float(np.float32(scale.air))
         values = density.astype(np.float32)
@@ -293,8 +280,8 @@ class Scene:
         counts = _histograms(labels, values, find_inside(labels), scale.knee, len(sizes))
         counts = gaussian_filter1d(counts, 1.0, axis=1)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1e-9)
-        logs = np.log(shares + RARE)
-        return Scene(values, scale.knee, following, noise, means, sizes, logs)
+        logs = np.log(shares + LEAST_SHARE)
+        return BorderEvidence(values, scale.knee, following, noise, means, sizes, logs)
 
     def facts(self) -> tuple[object, ...]:
         """Return what the compiled loops take, in their order."""
@@ -311,42 +298,37 @@ class Scene:
 
 def draw_borders(
     labels: NDArray[np.int32],
-    scene: Scene,
-    judge: PairClassifier | None = None,
+    evidence: BorderEvidence,
+    classifier: PairClassifier | None = None,
     rounds: int = ROUNDS,
 ) -> NDArray[np.int32]:
-    """Give voxels at borders to the one of the labels around them that they are most likely of.
+    """Give every voxel at a border to the label around it that it most likely belongs to.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects, 0 background. Not changed.
     scene : Scene
-        What they are judged by.
-    judge : PairClassifier, optional
-        Over `border_features.BORDER_FEATURES`, of three layers; by default the one that ships
+    classifier : PairClassifier, optional
+        Over `BORDER_FEATURES`, of three layers; by default the one that ships
         with the package.
     rounds : int
         Voxels that a border moves at most.
 
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        No voxel becomes background, none of it an object's.
-
     Notes
     -----
-    Borders are to lie roughly right already, see `sharpening`. Only a label that shares a face
+    Borders are to lie roughly right already, see `sharpen_borders`. Only a label that shares a face
     with a voxel may take it. All is counted in voxels, whatever their size. Rounds after the first
     look again only at what has changed and is near it. About 350 reads and 2000 multiplications a
     voxel of border.
     """
-    trained = judge or default_border_judge()
+    trained = classifier or default_border_classifier()
     layers = [np.ascontiguousarray(w, np.float32) for w in trained.weights]
     offsets = [np.ascontiguousarray(o, np.float32) for o in trained.offsets]
     center = trained.center.astype(np.float32)
     scale = trained.scale.astype(np.float32)
-    given = (*scene.facts(), center, scale, *layers, *offsets)
+    given = (*evidence.facts(), center, scale, *layers, *offsets)
+    # Only what is near a change can change in the next round.
     due = np.ones(labels.shape, np.bool_)
     for _ in range(rounds):
         inside = find_inside(labels)
@@ -359,8 +341,8 @@ def draw_borders(
 
 
 @cache
-def default_border_judge() -> PairClassifier:
-    """Return the judge of borders that ships with the package."""
+def default_border_classifier() -> PairClassifier:
+    """Return the classifier of borders that ships with the package."""
     return PairClassifier.load(
         Path(__file__).parents[1] / "weights" / "border_classifier.npz", BORDER_FEATURES
     )
@@ -376,7 +358,7 @@ def _histograms(labels, values, inside, knee, count):  # type: ignore[no-untyped
                 name = labels[z, y, x]
                 if name > 0:
                     weight = 1.0 if inside[z, y, x] else 0.05
-                    found[name, bin_of(values[z, y, x], knee)] += weight
+                    found[name, _bin_of(values[z, y, x], knee)] += weight
     return found
 
 
@@ -388,8 +370,8 @@ def _moved(  # type: ignore[no-untyped-def]
     result = labels.copy()
     changed = [np.int64(0) for _ in range(0)]
     size = labels.shape
-    names = np.zeros(FEW, np.int32)
-    rows = np.zeros((FEW, len(center)), np.float32)
+    names = np.zeros(MOST_RIVALS, np.int32)
+    rows = np.zeros((MOST_RIVALS, len(center)), np.float32)
     one, two = np.zeros(len(o0), np.float32), np.zeros(len(o1), np.float32)
     for z in range(size[0]):
         for y in range(size[1]):
@@ -408,10 +390,10 @@ def _moved(  # type: ignore[no-untyped-def]
                     # Across an edge alone it would come apart from its object.
                     if n > 0 and rows[n, FACES] == 0:
                         continue
-                    said = HOLD if n == 0 else 0.0
-                    said += _answer(rows[n], center, scale, w0, w1, w2, o0, o1, o2, one, two)
-                    if said > most:
-                        best, most = n, said
+                    logit = HOLD if n == 0 else 0.0
+                    logit += _logit(rows[n], center, scale, w0, w1, w2, o0, o1, o2, one, two)
+                    if logit > most:
+                        best, most = n, logit
                 if best > 0:
                     result[z, y, x] = names[best]
                     changed.append((z * size[1] + y) * size[2] + x)
@@ -419,8 +401,8 @@ def _moved(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _answer(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignore[no-untyped-def]
-    """Return what `PairClassifier.probability` says of a row, before the logistic."""
+def _logit(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignore[no-untyped-def]
+    """Return `PairClassifier.probability` of one row before the logistic: loops beat BLAS here."""
     one[:] = o0
     for k in range(len(row)):
         value = min(max((row[k] - center[k]) / scale[k], -6.0), 6.0)
@@ -431,10 +413,10 @@ def _answer(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: igno
         value = np.tanh(one[k])
         for n in range(len(two)):
             two[n] += value * w1[k, n]
-    said = o2[0]
+    logit = o2[0]
     for k in range(len(two)):
-        said += np.tanh(two[k]) * w2[k, 0]
-    return said
+        logit += np.tanh(two[k]) * w2[k, 0]
+    return logit
 
 
 @njit(cache=True, nogil=True)

@@ -1,8 +1,7 @@
-"""Borders between touching objects, moved to where the density steps from one to the other.
+"""Label assignment: from cells back to voxels, and borders moved to density steps.
 
-What speaks for the labels at a voxel: the network's word on the faces it shares with them.
-
-From cells back to voxels: every voxel goes with those that it belongs with.
+Every voxel at a border votes among its own label and those across its six faces: by the network's
+affinities alone (`assign_labels`), then also by densities on both sides (`sharpen_borders`).
 """
 
 from __future__ import annotations
@@ -11,38 +10,26 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-MOST = 7
-"""Labels that a voxel and its six neighbours have."""
-
+# Of a voxel and its six neighbours.
+MOST_LABELS = 7
+# By how many votes another label must lead to take a voxel: in doubt nothing moves.
 LEAD = 0.2
-"""By how much more must speak for another label: who holds a voxel keeps it in doubt."""
+# Voxels around a border in which the mean densities of both sides are taken.
+REACH = 3
+# Standard deviation of one object's density, as a share of it, beside noise.
+TEXTURE = 0.2
+# Votes of the density at most, where every neighbouring voxel has 1 at most.
+DENSITY_VOTES = 8.0
+# In the last rounds every neighbour votes for its label too, one across a face with this weight,
+# one across an edge or a corner with less, as it is further away: borders do not fray.
+SMOOTHING = 0.5
+# Of voxels that are blurred with the other side, in means; something thin has no others.
+WEIGHT_AT_BORDER = 0.02
 
 
 @njit(cache=True, nogil=True)
-def count_votes(labels, following, bar, z, y, x, names, votes):  # type: ignore[no-untyped-def]
-    """Write the labels at a voxel and what speaks for each; return how many they are.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        0 is background, which has no vote.
-    following : (3, Z, Y, X) ndarray of uint8
-        That a voxel belongs with the next; see `boundaries.Prediction`.
-    bar : float
-        Taken off the probability of every face.
-    z, y, x : int
-        The voxel, of a label.
-    names : (7,) ndarray of int32
-        Gets the labels, its own first.
-    votes : (7,) ndarray of float64
-        Gets the sums over their faces.
-
-    Returns
-    -------
-    count : int
-    bare : bool
-        Whether it touches background.
-    """
+def _count_votes(labels, following, bar, z, y, x, names, votes):  # type: ignore[no-untyped-def]
+    """Write the labels at a voxel and their votes; return how many, and whether it is bare."""
     size = labels.shape
     count, bare = 1, False
     names[0], votes[0] = labels[z, y, x], 0.0
@@ -59,69 +46,66 @@ def count_votes(labels, following, bar, z, y, x, names, votes):  # type: ignore[
         name = labels[k, j, i] if inside else 0
         bare |= inside and name == 0
         if name > 0:
-            said = following[axis, z, y, x] if ahead else following[axis, k, j, i]
+            affinity = following[axis, z, y, x] if ahead else following[axis, k, j, i]
             n = 0
             while n < count and names[n] != name:
                 n += 1
             if n == count:
                 names[n], votes[n] = name, 0.0
                 count += 1
-            votes[n] += said / 255.0 - bar
+            votes[n] += affinity / 255.0 - bar
     return count, bare
 
 
-def resolve(
+def assign_labels(
     cells: NDArray[np.int32],
-    matter: NDArray[np.bool_],
+    foreground: NDArray[np.bool_],
     following: NDArray[np.uint8],
     rounds: int = 3,
 ) -> NDArray[np.int32]:
-    """Label voxels as their cells are, and move the borders to where the network sees them.
+    """Label voxels as their cells are, and move the borders to where affinities are low.
 
     Parameters
     ----------
     cells : (z, y, x) ndarray of int32
         Labels of cells of 2 x 2 x 2 voxels.
-    matter : (Z, Y, X) ndarray of bool
+    foreground : (Z, Y, X) ndarray of bool
         Voxels to label.
     following : (3, Z, Y, X) ndarray of uint8
-        That a voxel belongs with the next; see `boundaries.Prediction`.
+        Affinity with the next voxel; see `boundary_network.Prediction`.
     rounds : int
         Voxels that a border moves at most.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
     """
-    labels = _expand(cells, matter)
+    labels = _expand(cells, foreground)
     for _ in range(rounds):
         labels = _vote(labels, following)
     return labels
 
 
 @njit(cache=True, nogil=True)
-def _expand(cells, matter):  # type: ignore[no-untyped-def]
-    labels = np.zeros(matter.shape, np.int32)
-    for z in range(matter.shape[0]):
-        for y in range(matter.shape[1]):
-            for x in range(matter.shape[2]):
-                if matter[z, y, x]:
+def _expand(cells, foreground):  # type: ignore[no-untyped-def]
+    labels = np.zeros(foreground.shape, np.int32)
+    for z in range(foreground.shape[0]):
+        for y in range(foreground.shape[1]):
+            for x in range(foreground.shape[2]):
+                if foreground[z, y, x]:
                     labels[z, y, x] = cells[z // 2, y // 2, x // 2]
     return labels
 
 
 @njit(cache=True, nogil=True)
 def _vote(labels, following):  # type: ignore[no-untyped-def]
+    """Give every voxel to the label with the highest affinity across its faces."""
     result = labels.copy()
     size = labels.shape
-    names = np.zeros(MOST, np.int32)
-    votes = np.zeros(MOST, np.float64)
+    names = np.zeros(MOST_LABELS, np.int32)
+    votes = np.zeros(MOST_LABELS, np.float64)
     for z in range(size[0]):
         for y in range(size[1]):
             for x in range(size[2]):
                 if labels[z, y, x] == 0:
                     continue
-                count, _ = count_votes(labels, following, 0.5, z, y, x, names, votes)
+                count, _ = _count_votes(labels, following, 0.5, z, y, x, names, votes)
                 best = 0
                 for n in range(1, count):
                     if votes[n] > votes[best] + LEAD:
@@ -130,18 +114,7 @@ def _vote(labels, following):  # type: ignore[no-untyped-def]
     return result
 
 
-# Voxels around a border in which the densities of both sides are taken.
-REACH = 3
-# What matter varies by itself, a share of its density.
-TEXTURE = 0.2
-# What density says at most, where every neighbouring voxel says 1 at most.
-LOUDEST = 8.0
-# In the last rounds every neighbour votes for its label too, one across a face with this weight,
-# one across an edge or a corner with less, as it is further away: borders do not fray.
-EVEN = 0.5
-
-
-def sharpen(
+def sharpen_borders(
     labels: NDArray[np.int32],
     density: NDArray[np.generic],
     air: float,
@@ -149,7 +122,7 @@ def sharpen(
     noise: float,
     dense: float = np.inf,
     rounds: int = 3,
-    evening: int = 2,
+    smoothing: int = 2,
 ) -> NDArray[np.int32]:
     """Move borders between labels to half-way between the densities on both sides.
 
@@ -162,7 +135,7 @@ def sharpen(
     air : float
         Density of the background.
     following : (3, Z, Y, X) ndarray of uint8
-        That a voxel belongs with the next; see `boundaries.Prediction`.
+        Affinity with the next voxel; see `boundary_network.Prediction`.
     noise : float
         Standard deviation of the density's noise.
     dense : float
@@ -170,27 +143,23 @@ def sharpen(
         than half of their density: it is the blur around them.
     rounds : int
         Voxels that a border moves at most.
-    evening : int
-        Rounds after these that even it.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
+    smoothing : int
+        Rounds after these that smooth it.
 
     Notes
     -----
-    A voxel between two objects goes with the one for which most speaks: how near its density
-    (not its logarithm: a blurred border lies half-way) is to the mean of the object's voxels
-    around it, those inside it counting most; what the network says of its faces; and how many of
-    them it shares. Where both sides are of one density only the last two speak. In the end its 26
-    neighbours count as well, but not before: they would hold back a flat border that has still to
+    A voxel between two objects goes with the one that has most votes: by how near its density (not
+    its logarithm: a blurred border lies half-way) is to the mean of the object's voxels around it,
+    those inside it counting most; by the affinities across its faces; and by how many faces it
+    shares. Where both sides are of one density only the last two count. In the end its 26
+    neighbours vote as well, but not before: they would hold back a flat border that has still to
     move. About 343 reads a voxel of border and round.
     """
     values = np.nan_to_num(density.astype(np.float32), nan=air) - np.float32(air)
     flat = labels.reshape(-1)
     counts = np.bincount(flat)
     blurred = np.bincount(flat, values.reshape(-1), len(counts)) > dense * counts
-    for even in (0.0,) * rounds + (EVEN,) * evening:
+    for even in (0.0,) * rounds + (SMOOTHING,) * smoothing:
         labels = _moved(labels, values, find_inside(labels), following, noise, blurred, even)
     return labels
 
@@ -203,10 +172,6 @@ def find_inside(labels):  # type: ignore[no-untyped-def]
     ----------
     labels : (Z, Y, X) ndarray of int32
         0 is background, which has no inside.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
     """
     inside = np.zeros(labels.shape, np.bool_)
     size = labels.shape
@@ -235,15 +200,15 @@ def find_inside(labels):  # type: ignore[no-untyped-def]
 def _moved(labels, values, inside, following, noise, blurred, even):  # type: ignore[no-untyped-def]
     result = labels.copy()
     size = labels.shape
-    names = np.zeros(MOST, np.int32)
-    votes = np.zeros(MOST, np.float64)
+    names = np.zeros(MOST_LABELS, np.int32)
+    votes = np.zeros(MOST_LABELS, np.float64)
     for z in range(size[0]):
         for y in range(size[1]):
             for x in range(size[2]):
                 mine = labels[z, y, x]
                 if mine == 0 or inside[z, y, x]:
                     continue
-                count, bare = count_votes(labels, following, 0.0, z, y, x, names, votes)
+                count, bare = _count_votes(labels, following, 0.0, z, y, x, names, votes)
                 bare &= blurred[mine]
                 if count == 1 and not bare:
                     continue
@@ -256,7 +221,7 @@ def _moved(labels, values, inside, following, noise, blurred, even):  # type: ig
                 low, high = means.min(), means.max()
                 spread = noise + TEXTURE * max(low, 0.0) + 1e-6
                 step = high - low
-                loud = min(LOUDEST, (step / spread) ** 2 / 2)
+                loud = min(DENSITY_VOTES, (step / spread) ** 2 / 2)
                 value = min(max(values[z, y, x], low), high)
                 best = 0
                 for n in range(count):
@@ -269,7 +234,7 @@ def _moved(labels, values, inside, following, noise, blurred, even):  # type: ig
 
 @njit(cache=True, nogil=True)
 def _favour_many(labels, even, z, y, x, names, votes):  # type: ignore[no-untyped-def]
-    """Add to the votes for every label what its voxels among the 26 neighbours say."""
+    """Add the votes of the 26 neighbours for their labels."""
     size = labels.shape
     for k in range(max(z - 1, 0), min(z + 2, size[0])):
         for j in range(max(y - 1, 0), min(y + 2, size[1])):
@@ -284,6 +249,7 @@ def _favour_many(labels, even, z, y, x, names, votes):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _means_around(labels, values, inside, z, y, x, names):  # type: ignore[no-untyped-def]
+    """Return the mean density of some labels around a voxel."""
     sums, counts = np.zeros(len(names)), np.zeros(len(names))
     size = labels.shape
     for k in range(max(z - REACH, 0), min(z + REACH + 1, size[0])):
@@ -294,8 +260,7 @@ def _means_around(labels, values, inside, z, y, x, names):  # type: ignore[no-un
                     continue
                 for n in range(len(names)):
                     if names[n] == name:
-                        # Something thin has no inside.
-                        weight = 1.0 if inside[k, j, i] else 0.02
+                        weight = 1.0 if inside[k, j, i] else WEIGHT_AT_BORDER
                         sums[n] += weight * values[k, j, i]
                         counts[n] += weight
     return sums / counts

@@ -1,9 +1,9 @@
-"""Where objects end: a small network looks at the density and says which voxels belong together."""
+"""The boundary network: from density to the affinities of neighbouring voxels and cells."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,41 +13,38 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.tasks import Progress
 
+# Cells between the two of a pair; a cell is 2 x 2 x 2 voxels.
 REACHES = (1, 3, 6, 12)
-"""Cells between the two of a pair; a cell is 2 x 2 x 2 voxels."""
-
+# Of a cell: the probability of each of its 8 voxels to be an object's, the affinity of each with
+# the next along z, along y and along x, and that of the cell with the one so many cells further
+# along z, y and x.
 CHANNELS = 8 + 3 * 8 + 3 * len(REACHES)
-"""What the network says of a cell: whether each of its 8 voxels is an object's, whether each
-belongs with the next along z, along y and along x, and whether the cell belongs with the one so
-many cells further along z, y and x."""
-
-# No log density lies above.
-FAR = 9.0
+# As in training; it stands for 8000 times the knee.
+HIGHEST_LOG_DENSITY = 9.0
 # Cells: the network halves its grid three times.
 STRIDE = 8
-# Cells of a tile along an axis at most, and what it sees beyond its edge.
+# Cells of a tile along an axis at most, which takes 0.7 GB, and what it sees beyond its edge.
 TILE, MARGIN = 72, 8
-
-Tell = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What the network says of a volume; shares of 255.
+    """What the network predicts of a volume; shares of 255.
 
     Parameters
     ----------
-    matter : (Z, Y, X) ndarray of uint8
+    foreground : (Z, Y, X) ndarray of uint8
         The probability that a voxel is an object's.
     next : (3, Z, Y, X) ndarray of uint8
-        That it belongs with the next voxel along z, y and x.
+        The affinity of a voxel with the next along z, y and x.
     far : (3 * len(REACHES), z, y, x) ndarray of uint8
-        That a cell belongs with the cell so many further, reach by reach, z, y and x.
+        The affinity of a cell with the cell so many further, reach by reach, z, y and x.
     """
 
-    matter: NDArray[np.uint8]
+    foreground: NDArray[np.uint8]
     next: NDArray[np.uint8]
     far: NDArray[np.uint8]
 
@@ -75,10 +72,6 @@ class BoundaryNetwork:
         threads : int
             Used at most.
 
-        Returns
-        -------
-        BoundaryNetwork
-
         Raises
         ------
         ValueError
@@ -89,7 +82,7 @@ class BoundaryNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.enable_cpu_mem_arena = False
-        # Waiting threads shall not take the time of others.
+        # Threads that wait would otherwise take processor time from other work.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.log_severity_level = 4
         try:
@@ -100,59 +93,60 @@ class BoundaryNetwork:
         except OSError:
             raise
         except Exception as error:
-            raise ValueError(f"{path} is not a network of boundaries: {error}") from error
+            raise ValueError(f"{path} is not a boundary network: {error}") from error
         if coming[1] != 8 or going[1] != CHANNELS:
             raise ValueError(
-                f"{path} is not a network of boundaries of this version; it takes {coming[1]} "
+                f"{path} is not a boundary network of this version; it takes {coming[1]} "
                 f"channels and gives {going[1]}, wanted 8 and {CHANNELS}"
             )
         return BoundaryNetwork(session)
 
     def predict(
-        self, density: NDArray[np.generic], scale: MaterialScale, tell: Tell, tile: int = TILE
+        self,
+        density: NDArray[np.generic],
+        scale: DensityScale,
+        progress: Progress,
+        tile: int = TILE,
     ) -> Prediction:
-        """Look at a volume, tile by tile.
+        """Predict a volume, tile by tile.
 
         Parameters
         ----------
         density : (Z, Y, X) ndarray
             Density; NaN counts as air.
-        scale : MaterialScale
+        scale : DensityScale
             How it is compressed.
-        tell : callable
+        progress : callable
             Called with (fraction, text) before every tile; raising cancels.
         tile : int
             Cells along an axis at most.
-
-        Returns
-        -------
-        Prediction
 
         Notes
         -----
         About 15 kMAC and 7 bytes of result a voxel; a tile takes about 1 kB a cell. Tiles see 16
         voxels beyond their edges.
         """
+        # An odd last slice shares its cells with air.
         cells = tuple((n + 1) // 2 for n in density.shape)
-        matter = np.zeros(density.shape, np.uint8)
+        foreground = np.zeros(density.shape, np.uint8)
         following = np.zeros((3, *density.shape), np.uint8)
         far = np.zeros((3 * len(REACHES), *cells), np.uint8)
         tiles = list(_tiles(cells, tile))
         for done, (seen, kept) in enumerate(tiles):
-            tell(done / len(tiles), "Looking for boundaries")
+            progress(done / len(tiles), "Predicting boundaries")
             packed = _packed(density, seen, scale)
-            said = self.session.run(None, {"cells": packed})[0][0]
+            channels = self.session.run(None, {"cells": packed})[0][0]
             inner = tuple(
                 slice(k.start - s.start, k.stop - s.start) for s, k in zip(seen, kept, strict=True)
             )
-            said = said[(slice(None), *inner)]
-            far[(slice(None), *kept)] = said[32:]
+            channels = channels[(slice(None), *inner)]
+            far[(slice(None), *kept)] = channels[32:]
             first = tuple(k.start for k in kept)
-            _unpack(said[:8], first, matter)
+            _unpack(channels[:8], first, foreground)
             for axis in range(3):
-                _unpack(said[8 + 8 * axis : 16 + 8 * axis], first, following[axis])
-        tell(1.0, "Looking for boundaries")
-        return Prediction(matter, following, far)
+                _unpack(channels[8 + 8 * axis : 16 + 8 * axis], first, following[axis])
+        progress(1.0, "Predicting boundaries")
+        return Prediction(foreground, following, far)
 
 
 @cache
@@ -184,14 +178,14 @@ def _tiles(
 
 
 def _packed(
-    density: NDArray[np.generic], seen: tuple[slice, ...], scale: MaterialScale
+    density: NDArray[np.generic], seen: tuple[slice, ...], scale: DensityScale
 ) -> NDArray[np.float32]:
     """Return (1, 8, z, y, x): log density of the voxels of cells, air beyond the volume."""
     block = density[tuple(slice(2 * s.start, 2 * s.stop) for s in seen)]
     values = np.nan_to_num(block.astype(np.float32), nan=scale.air, posinf=1e30, neginf=scale.air)
     lifted = np.log1p(np.maximum(values - scale.air, 0) / scale.knee)
     whole = np.zeros([2 * (s.stop - s.start) for s in seen], np.float32)
-    whole[tuple(slice(n) for n in block.shape)] = np.minimum(lifted, FAR)
+    whole[tuple(slice(n) for n in block.shape)] = np.minimum(lifted, HIGHEST_LOG_DENSITY)
     z, y, x = (n // 2 for n in whole.shape)
     cells = whole.reshape(z, 2, y, 2, x, 2).transpose(1, 3, 5, 0, 2, 4)
     return np.ascontiguousarray(cells.reshape(1, 8, z, y, x))
@@ -199,6 +193,7 @@ def _packed(
 
 @njit(cache=True, nogil=True)
 def _unpack(channels, first, whole):  # type: ignore[no-untyped-def]
+    """Write the 8 channels of cells to the voxels of each cell."""
     _, depth, height, width = channels.shape
     for k in range(8):
         for z in range(depth):

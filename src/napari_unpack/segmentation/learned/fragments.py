@@ -1,4 +1,4 @@
-"""Fragments of objects, and how strongly any two belong together, from what the network says."""
+"""Fragments of objects, and the affinities between them, from the network's prediction."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.common.density_regions import minima
+from napari_unpack.segmentation.common.density_regions import regional_minima
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 
 
 @dataclass(frozen=True, eq=False)
-class Ties:
-    """Pairs of fragments.
+class FragmentAffinities:
+    """The affinities between pairs of fragments.
 
     Parameters
     ----------
     pairs : (N, 2) ndarray of int64
         Fragments, the smaller first.
     sums, counts : (N, K) ndarray of float64
-        Of the probabilities that cells of the one belong with cells of the other, and how many
-        pairs of cells that is, by reach.
+        Of the affinities of cells of the one with cells of the other, and how many pairs of cells
+        that is, by reach.
     """
 
     pairs: NDArray[np.int64]
@@ -32,43 +32,39 @@ class Ties:
 
     @property
     def touching(self) -> NDArray[np.float64]:
-        """Faces of cells that each pair shares, (N,); 0 where only long reaches tie it."""
+        """Faces of cells that each pair shares, (N,); 0 where only long reaches connect it."""
         return self.counts[:, 0]
 
 
-def cells_with(matter: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells of which any voxel is matter."""
-    padded = np.pad(matter, [(0, n % 2) for n in matter.shape])
+def cells_with(foreground: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells of 2 x 2 x 2 voxels of which any is foreground, (Z, Y, X) to (z, y, x)."""
+    padded = np.pad(foreground, [(0, n % 2) for n in foreground.shape])
     z, y, x = (n // 2 for n in padded.shape)
     return np.asarray(padded.reshape(z, 2, y, 2, x, 2).any(axis=(1, 3, 5)))
 
 
 def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Part a mask of cells where they stop to belong together.
+    """Split a mask of cells where their affinity is low, into many more parts than objects.
 
     Parameters
     ----------
     far : (K, z, y, x) ndarray of uint8
-        See `boundaries.Prediction`.
+        See `boundary_network.Prediction`.
     mask : (z, y, x) ndarray of bool
-        Cells of matter.
-
-    Returns
-    -------
-    (z, y, x) ndarray of int32
-        1, 2, ..., many more than there are objects; 0 outside the mask.
+        Cells of foreground.
 
     Notes
     -----
-    A watershed of how little a cell belongs with those around it, one, three and six cells away
-    along the axes: lowest in the middle of an object, highest at its end.
+    A watershed of the mean affinity of a cell with those one, three and six cells away along the
+    axes, turned round: lowest in the middle of an object, highest at its end.
     """
     height = _looseness(far, mask, np.array(REACHES))
-    return flood(minima(height, mask), mask, height)
+    return flood(regional_minima(height, mask), mask, height)
 
 
 @njit(cache=True, nogil=True)
 def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
+    """Return 254 less the mean affinity of every cell, in steps of 4 so that minima are few."""
     height = np.full(mask.shape, 255, np.uint8)
     size = mask.shape
     for z in range(size[0]):
@@ -105,19 +101,15 @@ def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
     return height
 
 
-def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> Ties:
-    """Sum up, for every pair of fragments, how their cells belong together.
+def measure_affinities(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> FragmentAffinities:
+    """Sum up the affinities of the cells of every pair of fragments.
 
     Parameters
     ----------
     fragments : (z, y, x) ndarray of int32
         1, 2, ..., 0 background.
     far : (3 * K, z, y, x) ndarray of uint8
-        See `boundaries.Prediction`.
-
-    Returns
-    -------
-    Ties
+        See `boundary_network.Prediction`.
     """
     top = int(fragments.max()) + 1
     keys, reaches, values = [], [], []
@@ -136,23 +128,18 @@ def tie(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> Ties:
     counts = np.bincount(place, minlength=size).reshape(-1, len(REACHES)).astype(np.float64)
     said = np.concatenate(values) / 255.0
     sums = np.bincount(place, said, size).reshape(counts.shape).astype(np.float64)
-    return Ties(np.stack(np.divmod(names, top), axis=1), sums, counts)
+    return FragmentAffinities(np.stack(np.divmod(names, top), axis=1), sums, counts)
 
 
-def tie_within(
+def measure_inner_affinities(
     fragments: NDArray[np.int32], far: NDArray[np.uint8]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sum up, for every fragment, how its own cells belong together.
+    """Sum up the affinities within every fragment, as in `FragmentAffinities`; row 0 is empty.
 
     Parameters
     ----------
     fragments, far
-        As for `tie`.
-
-    Returns
-    -------
-    sums, counts : (1 + count, K) ndarray of float64
-        As in `Ties`; row 0 is background and empty.
+        As for `measure_affinities`.
     """
     top = int(fragments.max(initial=0)) + 1
     sums, counts = (np.zeros((top, len(REACHES))) for _ in range(2))
@@ -175,10 +162,6 @@ def cells_of(labels):  # type: ignore[no-untyped-def]
     ----------
     labels : (Z, Y, X) ndarray of int
         A last odd slice is left out.
-
-    Returns
-    -------
-    (Z // 2, Y // 2, X // 2) ndarray of int32
     """
     half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
     cells = np.zeros(half, np.int32)

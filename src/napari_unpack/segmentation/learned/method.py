@@ -1,4 +1,9 @@
-"""Objects by what a network sees: fragments between its boundaries, joined by its affinities."""
+"""The default method: a network's affinities, fragments between them, and classifiers of pairs.
+
+The volume is first split a little too far (`oversegment`): fragments are linked by mean affinity.
+Then parts are merged by how they meet, split at their density steps, merged again, and their
+borders are drawn, each decided by a trained classifier.
+"""
 
 from __future__ import annotations
 
@@ -10,75 +15,95 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale, log_density
+from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.merging import absorb_small
-from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
-from napari_unpack.segmentation.foreground.methods import find_matter, typical_knee
+from napari_unpack.segmentation.foreground.methods import (
+    ForegroundOptions,
+    find_foreground,
+    typical_knee,
+)
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
-from napari_unpack.segmentation.learned.affinity_linkage import Bar, link
-from napari_unpack.segmentation.learned.border_classifier import Scene, draw_borders
-from napari_unpack.segmentation.learned.border_refinement import resolve, sharpen
+from napari_unpack.segmentation.learned.affinity_linkage import (
+    LinkageThreshold,
+    mean_affinity_linkage,
+)
+from napari_unpack.segmentation.learned.border_classifier import BorderEvidence, draw_borders
+from napari_unpack.segmentation.learned.border_refinement import assign_labels, sharpen_borders
 from napari_unpack.segmentation.learned.boundary_network import (
     BoundaryNetwork,
     Prediction,
-    Tell,
     default_boundaries,
 )
-from napari_unpack.segmentation.learned.fragments import cells_with, find_fragments, tie
-from napari_unpack.segmentation.learned.part_merging import SeenParts, join_seen, seen_parts
-from napari_unpack.segmentation.learned.part_splitting import DENSE, Pieces, part_seen, pieces_of
+from napari_unpack.segmentation.learned.fragments import (
+    cells_with,
+    find_fragments,
+    measure_affinities,
+)
+from napari_unpack.segmentation.learned.part_merging import (
+    PredictedParts,
+    measure_predicted_parts,
+    merge_parts,
+)
+from napari_unpack.segmentation.learned.part_splitting import (
+    METAL,
+    Pieces,
+    merge_pieces,
+    split_and_measure,
+)
+from napari_unpack.tasks import Progress
 
-# Voxels from the middle of a thing to its surface; the skin of a bag is thinner.
-THICK = 4.0
-# Voxels.
-RIM = 3
-# Share of an object that rises from air by so many deviations of the noise: a cloud of specks
-# or noise itself does not.
-PLAIN, CONTRAST = 0.15, 2.0
+# Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
+# is thinner.
+LEAST_DEPTH_OF_MISSED = 4.0
+# Voxels around a table that are its blur: a scan blurs its edges over two.
+SUPPORT_RIM = 3
+# An object rises from air by so many deviations of the noise in this share of its voxels at
+# least; a cloud of specks, or noise itself, does not.
+NOISE_DEVIATIONS, PLAIN_SHARE = 2.0, 0.15
 
 
 @dataclass(frozen=True)
-class JoinRule:
-    """When the network's word is taken.
+class PredictionThresholds:
+    """Probabilities from which the network's prediction counts.
 
     Parameters
     ----------
-    matter : float
-        Probability from which a voxel is an object's.
+    foreground : float
+        Of a voxel to be an object's.
     dense : float
-        And from which one is that is dense enough to be matter by itself: what closes the wall
-        of a container.
+        The same for a voxel above the foreground level: thin walls of containers.
     object : float
-        Mean probability of its voxels from which something is an object.
-    together : Bar
-        From which mean probability two fragments are joined; only what is safe, see `joining`.
+        Mean of the voxels of an object.
+    together : LinkageThreshold
+        Mean affinity of two fragments that are linked; what it leaves apart, `merge_parts` decides.
     weights : (4,) tuple of float
         Of pairs of cells in that mean, by reach.
     """
 
-    matter: float = 0.3
+    foreground: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: Bar = field(default_factory=lambda: Bar(0.4, 0.1))
+    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.4, 0.1))
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """A volume taken apart a little too far, and what the network said of it.
+class Oversegmentation:
+    """A volume split a little too far, and what the network predicted of it.
 
     Parameters
     ----------
     parts : (Z, Y, X) ndarray of int32
         1, 2, ...; 0 is background, which the network takes the bag and the table for.
-    measured : SeenParts
-        Of them, for `joining.join_seen`.
-    said : Prediction
+    measured : PredictedParts
+        Of them, for `merge_parts`.
+    prediction : Prediction
         Of every voxel and cell.
-    scale : MaterialScale
+    scale : DensityScale
         How densities are compared.
     weights : (K,) ndarray of float64
         Of pairs of cells in a mean, by reach.
@@ -87,162 +112,141 @@ class Seen:
     """
 
     parts: NDArray[np.int32]
-    measured: SeenParts
-    said: Prediction
-    scale: MaterialScale
+    measured: PredictedParts
+    prediction: Prediction
+    scale: DensityScale
     weights: NDArray[np.float64]
     noise: float
 
 
-def learned_parts(
+def oversegment(
     density: NDArray[np.generic],
     spacing: Spacing,
-    tell: Tell,
-    *,
-    foreground: str | float = "hysteresis",
-    supports: bool = True,
-    shell: bool = True,
+    progress: Progress,
+    foreground: ForegroundOptions | None = None,
     network: BoundaryNetwork | None = None,
-    rule: JoinRule | None = None,
-) -> Seen:
-    """Take a volume apart as the network sees it, a little too far.
+    thresholds: PredictionThresholds | None = None,
+) -> Oversegmentation:
+    """Split a volume by the network's affinities, a little too far.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Checked density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    tell : callable
-        Progress.
-    foreground : str or float
-        See `matter.checked_way`; it sets the scale of density, and where a number is given
-        nothing below it is matter.
-    supports : bool
-        Leave out the scanner's table.
-    shell : bool
-        Leave out the bag itself.
+    spacing : (float, float, float) of mm, z y x
+    progress : callable
+    foreground : ForegroundOptions, optional
+        It sets the scale of density; where its method is a number, nothing below that is an object.
     network : BoundaryNetwork, optional
         By default the one that ships with the package.
-    rule : JoinRule, optional
-        When its word is taken.
-
-    Returns
-    -------
-    Seen
+    thresholds : PredictionThresholds, optional
     """
-    limits = rule or JoinRule()
-    tell(0.0, "Finding matter")
-    seen, levels = find_matter(density, spacing, foreground)
-    scale = MaterialScale(levels.air, typical_knee(density, seen, levels.air))
-    said = (network or default_boundaries()).predict(
-        density, scale, lambda f, text: tell(0.05 + 0.6 * f, text)
+    options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
+    progress(0.0, "Finding the foreground")
+    dense, levels = find_foreground(density, spacing, options.method)
+    scale = DensityScale(levels.air, typical_knee(density, dense, levels.air))
+    prediction = (network or default_boundaries()).predict(
+        density, scale, lambda f, text: progress(0.05 + 0.6 * f, text)
     )
-    # Whatever the network says, there is nothing far from anything.
-    matter = binary_dilation(seen) & (said.matter >= 255 * limits.matter)
-    matter |= seen & (said.matter >= 255 * limits.dense)
+    # A voxel far from all that is dense is no object, whatever the network predicts.
+    mask = binary_dilation(dense) & (prediction.foreground >= 255 * limits.foreground)
+    mask |= dense & (prediction.foreground >= 255 * limits.dense)
     section = measured_section(density)
     if section is not None:
-        matter &= section
-        seen &= section
-    if supports:
-        held = find_supports(seen, spacing)
-        seen &= ~held
-        # What is not matter by itself is a support's blurred rim there.
-        held = binary_dilation(held, iterations=RIM)
-        matter &= seen | ~held
-    tell(0.65, "Finding fragments")
-    fragments = find_fragments(said.far, cells_with(matter))
-    tell(0.75, "Joining fragments")
-    ties, weights = tie(fragments, said.far), np.array(limits.weights)
-    owner = link(ties, np.bincount(fragments.reshape(-1)), limits.together, weights)
-    tell(0.85, "Drawing borders")
-    parts = resolve(owner.astype(np.int32)[fragments], matter, said.next)
-    parts = _believed(parts, said.matter, 255 * limits.object)
-    noise = grain(density)
-    plain = np.greater(density, levels.air + CONTRAST * noise)
-    parts = _believed(parts, plain.astype(np.uint8), PLAIN)
-    if supports:
-        parts = _believed(parts, (~held).astype(np.uint8), 0.5)
-    # A sharp corner is matter even where the network doubts it.
+        mask &= section
+        dense &= section
+    if options.supports:
+        held = find_supports(dense, spacing)
+        dense &= ~held
+        # What is not dense beside a support is its blurred rim.
+        held = binary_dilation(held, iterations=SUPPORT_RIM)
+        mask &= dense | ~held
+    progress(0.65, "Finding fragments")
+    fragments = find_fragments(prediction.far, cells_with(mask))
+    progress(0.75, "Linking fragments")
+    affinities = measure_affinities(fragments, prediction.far)
+    weights, cells = np.array(limits.weights), np.bincount(fragments.reshape(-1))
+    owner = mean_affinity_linkage(affinities, cells, limits.together, weights)
+    progress(0.85, "Drawing borders")
+    parts = assign_labels(owner.astype(np.int32)[fragments], mask, prediction.next)
+    parts = _above_mean(parts, prediction.foreground, 255 * limits.object)
+    noise = noise_deviation(density)
+    plain = np.greater(density, levels.air + NOISE_DEVIATIONS * noise)
+    parts = _above_mean(parts, plain.astype(np.uint8), PLAIN_SHARE)
+    if options.supports:
+        parts = _above_mean(parts, (~held).astype(np.uint8), 0.5)
+    # A sharp corner belongs to its object even where the network doubts it.
     inside = parts > 0
-    parts = flood(parts, inside | (seen & binary_dilation(inside)))
-    tell(0.9, "Looking for what is left")
-    parts = _with_the_rest(parts, seen, shell, spacing)
-    parts, measured = seen_parts(parts, density, spacing, scale, ties, owner, weights)
-    return Seen(parts, measured, said, scale, weights, noise)
+    parts = flood(parts, inside | (dense & binary_dilation(inside)))
+    progress(0.9, "Looking for what the network missed")
+    parts = _with_missed(parts, dense, options.shell, spacing)
+    parts, measured = measure_predicted_parts(
+        parts, density, spacing, scale, affinities, owner, weights
+    )
+    return Oversegmentation(parts, measured, prediction, scale, weights, noise)
 
 
-def seen_objects(
+def find_objects(
     density: NDArray[np.generic],
     spacing: Spacing,
-    tell: Tell,
+    progress: Progress,
+    foreground: ForegroundOptions | None = None,
     *,
-    foreground: str | float = "hysteresis",
-    supports: bool = True,
-    shell: bool = True,
     smallest: float = 0.0,
     steps: bool = True,
 ) -> NDArray[np.int32]:
-    """Take a volume apart as the network sees it, and put the parts together.
+    """Find the objects of a volume by the learned method; 0 is background.
 
     Parameters
     ----------
-    density, spacing, tell, foreground, supports, shell
-        As for `learned_parts`.
+    density : (Z, Y, X) ndarray
+    spacing : (float, float, float) of mm, z y x
+    progress : callable
+    foreground : ForegroundOptions, optional
     smallest : float
         As for `pipeline.segment`, mm^3.
     steps : bool
-        Part objects at steps of density, draw borders there and keep small metal.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        Objects; 0 is background.
+        Split objects at density steps, draw borders there and keep small metal.
     """
-    seen = learned_parts(
-        density, spacing, tell, foreground=foreground, supports=supports, shell=shell
-    )
-    if not seen.parts.any():
-        return seen.parts
-    tell(0.9, "Joining parts")
+    found = oversegment(density, spacing, progress, foreground)
+    if not found.parts.any():
+        return found.parts
+    progress(0.9, "Merging parts")
     voxel = float(np.prod(spacing))
+    least = max(smallest, MIN_OBJECT_VOXELS * voxel)
     if not steps:
-        labels = join_seen(seen.parts, seen.measured)
-        return absorb_small(labels, spacing, max(smallest, FEWEST * voxel))
-    pieces, measured = pieces_seen(density, spacing, seen)
-    tell(0.93, "Joining pieces")
-    labels = part_seen(pieces, measured, seen.scale)
-    labels = sharpened(labels, density, seen)
-    tell(0.94, "Drawing fine borders")
-    scene = Scene.of(labels, density, seen.scale, seen.said.next, seen.noise)
-    labels = draw_borders(labels, scene)
-    metal = _dense(labels, density, seen.scale, max(smallest / 4, FEWEST * voxel) / voxel)
-    return absorb_small(labels, spacing, max(smallest, FEWEST * voxel), metal)
+        return absorb_small(merge_parts(found.parts, found.measured), spacing, least)
+    pieces, measured = split_at_density_steps(density, spacing, found)
+    progress(0.93, "Merging pieces")
+    labels = merge_pieces(pieces, measured, found.scale)
+    labels = sharpened(labels, density, found)
+    progress(0.94, "Drawing fine borders")
+    evidence = BorderEvidence.of(labels, density, found.scale, found.prediction.next, found.noise)
+    labels = draw_borders(labels, evidence)
+    # Coins and keys are smaller than anything else that is worth its own label.
+    few = max(smallest / 4, MIN_OBJECT_VOXELS * voxel) / voxel
+    return absorb_small(labels, spacing, least, _metal(labels, density, found.scale, few))
 
 
-def _dense(
-    labels: NDArray[np.int32], density: NDArray[np.generic], scale: MaterialScale, least: float
+def _metal(
+    labels: NDArray[np.int32], density: NDArray[np.generic], scale: DensityScale, least: float
 ) -> NDArray[np.bool_]:
     """Return which labels of at least so many voxels are metal."""
     lifted = log_density(density, labels > 0, scale).reshape(-1)
     counts = np.bincount(labels.reshape(-1))
     sums = np.bincount(labels.reshape(-1), lifted, len(counts))
-    return np.asarray((counts >= least) & (sums >= np.log1p(DENSE) * counts))
+    return np.asarray((counts >= least) & (sums >= np.log1p(METAL) * counts))
 
 
-def pieces_seen(
-    density: NDArray[np.generic], spacing: Spacing, seen: Seen
+def split_at_density_steps(
+    density: NDArray[np.generic], spacing: Spacing, found: Oversegmentation
 ) -> tuple[NDArray[np.int32], Pieces]:
-    """Join parts, and take what becomes of them apart at its steps of density.
+    """Merge parts, and split what becomes of them at its density steps.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-    seen : Seen
+    spacing : (float, float, float) of mm, z y x
+    found : Oversegmentation
         Its measurements are used up.
 
     Returns
@@ -250,52 +254,65 @@ def pieces_seen(
     pieces : (Z, Y, X) ndarray of int32
         1, 2, ...
     measured : Pieces
-        Of them, for `parting.part_seen`.
+        Of them, for `merge_pieces`.
     """
-    # The judge of pieces learned from borders as they are.
-    labels = sharpened(join_seen(seen.parts, seen.measured), density, seen, evening=0)
-    return pieces_of(labels, density, spacing, seen.scale, seen.said.far, seen.weights)
+    # The classifier of pieces learned from borders that were not smoothed yet.
+    labels = sharpened(merge_parts(found.parts, found.measured), density, found, smoothing=0)
+    return split_and_measure(
+        labels, density, spacing, found.scale, found.prediction.far, found.weights
+    )
 
 
 def sharpened(
-    labels: NDArray[np.int32], density: NDArray[np.generic], seen: Seen, evening: int = 2
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    found: Oversegmentation,
+    smoothing: int = 2,
 ) -> NDArray[np.int32]:
-    """Move the borders of labels to where the density steps; see `sharpening.sharpen`."""
-    scale, dense = seen.scale, DENSE * seen.scale.knee
-    return sharpen(labels, density, scale.air, seen.said.next, seen.noise, dense, evening=evening)
+    """Move the borders of labels to density steps; see `sharpen_borders`.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+    density : (Z, Y, X) ndarray
+    found : Oversegmentation
+    smoothing : int
+        Last rounds, which smooth borders.
+    """
+    scale, dense = found.scale, METAL * found.scale.knee
+    following = found.prediction.next
+    return sharpen_borders(
+        labels, density, scale.air, following, found.noise, dense, smoothing=smoothing
+    )
 
 
-def _with_the_rest(
-    parts: NDArray[np.int32], seen: NDArray[np.bool_], shell: bool, spacing: Spacing
+def _with_missed(
+    parts: NDArray[np.int32], dense: NDArray[np.bool_], shell: bool, spacing: Spacing
 ) -> NDArray[np.int32]:
-    """Add thick matter that the network took for none: it has not seen everything."""
-    rest = cc3d.connected_components(seen & (parts == 0), connectivity=6).astype(np.int32)
+    """Add thick foreground that the network took for none: it was not trained on everything."""
+    rest = cc3d.connected_components(dense & (parts == 0), connectivity=6).astype(np.int32)
     deepest = np.zeros(int(rest.max()) + 1)
     np.maximum.at(deepest, rest.reshape(-1), edt.edt(rest, black_border=True).reshape(-1))
-    thick = deepest >= (THICK if shell else 1)
+    thick = deepest >= (LEAST_DEPTH_OF_MISSED if shell else 1)
     thick[0] = False
     top = int(parts.max())
     names = np.where(thick, np.cumsum(thick) + top, 0).astype(np.int32)
     together = np.where(parts > 0, parts, names[rest])
     if shell:
         skin = find_shell(together, spacing)
+        # Only what the network missed may be the bag: its own parts it has told from it.
         skin[: top + 1] = False
         together[skin[together]] = 0
     return together
 
 
-def grain(density: NDArray[np.generic]) -> float:
-    """Return the noise from one voxel to the next, a standard deviation.
-
-    Parameters
-    ----------
-    density : (Z, Y, X) ndarray
-        NaN is passed over.
+def noise_deviation(density: NDArray[np.generic]) -> float:
+    """Return the standard deviation of the noise from one voxel to the next; NaN is left out.
 
     Notes
     -----
     The median of the absolute differences along x over 0.954, which is what it is for white
-    noise; edges are too few to matter.
+    noise of deviation 1; edges are too few to count.
     """
     rows = density.reshape(-1, density.shape[2])
     rows = rows[:: max(1, rows.size // 2_000_000)].astype(np.float64)
@@ -304,12 +321,12 @@ def grain(density: NDArray[np.generic]) -> float:
     return float(np.median(steps)) / 0.954 if steps.size else 0.0
 
 
-def _believed(
-    parts: NDArray[np.int32], matter: NDArray[np.uint8], least: float
+def _above_mean(
+    parts: NDArray[np.int32], values: NDArray[np.uint8], least: float
 ) -> NDArray[np.int32]:
-    """Drop parts whose voxels are on average less likely an object's."""
+    """Drop parts whose mean value is below a limit."""
     flat = parts.reshape(-1)
     counts = np.bincount(flat)
-    sums = np.bincount(flat, matter.reshape(-1), len(counts))
+    sums = np.bincount(flat, values.reshape(-1), len(counts))
     names = np.where(sums >= least * counts, np.arange(len(counts)), 0).astype(np.int32)
     return names[parts]

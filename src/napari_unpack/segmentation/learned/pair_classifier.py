@@ -1,17 +1,15 @@
-"""Whether two touching parts are one object: what tells, and a small trained judge of it.
+"""Whether two touching parts are one object: features of pairs, and a small trained classifier.
 
-A camera is plastic, glass and battery; a shoe is leather over rubber. Cutting at every density
-step and every neck takes such things apart, and what puts them together again is how their parts
-meet: over how much of their surface, with or without a dip of air between them, one inside the
-other's convex hull or merely beside it.
-
-Putting parts together, the surest pair first.
+A camera is plastic, glass and battery; a shoe is leather over rubber. What tells such parts from
+two things that touch is how they meet: over how much of their surface, with or without a dip of air
+between them, one inside the other's convex hull or merely beside it. `agglomerate` merges the
+surest pair first.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,12 +17,12 @@ import edt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
 from napari_unpack.segmentation.common.validation import Spacing
 
+# Stored with the weights and compared with them: the names must stay as they were trained.
 PAIR_FEATURES = (
     "contact_of_smaller",
     "contact_of_larger",
@@ -51,14 +49,14 @@ PAIR_FEATURES = (
 
 @dataclass
 class Parts:
-    """Additive measurements of parts and of their contacts; merging two is adding rows.
+    """Additive measurements of parts and of how they touch; merging two is adding rows.
 
     Parameters
     ----------
     sums : (M, 5) ndarray of float64
         Of every label: voxels, log density, its square, depth (mm), area to background (mm^2).
     area, middle, step : (M, M) ndarray of float64
-        Of every pair: contact (mm^2), and the sums over it (times face area) of the mean log
+        Of every pair: touching area (mm^2), and the sums over it (times face area) of the mean log
         density on both sides and of its absolute step.
     hulls : list of (K, 3) ndarray
         The furthest corners of every label's convex hull, mm; see `support_points`.
@@ -77,7 +75,13 @@ class Parts:
     voxel: float
 
     def join(self, one: int, two: int) -> None:
-        """Add part `two` to part `one` and empty it."""
+        """Add part `two` to part `one` and empty it.
+
+        Parameters
+        ----------
+        one, two : int
+            Labels.
+        """
         self.sums[one] += self.sums[two]
         self.sums[two] = 0
         for table in (self.area, self.middle, self.step):
@@ -94,20 +98,15 @@ class Parts:
 def measure_parts(
     labels: NDArray[np.int32], lifted: NDArray[np.float32], spacing: Spacing
 ) -> Parts:
-    """Measure every label and every contact.
+    """Measure every label and every touching pair.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Parts 1, 2, ..., 0 background.
     lifted : (Z, Y, X) ndarray of float32
-        Log density, see `materials.log_density`.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-
-    Returns
-    -------
-    Parts
+        Log density, see `log_density`.
+    spacing : (float, float, float) of mm, z y x
     """
     top = int(labels.max())
     depth = edt.edt(labels, anisotropy=spacing, black_border=True)
@@ -255,6 +254,11 @@ class PairClassifier:
     def load(path: str | Path, features: tuple[str, ...] = PAIR_FEATURES) -> PairClassifier:
         """Read a network over the features of these names.
 
+        Parameters
+        ----------
+        path : str or Path
+        features : tuple of str
+
         Raises
         ------
         ValueError
@@ -263,7 +267,7 @@ class PairClassifier:
         with np.load(path) as file:
             found = {name: file[name] for name in file.files}
         if tuple(found.get("features", ())) != features:
-            raise ValueError(f"{path} is not an affinity of this version; train it again")
+            raise ValueError(f"{path} is not a classifier of this version; train it again")
         count = sum(name.startswith("weight") for name in found)
         return PairClassifier(
             found["center"],
@@ -274,103 +278,30 @@ class PairClassifier:
         )
 
 
-def fit_affinity(
-    rows: NDArray[np.float64],
-    same: NDArray[np.bool_],
-    seed: int = 0,
-    features: tuple[str, ...] = PAIR_FEATURES,
-    restraint: float = 1.0,
-) -> PairClassifier:
-    """Train the judge.
-
-    Parameters
-    ----------
-    rows : (N, F) ndarray of float64
-        Pairs.
-    same : (N,) ndarray of bool
-        Whether they are one object.
-    seed : int
-        Of the initial weights.
-    features : tuple of str
-        Names of the columns.
-    restraint : float
-        Weight of the squared weights: the more, the less sure the judge is of what it has not
-        seen.
-
-    Returns
-    -------
-    PairClassifier
-    """
-    from sklearn.neural_network import MLPClassifier
-
-    center, scale = np.median(rows, axis=0), rows.std(axis=0) + 1e-6
-    network = MLPClassifier(
-        (24, 12),
-        activation="tanh",
-        solver="lbfgs",
-        alpha=restraint,
-        max_iter=800,
-        random_state=seed,
-    )
-    network.fit(np.clip((rows - center) / scale, -6, 6), same)
-    weights = tuple(w.astype(np.float32) for w in network.coefs_)
-    offsets = tuple(o.astype(np.float32) for o in network.intercepts_)
-    return PairClassifier(center, scale, weights, offsets, features)
-
-
-def committee(judges: Sequence[PairClassifier]) -> PairClassifier:
-    """Return the one network that says the mean of what several say before the logistic.
-
-    Parameters
-    ----------
-    judges : sequence of PairClassifier
-        Over the same features, with the same center and scale and as many layers.
-
-    Returns
-    -------
-    PairClassifier
-    """
-    first = [np.hstack([j.weights[0] for j in judges])]
-    layers = zip(*(j.weights[1:-1] for j in judges), strict=True)
-    between = [block_diag(*layer) for layer in layers]
-    last = [np.vstack([j.weights[-1] for j in judges]) / len(judges)]
-    inner = zip(*(j.offsets[:-1] for j in judges), strict=True)
-    offsets = [np.concatenate(layer) for layer in inner]
-    offsets.append(np.mean([j.offsets[-1] for j in judges], axis=0))
-    one = judges[0]
-    weights = (*first, *between, *last)
-    return PairClassifier(one.center, one.scale, weights, tuple(offsets), one.features)
-
-
-Judge = Callable[[int, int, NDArray[np.float64]], float]
+PairProbability = Callable[[int, int, NDArray[np.float64]], float]
 
 
 def agglomerate(
-    parts: Parts, judge: Judge, least: float = 0.5, touching: float = 0.015
+    parts: Parts, classifier: PairProbability, least: float = 0.5, touching: float = 0.015
 ) -> NDArray[np.int64]:
-    """Join touching parts while any two are more likely one object than not.
+    """Merge touching parts while any two are more likely one object; return (M,) owners.
 
     Parameters
     ----------
     parts : Parts
         Measurements; used up.
-    judge : callable
-        `judge(one, two, features) -> probability` that two parts are one object.
+    classifier : callable
+        `classifier(one, two, features) -> probability` that two parts are one object.
     least : float
-        Probability below which nothing is joined.
+        Probability below which nothing is merged.
     touching : float
-        Pairs that touch over a smaller share of the smaller surface are not judged: a corner
-        against a corner joins nothing, and most pairs are such.
-
-    Returns
-    -------
-    (M,) ndarray of int64
-        For every label the label it now belongs to.
+        Pairs that touch over a smaller share of the smaller surface are not classified: a corner
+        against a corner merges nothing, and most pairs are such.
 
     Notes
     -----
-    Best first with a heap: a join re-judges the neighbours of the joined part alone. About a
-    millisecond a pair, most of it in convex hulls. Ties are broken by label.
+    Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
+    millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
     """
     count = len(parts.sums)
     owner = np.arange(count)
@@ -379,7 +310,7 @@ def agglomerate(
 
     def consider(one: int, two: int) -> None:
         one, two = min(one, two), max(one, two)
-        chance = judge(one, two, pair_features(parts, one, two))
+        chance = classifier(one, two, pair_features(parts, one, two))
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
 
@@ -389,6 +320,7 @@ def agglomerate(
         consider(one, two)
     while heap:
         _, one, two, first, second = heapq.heappop(heap)
+        # Entries of the heap are not removed; one of a part that has changed is out of date.
         if version[one] != first or version[two] != second:
             continue
         parts.join(one, two)

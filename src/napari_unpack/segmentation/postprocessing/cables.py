@@ -12,29 +12,29 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee
 
-GOES_ON = 20
-"""Voxels of a middle line: more than the end of a strand that lies across another has."""
+# Voxels of a middle line: more than the end of a strand that lies across another has.
+LEAST_SHARED_LINE = 20
 
 
 @dataclass(frozen=True)
-class WireRule:
-    """What a wire is, and when it is taken out of what it winds through.
+class CableRule:
+    """What a cable is, and when it is separated from what it winds through.
 
     Parameters
     ----------
     dense, solid : float
-        Log densities between which a thread lies; matter's median lies at 1.6. Solid metal lies
-        above: tools and keys, several of which touch and none of which winds.
+        Log densities between which a thread lies; the foreground's median lies at 1.6.
+        Solid metal lies above: tools and keys, several of which touch and none of which winds.
     sharp : float
         The log density bends by so much a voxel^2 across a thread, along two directions; along
         the third by less than half of it.
     radius : float
         Voxels from the middle line of a thread to its surface at most.
     mostly, hardly : float
-        Share of an object that is thread where it is a wire, and below which a wire merely winds
+        Share of an object that is thread where it is a cable, and below which a cable merely winds
         through it.
     alone : float
         The share that is thread of all in an object that is as dense, around it, unless it is
@@ -53,28 +53,22 @@ class WireRule:
     fewest: int = 60
 
 
-def gather_wires(
+def gather_cables(
     labels: NDArray[np.int32],
     density: NDArray[np.generic],
-    scale: MaterialScale | None = None,
-    rule: WireRule | None = None,
+    scale: DensityScale | None = None,
+    rule: CableRule | None = None,
 ) -> NDArray[np.int32]:
-    """Give wires what belongs to them of the things they wind through.
+    """Give cables what belongs to them of the objects they wind through.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects 1, 2, ...; 0 background. Not changed.
     density : (Z, Y, X) ndarray
-        Density.
-    scale : MaterialScale, optional
+    scale : DensityScale, optional
         How densities are compared; by default as the median of what is labelled says.
-    rule : WireRule, optional
-        When.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
+    rule : CableRule, optional
 
     Notes
     -----
@@ -83,7 +77,7 @@ def gather_wires(
     whose middle lines are two voxels apart are one bundle. A bundle changes nothing unless an
     object is mostly thread of it: the rim of a can and the edge of a box are threads too.
     """
-    limits, compared = rule or WireRule(), scale or scale_of(labels, density)
+    limits, compared = rule or CableRule(), scale or scale_of(labels, density)
     if compared is None:
         return labels
     lifted = _lifted(density, compared.air, compared.knee)
@@ -110,15 +104,22 @@ def gather_wires(
     return result
 
 
-def scale_of(labels: NDArray[np.int32], density: NDArray[np.generic]) -> MaterialScale | None:
-    """Return how densities compare, by what is labelled; None where nothing is, or all."""
+def scale_of(labels: NDArray[np.int32], density: NDArray[np.generic]) -> DensityScale | None:
+    """Return how densities compare, by what is labelled; None where nothing is, or everything.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        0 is background.
+    density : (Z, Y, X) ndarray
+    """
     thin = tuple(slice(None, None, max(1, n // 128)) for n in labels.shape)
     around = density[thin][labels[thin] == 0].astype(np.float64)
     around = around[np.isfinite(around)]
     if not len(around) or not labels.any():
         return None
     air = float(np.median(around))
-    return MaterialScale(air, typical_knee(density, labels > 0, air))
+    return DensityScale(air, typical_knee(density, labels > 0, air))
 
 
 def _given(
@@ -126,9 +127,9 @@ def _given(
     lifted: NDArray[np.float32],
     lines: NDArray[np.bool_],
     sizes: NDArray[np.int64],
-    limits: WireRule,
+    limits: CableRule,
 ) -> NDArray[np.int32]:
-    """Return the wire that each voxel around one bundle goes to, 0 where nothing changes."""
+    """Return the cable that each voxel around one bundle goes to, 0 where nothing changes."""
     nothing = np.zeros_like(labels)
     # Half as dense as the middle of the thread.
     level = float(np.median(lifted[lines])) - float(np.log(2))
@@ -144,29 +145,27 @@ def _given(
     glowing = np.bincount(labels[bright], minlength=count)
     own = np.bincount(labels[thread], minlength=count) >= limits.alone * glowing
     own[0] = False
-    wires = np.flatnonzero(own & (shares >= limits.mostly))
-    if not len(wires):
+    cables = np.flatnonzero(own & (shares >= limits.mostly))
+    if not len(cables):
         return nothing
     hosts = own & (shares < limits.hardly)
-    # Of what belongs to nobody only whole threads, not the blurred rim of the wire.
+    # Of background only whole threads, not the blurred rim of the cable.
     lost = (labels == 0) & (edt.edt(~(lines & (labels == 0)), black_border=False) <= limits.radius)
-    keeper = int(wires[np.argmax(sizes[wires])])
-    strands = (near <= limits.radius) & np.isin(labels, _going_on(labels, lines, wires, keeper))
+    keeper = int(cables[np.argmax(sizes[cables])])
+    strands = (near <= limits.radius) & np.isin(labels, _going_on(labels, lines, cables, keeper))
     taken = (whole & hosts[labels]) | (thread & lost) | strands
     return np.where(taken, np.int32(keeper), nothing)
 
 
 def _going_on(
-    labels: NDArray[np.int32], lines: NDArray[np.bool_], wires: NDArray[np.int64], keeper: int
+    labels: NDArray[np.int32], lines: NDArray[np.bool_], cables: NDArray[np.int64], keeper: int
 ) -> NDArray[np.int64]:
-    """Return the wires most of whose middle lines go on in another: strands of one cable.
-
-    Lines of cables that merely touch lie two radii apart.
-    """
+    """Return the cables most of whose middle lines go on in another: strands of one cable."""
+    # Lines of cables that merely touch lie two radii apart, and are not connected.
     threads = cc3d.connected_components(lines, connectivity=26)
     kept = np.bincount(threads[lines & (labels == keeper)], minlength=int(threads.max()) + 1)
-    others = [int(w) for w in wires if w != keeper]
-    shared = {w: kept[threads[lines & (labels == w)]] >= GOES_ON for w in others}
+    others = [int(w) for w in cables if w != keeper]
+    shared = {w: kept[threads[lines & (labels == w)]] >= LEAST_SHARED_LINE for w in others}
     return np.array([w for w in others if shared[w].mean() > 0.5], np.int64)
 
 
@@ -186,6 +185,7 @@ def _kernels(width: float = 1.0, reach: int = 3) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True)
 def _lifted(density, air, knee):  # type: ignore[no-untyped-def]
+    """Return the log density."""
     lifted = np.zeros(density.shape, np.float32)
     depth, height, width = density.shape
     for z in range(depth):
@@ -208,6 +208,7 @@ def _widened(lines):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _threads(values, kernels, dense, sharp):  # type: ignore[no-untyped-def]
+    """Return the middle lines of threads, by the Hessian's eigenvalues."""
     found = np.zeros(values.shape, np.bool_)
     depth, height, width = values.shape
     reach = kernels.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Air inside objects, and what hangs in it."""
+"""Air inside objects, and what is suspended in it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import cc3d
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, generate_binary_structure
 
 from napari_unpack.segmentation.common.adjacency import find_neighbours
-from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 
+# Share of a cavity's surface that one object makes up where the cavity belongs to it.
 WALLED = 0.45
-"""A cavity belongs to an object that makes up at least this share of its surface."""
-
+# Share of a cavity's surface that may be gaps in its wall.
 LEAK = 0.1
-"""Share of a cavity's surface that may be gaps in its wall."""
-
-LOOSE = 0.005
-"""Share of its surface over which something at rest touches what it lies in at least."""
+# Share of its surface over which an object touches what it lies in, at least: a soap in a box
+# lies on its floor.
+LEAST_TOUCHING = 0.005
 
 
 def fill_cavities(
@@ -30,15 +30,10 @@ def fill_cavities(
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects. Not changed.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     leaky : bool
         Also where gaps at most two voxels wide lead out of it: walls that are thin for the
         scanner have such.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
 
     Notes
     -----
@@ -49,9 +44,10 @@ def fill_cavities(
     filled = _given(labels, _closed(labels == 0), spacing)
     if not leaky:
         return filled
-    deep = _closed(_deep(filled))
+    # Opened by a voxel's 18 neighbours: gaps of up to two voxels close.
+    deep = _closed(binary_erosion(filled == 0, generate_binary_structure(3, 2), border_value=1))
     sizes = np.bincount(deep.reshape(-1))
-    large = np.where(sizes >= FEWEST, np.arange(len(sizes)), 0).astype(np.int32)
+    large = np.where(sizes >= MIN_OBJECT_VOXELS, np.arange(len(sizes)), 0).astype(np.int32)
     large[0] = 0
     if not large.any():
         return filled
@@ -60,10 +56,10 @@ def fill_cavities(
     return _given(given, _closed(given == 0), spacing)
 
 
-def join_hanging(
+def join_suspended(
     labels: NDArray[np.int32], filled: NDArray[np.int32], spacing: Spacing
 ) -> NDArray[np.int32]:
-    """Join what hangs in the air inside an object with it.
+    """Merge what is suspended in the air inside an object, and the air, with it.
 
     Parameters
     ----------
@@ -71,28 +67,22 @@ def join_hanging(
         Objects. Not changed.
     filled : (Z, Y, X) ndarray of int32
         The same with their cavities; see `fill_cavities`. Not changed.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        With cavities.
+    spacing : (float, float, float) of mm, z y x
 
     Notes
     -----
-    A soap in a box lies on its floor. What one object surrounds and what touches it nowhere is
-    held by something too thin to be seen: a motor in its housing is one with it.
+    What one object surrounds and what touches it nowhere is held by something too thin to be seen:
+    a motor in its housing is one with it.
     """
     before, after = find_neighbours(labels, spacing), find_neighbours(filled, spacing)
     around = after.most_touched()
     owner = np.arange(len(around))
     for name in np.flatnonzero(after.voxels).tolist():
         other = int(around[name])
-        enclosed = after.touched(name, other) >= (1 - LOOSE) * after.surface[name]
-        if enclosed and before.touched(name, other) < LOOSE * before.surface[name]:
+        enclosed = after.touched(name, other) >= (1 - LEAST_TOUCHING) * after.surface[name]
+        if enclosed and before.touched(name, other) < LEAST_TOUCHING * before.surface[name]:
             owner[name] = other
-    # One that hangs in one that hangs.
+    # Something suspended in something suspended.
     owner = owner[owner]
     return owner.astype(np.int32)[filled]
 
@@ -126,26 +116,6 @@ def _given(
         if walls >= (1 - LEAK) * surface and found.touched(name, other) >= WALLED * surface:
             owner[hole] = other
     return np.where(labels > 0, labels, owner[holes])
-
-
-@njit(cache=True, nogil=True)
-def _deep(labels):  # type: ignore[no-untyped-def]
-    """Return which voxels and all that share a face or an edge with them are background."""
-    deep = np.zeros(labels.shape, np.bool_)
-    size = labels.shape
-    for z in range(size[0]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                bare = labels[z, y, x] == 0
-                for k in range(max(z - 1, 0), min(z + 2, size[0])):
-                    for j in range(max(y - 1, 0), min(y + 2, size[1])):
-                        for i in range(max(x - 1, 0), min(x + 2, size[2])):
-                            if not bare:
-                                break
-                            if abs(k - z) + abs(j - y) + abs(i - x) < 3:
-                                bare = labels[k, j, i] == 0
-                deep[z, y, x] = bare
-    return deep
 
 
 @njit(cache=True, nogil=True)

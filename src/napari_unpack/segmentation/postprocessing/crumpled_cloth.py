@@ -25,16 +25,14 @@ def bundle_folds(
     parts : (Z, Y, X) ndarray of int32
         Parts 1, 2, ..., 0 background. Not changed.
     density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     light : float
         The mean density of a fold is at most this.
     layers : float
         And four times its mean depth, the thickness of a plate, at most so many voxels.
     prevalence : float
-        Nothing is done where folds are less than this share of all matter: elsewhere thin light
-        parts are walls and sheets.
+        Nothing is done where folds are less than this share of the foreground: elsewhere thin
+        light parts are walls and sheets.
 
     Returns
     -------
@@ -44,7 +42,7 @@ def bundle_folds(
     Notes
     -----
     Folds of one or two voxels have neither an inside nor a border of their own: their mean
-    density and their contacts say nothing about what belongs together, nearness does.
+    density and touching areas say nothing about what belongs together, nearness does.
     """
     top = int(parts.max())
     flat = parts.reshape(-1)

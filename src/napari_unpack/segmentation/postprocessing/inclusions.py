@@ -15,16 +15,16 @@ from scipy.spatial import ConvexHull
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
 from napari_unpack.segmentation.common.convex_hull import hull_points, solidity
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.common.merging import absorb_small
-from napari_unpack.segmentation.common.region import FEWEST
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.postprocessing.cables import scale_of
 
 
 @dataclass(frozen=True)
 class InclusionRule:
-    """What lies in a thing without being a part of it.
+    """What lies in an object without being a part of it.
 
     Parameters
     ----------
@@ -71,33 +71,25 @@ class InclusionRule:
     rounds: int = 3
 
 
-def take_out_inclusions(
+def separate_inclusions(
     labels: NDArray[np.int32],
     density: NDArray[np.generic],
     spacing: Spacing,
     smallest: float,
     rule: InclusionRule | None = None,
 ) -> NDArray[np.int32]:
-    """Make objects of what is dense in something soft.
+    """Make objects, with labels after all others, of what is dense inside something soft.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects 1, 2, ...; 0 background. Not changed.
     density : (Z, Y, X) ndarray
-        Density.
-    spacing : (float, float, float)
-        Voxel size z y x, mm.
+    spacing : (float, float, float) of mm, z y x
     smallest : float
         mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
         quarter of it.
     rule : InclusionRule, optional
-        When.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        Objects keep their labels, new ones come after them.
 
     Notes
     -----
@@ -124,7 +116,7 @@ def take_out_inclusions(
         pieces = int(result.max())
         result = _in_pieces(result, hollowed)
         kept = np.arange(int(result.max()) + 1) <= pieces
-        result = absorb_small(result, spacing, max(smallest, FEWEST * voxel), kept)
+        result = absorb_small(result, spacing, max(smallest, MIN_OBJECT_VOXELS * voxel), kept)
         open_to = ~kept
         open_to[hollowed] = True
         open_to[before + 1 : pieces + 1] = False
@@ -135,7 +127,7 @@ def _taken(
     labels: NDArray[np.int32],
     density: NDArray[np.generic],
     edges: Spacing,
-    scale: MaterialScale,
+    scale: DensityScale,
     open_to: NDArray[np.bool_],
     least: float,
     limits: InclusionRule,
@@ -157,15 +149,15 @@ def _taken(
         for reach in (4, int(limits.far) + 4):
             box = grown(place, reach, labels.shape)
             own = kinds[labels[box]] == kinds[host]
-            # Whose is nobody's, its border may be anybody's.
-            free = own | (labels[box] == 0)
+            # A piece may also end in background.
+            allowed = own | (labels[box] == 0)
             values = density[box].astype(np.float32) - np.float32(scale.air)
-            solid = _solid(cores[box] == name, values, free, edges, limits)
+            solid = _solid(cores[box] == name, values, allowed, edges, limits)
             if solid is None:
                 break
         if solid is None:
             continue
-        # Nobody's is also the frame of the bag; a compact thing is not.
+        # The frame of the bag is background too; a compact thing is not the frame.
         if not host and solidity(solid, edges) < limits.compact:
             continue
         contrast = limits.contrast if host else limits.core
@@ -173,7 +165,7 @@ def _taken(
         bright = values[cores[box] == name]
         if not _stands_out(solid, bright, values, beside, contrast, edges, limits):
             continue
-        piece = free & _walled(solid, limits.walled) & (taken[box] == 0)
+        piece = allowed & _walled(solid, limits.walled) & (taken[box] == 0)
         gone = np.bincount(labels[box][piece], minlength=len(sizes))
         whole = gone[1:] > (1 - limits.rest) * sizes[1:]
         if gone.sum() < least or (whole & (sizes[1:] > 0)).any():
@@ -188,13 +180,13 @@ def _taken(
 def _solid(
     core: NDArray[np.bool_],
     values: NDArray[np.float32],
-    free: NDArray[np.bool_],
+    allowed: NDArray[np.bool_],
     edges: Spacing,
     limits: InclusionRule,
 ) -> NDArray[np.bool_] | None:
     """Return a core grown to half its density; None if that is no step, or if it is flat."""
     bright = values >= float(np.median(values[core])) / 2
-    solid = binary_dilation(core, iterations=2, mask=bright & free) | core
+    solid = binary_dilation(core, iterations=2, mask=bright & allowed) | core
     if edt.edt(solid, anisotropy=edges, black_border=False).max() < limits.thick:
         return None
     away = edt.edt(~solid, anisotropy=edges, black_border=False)
@@ -213,7 +205,7 @@ def _stands_out(
     edges: Spacing,
     limits: InclusionRule,
 ) -> bool:
-    """Tell whether the host of a piece is soft beside it, and the piece much denser."""
+    """Return whether the host of a piece is soft beside it, and the piece much denser."""
     away = edt.edt(~solid, anisotropy=edges, black_border=False)
     beside = values[host & (away > limits.near) & (away <= limits.far)]
     if len(beside) < limits.fewest:
@@ -273,6 +265,7 @@ def _in_pieces(labels: NDArray[np.int32], hosts: NDArray[np.int64]) -> NDArray[n
 
 @njit(cache=True, nogil=True)
 def _quartiles(labels, density, air, knee, count):  # type: ignore[no-untyped-def]
+    """Return the upper quartile of every label's density above air."""
     # By logarithm: 64 bins to a factor of e.
     bins = np.zeros((count, 1024), np.int32)
     for z in range(labels.shape[0]):
@@ -299,6 +292,7 @@ def _quartiles(labels, density, air, knee, count):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def _cores(labels, density, levels, kinds):  # type: ignore[no-untyped-def]
+    """Return the kind of host of every voxel that is dense enough for a core, plus 1."""
     found = np.zeros(labels.shape, np.int32)
     for z in range(labels.shape[0]):
         for y in range(labels.shape[1]):

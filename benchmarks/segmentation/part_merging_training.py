@@ -1,6 +1,6 @@
-"""Train the judge that joins large parts with the network's help, and that ships with the package.
+"""Train the classifier of large parts, which decides what is merged, and which ships.
 
-`python -m benchmarks.segmentation.joining_training
+`python -m benchmarks.segmentation.part_merging_training
 src/napari_unpack/segmentation/weights/part_merging.npz --workers 2` gives it,
 to the bit for one state of the code, one network and one machine; no test
 and no row of the tables uses its seeds, nor did the network see them. To be run after every
@@ -12,13 +12,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, learn, train
-from napari_unpack.segmentation.learned.pair_classifier import PairClassifier, fit_affinity
-from napari_unpack.segmentation.learned.part_merging import FEATURES, SeenParts
-from napari_unpack.segmentation.training import overlaps
+from benchmarks.segmentation.classifier_training import Scan, learn, train
+from benchmarks.segmentation.pair_examples import fit_classifier, overlaps
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
+from napari_unpack.segmentation.learned.part_merging import FEATURES, PredictedParts
 
 BAGS, ROUNDS = 16, 2
-State = tuple[SeenParts, NDArray[np.float64]]
+State = tuple[PredictedParts, NDArray[np.float64]]
 
 
 def measured(scanned: Scan) -> State:
@@ -28,8 +28,8 @@ def measured(scanned: Scan) -> State:
 
 
 def fit(states: list[State]) -> PairClassifier:
-    """Return the judge of such parts."""
-    return learn(states, ROUNDS, lambda pairs, one: fit_affinity(pairs, one, features=FEATURES))
+    """Return the classifier of such parts."""
+    return learn(states, ROUNDS, lambda pairs, one: fit_classifier(pairs, one, features=FEATURES))
 
 
 if __name__ == "__main__":

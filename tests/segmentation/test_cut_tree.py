@@ -8,8 +8,8 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     CutRule,
     Node,
     best_rule,
-    grow,
-    kept,
+    grow_cut_tree,
+    selected,
     split_recursively,
 )
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
@@ -43,12 +43,12 @@ def test_a_rule_keeps_the_cuts_that_gain_enough_from_the_leaves_up():
     # The first cut gains nothing by itself; the second, inside it, makes it worth while.
     deep = node(0.1, 60, (node(0.9, 30), node(0.8, 30)))
     tree = node(0.3, 90, (deep, node(0.9, 30)))
-    assert [n.confidence for n in kept(tree, CutRule(0.1))] == [0.9, 0.8, 0.9]
-    assert [n.confidence for n in kept(tree, CutRule(0.6))] == [0.3]
-    assert kept(tree, CutRule(0.1, compactness=0.4)) == [tree]
+    assert [n.confidence for n in selected(tree, CutRule(0.1))] == [0.9, 0.8, 0.9]
+    assert [n.confidence for n in selected(tree, CutRule(0.6))] == [0.3]
+    assert selected(tree, CutRule(0.1, compactness=0.4)) == [tree]
     bad = node(0.7, 60, (node(0.95, 50), node(0.1, 10)))
-    assert len(kept(bad, CutRule(0.05))) == 2
-    assert len(kept(bad, CutRule(0.05, least=True))) == 1
+    assert len(selected(bad, CutRule(0.05))) == 2
+    assert len(selected(bad, CutRule(0.05, least=True))) == 1
 
 
 def test_the_rule_with_the_most_liked_segmentation_is_chosen_and_the_first_of_equals():
@@ -72,7 +72,7 @@ def test_three_touching_balls_come_apart_though_the_first_cut_gains_little():
 
 def test_a_sure_region_is_not_cut_and_every_split_can_be_cancelled():
     region = region_of(chain() > 0)
-    assert grow(region, lambda r: 0.99, 500.0).parts == ()
+    assert grow_cut_tree(region, lambda r: 0.99, 500.0).parts == ()
 
     def cancel(fraction, text):
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""What the trainings of the judges share: scans and truth, rounds of learning, the command."""
+"""What the trainings of the classifiers share: scans and truth, rounds of learning, the command."""
 
 from __future__ import annotations
 
@@ -19,20 +19,16 @@ from threadpoolctl import threadpool_limits
 from benchmarks.boundaries.examples import scan
 from benchmarks.boundaries.solids import coat, packed_solids
 from benchmarks.boundaries.volumes import solids
-from napari_unpack.segmentation.learned.method import Seen, learned_parts
-from napari_unpack.segmentation.learned.pair_classifier import (
-    PairClassifier,
-    committee,
-    fit_affinity,
-)
-from napari_unpack.segmentation.learned.part_merging import SeenParts
+from benchmarks.segmentation.pair_examples import ensemble, examples_of, fit_classifier
+from napari_unpack.segmentation.learned.method import Oversegmentation, oversegment
+from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
+from napari_unpack.segmentation.learned.part_merging import PredictedParts
 from napari_unpack.segmentation.learned.part_splitting import Pieces
-from napari_unpack.segmentation.training import examples_of
 from napari_unpack.simulation import simulate_bag
 
 # The network learned from solids of the first 260 seeds.
 FIRST, SOLIDS = 300, 40
-Regions = TypeVar("Regions", SeenParts, Pieces)
+Regions = TypeVar("Regions", PredictedParts, Pieces)
 State = TypeVar("State")
 Fit = Callable[[NDArray[np.float64], NDArray[np.bool_]], PairClassifier]
 
@@ -45,9 +41,9 @@ class Scan:
     truth: NDArray[np.uint16]
     spacing: tuple[float, float, float]
 
-    def seen(self) -> Seen:
+    def seen(self) -> Oversegmentation:
         """Return what the network makes of it."""
-        return learned_parts(self.volume, self.spacing, lambda fraction, text: None)
+        return oversegment(self.volume, self.spacing, lambda fraction, text: None)
 
 
 def scanned_bag(seed: int) -> Scan:
@@ -75,21 +71,21 @@ def scanned_solids(seed: int, dress: str = "") -> Scan:
     return Scan(np.clip(scanned, 0, 32000).astype(np.uint16), labels, (1.0, 1.0, 1.0))
 
 
-def committees(features: tuple[str, ...], restraint: float, members: int = 9) -> Fit:
-    """Return how a committee is fitted to pairs; see `affinity.fit_affinity`.
+def ensembles(features: tuple[str, ...], restraint: float, members: int = 9) -> Fit:
+    """Return how a committee is fitted to pairs; see `affinity.fit_classifier`.
 
     Notes
     -----
-    One judge alone says anything of pairs unlike those it has learned from, as real scans have
+    One classifier alone says anything of pairs unlike those it has learned from, as real scans have
     them; the mean of several is quieter.
     """
 
     def fit(pairs: NDArray[np.float64], one: NDArray[np.bool_]) -> PairClassifier:
-        each = delayed(fit_affinity)
-        judges = Parallel(n_jobs=2)(
+        each = delayed(fit_classifier)
+        classifiers = Parallel(n_jobs=2)(
             each(pairs, one, seed, features, restraint) for seed in range(members)
         )
-        return committee(judges)
+        return ensemble(classifiers)
 
     return fit
 
@@ -97,31 +93,31 @@ def committees(features: tuple[str, ...], restraint: float, members: int = 9) ->
 def learn(
     states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: Fit
 ) -> PairClassifier:
-    """Learn from the joins that the truth makes, then from those that the judge itself makes.
+    """Learn from the joins that the truth makes, then from those that the classifier itself makes.
 
     Parameters
     ----------
-    states : list of (SeenParts or Pieces, ndarray)
+    states : list of (PredictedParts or Pieces, ndarray)
         Regions as found, and what they share with the true objects (`training.overlaps`).
     rounds : int
-        How often the judge joins for itself, and learns from that too.
+        How often the classifier joins for itself, and learns from that too.
     fit : callable
-        Makes a judge of (N, F) features of pairs and whether each is one object.
+        Makes a classifier of (N, F) features of pairs and whether each is one object.
     """
     rows, same = [], []
-    judge = None
+    classifier = None
     for _ in range(rounds + 1):
         for measured, shared in states:
             fresh = deepcopy(measured)
-            pairs, one = examples_of(fresh, shared, judge, fresh.features)
+            pairs, one = examples_of(fresh, shared, classifier, fresh.features)
             if len(pairs):
                 rows.append(pairs)
                 same.append(one)
         examples = np.concatenate(rows), np.concatenate(same)
-        judge = fit(*examples)
+        classifier = fit(*examples)
         print(f"{len(examples[0])} pairs, {examples[1].mean():.0%} one object", flush=True)
-    assert judge is not None
-    return judge
+    assert classifier is not None
+    return classifier
 
 
 def train(
@@ -132,7 +128,7 @@ def train(
     fit: Callable[[list[State]], PairClassifier],
     argv: list[str] | None = None,
 ) -> None:
-    """Measure bags and solids, fit a judge to them, and save it.
+    """Measure bags and solids, fit a classifier to them, and save it.
 
     Parameters
     ----------
@@ -145,22 +141,22 @@ def train(
     dresses : sequence of str
         Of the solids, every seed once in each; see `scanned_solids`.
     fit : callable
-        `fit(states) -> judge`.
+        `fit(states) -> classifier`.
     argv : list of str, optional
         By default the command line.
     """
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("file", help="where to save the judge")
+    parser.add_argument("file", help="where to save the classifier")
     parser.add_argument("--bags", type=int, default=bags)
     parser.add_argument("--solids", type=int, default=SOLIDS, help="in every dress")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args(argv)
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as processes:
         seeds = range(FIRST, FIRST + options.bags)
-        states = list(pool.map(partial(_of_bag, measure), seeds))
+        states = list(processes.map(partial(_of_bag, measure), seeds))
         for dress in dresses:
             seeds = range(FIRST, FIRST + options.solids)
-            states += pool.map(partial(_of_solids, measure, dress), seeds)
+            states += processes.map(partial(_of_solids, measure, dress), seeds)
     # Many threads on small matrices wait for one another, and add up in any order.
     with threadpool_limits(1):
         fit(states).save(options.file)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from phantoms import ball, box, two_balls
 
-from napari_unpack.segmentation.isoperimetric.lattice import Lattice, isoperimetric_ratio
+from napari_unpack.segmentation.isoperimetric.distance_tree import isoperimetric_ratio
+from napari_unpack.segmentation.isoperimetric.lattice import Lattice
 from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
 
 UNIT = (1.0, 1.0, 1.0)

@@ -5,14 +5,17 @@ import pytest
 from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import score, segment
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned import boundary_network
-from napari_unpack.segmentation.learned.affinity_linkage import Bar, link
+from napari_unpack.segmentation.learned.affinity_linkage import (
+    LinkageThreshold,
+    mean_affinity_linkage,
+)
 from napari_unpack.segmentation.learned.boundary_network import BoundaryNetwork, default_boundaries
-from napari_unpack.segmentation.learned.fragments import Ties, tie
+from napari_unpack.segmentation.learned.fragments import FragmentAffinities, measure_affinities
 from napari_unpack.simulation import simulate_bag
 
-SCALE = MaterialScale(0.0, 200.0)
+SCALE = DensityScale(0.0, 200.0)
 
 
 def silent(fraction, text):
@@ -45,7 +48,9 @@ def test_packed_superquadrics_are_found(seed):
 def test_the_network_says_the_same_twice():
     volume = scanned(two_boxes(), {1: 1000, 2: 1000})
     one, two = (default_boundaries().predict(volume, SCALE, silent) for _ in range(2))
-    for a, b in zip((one.matter, one.next, one.far), (two.matter, two.next, two.far), strict=True):
+    for a, b in zip(
+        (one.foreground, one.next, one.far), (two.foreground, two.next, two.far), strict=True
+    ):
         np.testing.assert_array_equal(a, b)
 
 
@@ -54,7 +59,7 @@ def test_tiles_agree_with_the_whole():
     volume = scanned(truth, {1: 1000, 2: 400})
     whole = default_boundaries().predict(volume, SCALE, silent)
     tiled = default_boundaries().predict(volume, SCALE, silent, tile=24)
-    assert np.abs(whole.matter.astype(int) - tiled.matter).mean() < 5
+    assert np.abs(whole.foreground.astype(int) - tiled.foreground).mean() < 5
     inside = truth > 0
     assert np.abs(whole.next.astype(int) - tiled.next)[:, inside].mean() < 5
 
@@ -70,8 +75,8 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
             return [said[None]]
 
     volume = np.random.default_rng(0).integers(0, 250, (37, 50, 21)).astype(np.uint8)
-    said = BoundaryNetwork(Echo()).predict(volume, MaterialScale(0.0, 100.0), silent, tile=8)
-    np.testing.assert_array_equal(said.matter, volume)
+    said = BoundaryNetwork(Echo()).predict(volume, DensityScale(0.0, 100.0), silent, tile=8)
+    np.testing.assert_array_equal(said.foreground, volume)
 
 
 def test_a_damaged_or_foreign_network_is_refused(tmp_path):
@@ -81,7 +86,7 @@ def test_a_damaged_or_foreign_network_is_refused(tmp_path):
     for content in (b"", good[: len(good) // 2], b"not a network"):
         path = tmp_path / "net.onnx"
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="not a network of boundaries"):
+        with pytest.raises(ValueError, match="not a boundary network"):
             BoundaryNetwork.load(path)
     with pytest.raises(FileNotFoundError):
         BoundaryNetwork.load(tmp_path / "none.onnx")
@@ -90,7 +95,7 @@ def test_a_damaged_or_foreign_network_is_refused(tmp_path):
 @pytest.mark.parametrize("shape", [(1, 1, 2), (3, 5, 4), (1, 40, 40)])
 def test_tiny_and_flat_volumes_are_looked_at(shape):
     said = default_boundaries().predict(np.full(shape, np.nan), SCALE, silent)
-    assert said.matter.shape == shape
+    assert said.foreground.shape == shape
     assert said.next.shape == (3, *shape)
 
 
@@ -98,7 +103,7 @@ def test_progress_is_told_and_raising_in_it_cancels():
     volume = scanned(two_boxes(), {1: 1000, 2: 1000})
 
     def cancel(fraction, text):
-        if text.startswith("Looking"):
+        if text.startswith("Predicting"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -107,17 +112,17 @@ def test_progress_is_told_and_raising_in_it_cancels():
 
 def test_fragments_join_by_the_mean_and_long_reaches_hold_apart():
     # 1 and 2 belong together; 3 leaks into 2, but from 1 it is far apart.
-    ties = Ties(
+    ties = FragmentAffinities(
         np.array([[1, 2], [1, 3], [2, 3]]),
         np.array([[45.0, 45.0], [0.0, 0.0], [6.0, 6.0]]),
         np.array([[50.0, 50.0], [0.0, 100.0], [10.0, 10.0]]),
     )
     sizes, alike = np.array([0, 1000, 1000, 1000]), np.ones(2)
-    owner = link(ties, sizes, Bar(), alike)
+    owner = mean_affinity_linkage(ties, sizes, LinkageThreshold(), alike)
     assert owner[1] == owner[2] != owner[3]
     # Without what is known from afar, the leak decides.
-    leak = Ties(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts)))
-    owner = link(leak, sizes, Bar(), alike)
+    leak = FragmentAffinities(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts)))
+    owner = mean_affinity_linkage(leak, sizes, LinkageThreshold(), alike)
     assert owner[1] == owner[2] == owner[3]
 
 
@@ -136,7 +141,7 @@ def test_ties_are_what_counting_by_hand_gives():
                 if a and a != b:
                     row = wanted.setdefault((a, b), np.zeros((2, 4)))
                     row[:, k] += far[(3 * k + axis, *cell)] / 255, 1
-    ties = tie(fragments, far)
+    ties = measure_affinities(fragments, far)
     assert [tuple(p) for p in ties.pairs.tolist()] == sorted(wanted)
     for pair, sums, counts in zip(ties.pairs.tolist(), ties.sums, ties.counts, strict=True):
         np.testing.assert_allclose(wanted[tuple(pair)], [sums, counts])
@@ -144,10 +149,10 @@ def test_ties_are_what_counting_by_hand_gives():
 
 
 def test_the_bar_rises_with_size():
-    assert Bar().height(1000) == pytest.approx(0.25)
-    assert Bar().height(10_000) == pytest.approx(0.40)
-    assert Bar().height(1) == pytest.approx(0.05)
-    assert Bar().height(1e9) == pytest.approx(0.6)
+    assert LinkageThreshold().at(1000) == pytest.approx(0.25)
+    assert LinkageThreshold().at(10_000) == pytest.approx(0.40)
+    assert LinkageThreshold().at(1) == pytest.approx(0.05)
+    assert LinkageThreshold().at(1e9) == pytest.approx(0.6)
 
 
 def test_small_bags_are_found_well():

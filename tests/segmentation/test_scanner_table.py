@@ -27,15 +27,15 @@ def test_a_volume_that_is_measured_to_its_corners_has_no_round_field_of_view():
 
 
 def test_a_pad_between_table_and_bag_goes_with_the_table():
-    matter = np.zeros((80, 120, 200), bool)
-    matter[:, 100:104, 10:190] = True
-    pad = np.zeros_like(matter)
+    foreground = np.zeros((80, 120, 200), bool)
+    foreground[:, 100:104, 10:190] = True
+    pad = np.zeros_like(foreground)
     for z in range(80):
         # The outline wanders by a voxel from slice to slice.
         pad[z, 90 + z % 2, 12:188] = True
-    bag = box(matter.shape, (15, 40, 60), (65, 86, 140))
-    found = find_supports(matter | pad | bag, (2.0, 2.0, 2.0))
-    assert found[matter].all()
+    bag = box(foreground.shape, (15, 40, 60), (65, 86, 140))
+    found = find_supports(foreground | pad | bag, (2.0, 2.0, 2.0))
+    assert found[foreground].all()
     assert found[pad].mean() > 0.95
     # Two voxels of margin at most.
     assert found[bag].mean() < 2.1 / 46
@@ -67,3 +67,21 @@ def test_light_folds_a_voxel_apart_are_one_bundle_and_a_solid_among_them_is_not(
     np.testing.assert_array_equal(
         bundle_folds(parts, density, (1.0, 1.0, 1.0), light=400, prevalence=0.9), parts
     )
+
+
+def _wall(ends: int) -> np.ndarray:
+    # A wall 4 mm thick and 240 mm wide, under a heap 100 mm deep; `ends` slices stay free.
+    foreground = np.zeros((100, 80, 140), np.bool_)
+    foreground[ends : 100 - ends, 60:62, 10:130] = True
+    foreground[20:80, 20:58, 40:100] = True
+    return foreground
+
+
+def test_a_wall_that_ends_inside_the_scan_is_no_support() -> None:
+    assert not find_supports(_wall(ends=6), (2.0, 2.0, 2.0)).any()
+
+
+def test_the_same_wall_run_through_the_whole_scan_is_one() -> None:
+    found = find_supports(_wall(ends=0), (2.0, 2.0, 2.0))
+    assert found[:, 60:62, 20:120].all()
+    assert not found[20:80, 20:55, 40:100].any()

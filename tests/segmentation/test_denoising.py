@@ -5,13 +5,17 @@ from real_scans import real_scan
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation import score, segment
-from napari_unpack.segmentation.common.region import default_smallest
-from napari_unpack.segmentation.foreground.denoising import flattened, is_grainy, to_half_height
+from napari_unpack.segmentation.common.region import default_smallest_object
+from napari_unpack.segmentation.foreground.denoising import (
+    grow_to_half_height,
+    is_noisy,
+    without_noise_and_haze,
+)
 
 MM = (1.0, 1.0, 1.0)
 
 
-def nuclei(seed, grain, shape=(48, 80, 80), count=22):
+def nuclei(seed, noise_deviation, shape=(48, 80, 80), count=22):
     """Return true labels and a picture: ellipsoids stained unequally, in haze, by few photons."""
     rng = np.random.default_rng(seed)
     labels = np.zeros(shape, np.int32)
@@ -26,25 +30,25 @@ def nuclei(seed, grain, shape=(48, 80, 80), count=22):
         labels[inside] = labels.max() + 1
         light[inside] = rng.uniform(0.7, 1.5)
     light = gaussian_filter(light, 1.0) + 0.3 * np.linspace(0.3, 1.3, shape[2])
-    photons = rng.poisson(light / grain**2) * grain**2
+    photons = rng.poisson(light / noise_deviation**2) * noise_deviation**2
     return labels, np.clip(60 * photons, 0, 255).astype(np.uint8)
 
 
 def test_scans_are_not_grainy_and_nuclei_of_few_photons_are():
     labels, densities = packed(3, (64, 64, 64), 6, 12)
-    assert not is_grainy(scanned(labels, densities))
-    assert not is_grainy(scanned(two_balls(), {1: 1000, 2: 1000}))
-    assert not is_grainy(nuclei(0, 0.1)[1])
-    assert is_grainy(nuclei(0, 0.5)[1])
+    assert not is_noisy(scanned(labels, densities))
+    assert not is_noisy(scanned(two_balls(), {1: 1000, 2: 1000}))
+    assert not is_noisy(nuclei(0, 0.1)[1])
+    assert is_noisy(nuclei(0, 0.5)[1])
 
 
 def test_a_volume_of_white_noise_is_grainy_in_any_unit_and_an_even_one_is_not():
     noise = np.random.default_rng(0).exponential(1, (24, 24, 24))
     for factor in (1e-6, 1.0, 1e6):
-        assert is_grainy((factor * noise).astype(np.float32))
-    assert not is_grainy(np.ones((8, 8, 8)))
-    assert not is_grainy(np.full((8, 8, 8), np.nan))
-    assert not is_grainy(np.arange(8.0).reshape(2, 2, 2))
+        assert is_noisy((factor * noise).astype(np.float32))
+    assert not is_noisy(np.ones((8, 8, 8)))
+    assert not is_noisy(np.full((8, 8, 8), np.nan))
+    assert not is_noisy(np.arange(8.0).reshape(2, 2, 2))
 
 
 def test_the_correlation_of_neighbours_tells_noise_from_signal():
@@ -52,27 +56,29 @@ def test_the_correlation_of_neighbours_tells_noise_from_signal():
     smooth = gaussian_filter(np.random.default_rng(1).normal(size=(48, 48, 48)), 4)
     smooth = 20 + 3 * smooth / smooth.std()
     noise = np.random.default_rng(2).normal(size=smooth.shape)
-    assert not is_grainy(smooth + 1.5 * noise)
-    assert is_grainy(smooth + 6 * noise)
+    assert not is_noisy(smooth + 1.5 * noise)
+    assert is_noisy(smooth + 6 * noise)
 
 
 def test_haze_goes_and_what_is_small_stays():
     shape = (40, 60, 60)
     haze = 1000 + np.broadcast_to(np.arange(60.0), shape)
     ball = sum((g - c) ** 2 for g, c in zip(np.indices(shape), (20, 30, 30), strict=True)) <= 36
-    clear = flattened(haze + 50.0 * ball, MM)
+    clear = without_noise_and_haze(haze + 50.0 * ball, MM)
     assert clear[20, 30, 30] > 30
     # At its ends a slope cannot be told from a thing.
     inner = (slice(None), slice(None), slice(15, 45))
     assert clear[inner][~ball[inner]].max() < 20
     # A constant more is haze.
-    np.testing.assert_allclose(flattened(haze + 50.0 * ball + 1000, MM), clear, atol=0.1)
+    np.testing.assert_allclose(
+        without_noise_and_haze(haze + 50.0 * ball + 1000, MM), clear, atol=0.1
+    )
 
 
 def test_voxels_that_are_not_cubes_are_smoothed_over_the_same_millimetres():
     points = np.zeros((9, 41, 41), np.float32)
     points[4, 20, 20] = 1000
-    clear = flattened(points, (4.0, 1.0, 1.0))
+    clear = without_noise_and_haze(points, (4.0, 1.0, 1.0))
     assert clear[4, 20, 22] > 20 * clear[5, 20, 20]
 
 
@@ -86,7 +92,7 @@ def test_borders_go_to_half_height():
     # One level for both is too high for the one or too low for the other.
     for level in (60, 110):
         wrong = np.where(light > level, 1 + (grid[2] > 29), 0).astype(np.int32)
-        found = to_half_height(wrong, light, MM)
+        found = grow_to_half_height(wrong, light, MM)
         before, after = (_overlaps(balls, each) for each in (wrong, found))
         assert min(after) > 0.65
         assert sum(after) > sum(before) + 0.1
@@ -98,9 +104,9 @@ def _overlaps(truth, found):
     ]
 
 
-@pytest.mark.parametrize("grain", [0.4, 0.8])
-def test_nuclei_are_found_in_noise_as_they_are_found_without(grain):
-    labels, picture = nuclei(1, grain)
+@pytest.mark.parametrize("noise_deviation", [0.4, 0.8])
+def test_nuclei_are_found_in_noise_as_they_are_found_without(noise_deviation):
+    labels, picture = nuclei(1, noise_deviation)
     found = score(labels, segment(picture).labels)
     assert found["f1"] > 0.9
     assert found["f1_75"] > 0.8
@@ -143,4 +149,4 @@ def test_the_nuclei_of_a_real_plant():
 def test_what_is_too_small_for_an_object(
     shape: tuple[int, int, int], spacing: tuple[float, float, float], wanted: float
 ) -> None:
-    assert default_smallest(shape, spacing) == pytest.approx(wanted)
+    assert default_smallest_object(shape, spacing) == pytest.approx(wanted)

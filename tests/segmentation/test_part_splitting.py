@@ -1,27 +1,27 @@
 import numpy as np
 import pytest
+from benchmarks.segmentation.pair_examples import ensemble
 from phantoms import ball, box, scanned
 
 from napari_unpack.segmentation import segment
-from napari_unpack.segmentation.common.density_regions import MaterialScale, crossed
+from napari_unpack.segmentation.common.density_regions import DensityScale, intersected_labels
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.learned import part_splitting
 from napari_unpack.segmentation.learned.boundary_network import REACHES
-from napari_unpack.segmentation.learned.fragments import cells_of, tie_within
+from napari_unpack.segmentation.learned.fragments import cells_of, measure_inner_affinities
 from napari_unpack.segmentation.learned.pair_classifier import (
     PAIR_FEATURES,
     PairClassifier,
-    committee,
 )
 from napari_unpack.segmentation.learned.part_splitting import (
     PIECE_FEATURES,
-    default_piece_judge,
-    part_seen,
-    pieces_of,
+    default_splitting_classifier,
+    merge_pieces,
+    split_and_measure,
 )
 
 SHAPE = (24, 24, 60)
-SCALE = MaterialScale(0.0, 200.0)
+SCALE = DensityScale(0.0, 200.0)
 WEIGHTS = np.array([1.0, 2.0, 2.0, 2.0])
 
 
@@ -37,7 +37,7 @@ def three_in_a_row():
 def measured(objects, density, far=255):
     half = [n // 2 for n in density.shape]
     said = np.full((3 * len(REACHES), *half), far, np.uint8)
-    return pieces_of(objects, density, (1.0, 1.0, 1.0), SCALE, said, WEIGHTS)
+    return split_and_measure(objects, density, (1.0, 1.0, 1.0), SCALE, said, WEIGHTS)
 
 
 def judge_of(feature, gain, bias=0.0):
@@ -80,33 +80,33 @@ def test_labels_are_parted_where_others_end():
     basins, hosts = rng.integers(0, 60, (2, 7, 8, 9)).astype(np.int32)
     keys = np.where(basins > 0, basins * 100 + hosts, 0)
     names = np.unique(keys, return_inverse=True)[1].reshape(keys.shape)
-    np.testing.assert_array_equal(crossed(basins, hosts), names)
+    np.testing.assert_array_equal(intersected_labels(basins, hosts), names)
 
 
 def test_with_too_many_pieces_objects_stay_as_they_are(monkeypatch):
-    monkeypatch.setattr(part_splitting, "MANY", 2)
+    monkeypatch.setattr(part_splitting, "MOST_PIECES", 2)
     objects, _, density = three_in_a_row()
     pieces, parts = measured(objects, density)
     np.testing.assert_array_equal(pieces, np.array([0, 1, 0, 2])[objects])
     assert parts.host.tolist() == [0, 1, 3]
 
 
-def test_the_judge_decides_which_pieces_are_one():
+def test_the_classifier_decides_which_pieces_are_one():
     objects, truth, density = three_in_a_row()
-    whole = part_seen(*measured(objects, density), SCALE, judge_of("one_host", 40.0, -20.0))
+    whole = merge_pieces(*measured(objects, density), SCALE, judge_of("one_host", 40.0, -20.0))
     assert len(names_in(whole, objects == 1)) == 1
     assert names_in(whole, objects == 1).isdisjoint(names_in(whole, objects == 3))
-    parted = part_seen(*measured(objects, density), SCALE, judge_of("one_host", 0.0, -20.0))
+    parted = merge_pieces(*measured(objects, density), SCALE, judge_of("one_host", 0.0, -20.0))
     assert len(names_in(parted, truth > 0)) == 3
-    others = part_seen(*measured(objects, density), SCALE, judge_of("density_gap", -40.0, 20.0))
+    others = merge_pieces(*measured(objects, density), SCALE, judge_of("density_gap", -40.0, 20.0))
     assert others[12, 12, 28] == others[12, 12, 44] != others[12, 12, 12]
 
 
 def test_pieces_of_two_objects_are_joined_more_reluctantly_than_those_of_one():
     objects, truth, density = three_in_a_row()
-    between = (part_splitting.LEAST + part_splitting.ACROSS) / 2
+    between = (part_splitting.MERGE_WITHIN + part_splitting.MERGE_ACROSS) / 2
     unsure = judge_of("one_host", 0.0, float(np.log(between / (1 - between))))
-    joined = part_seen(*measured(objects, density), SCALE, unsure)
+    joined = merge_pieces(*measured(objects, density), SCALE, unsure)
     assert len(names_in(joined, truth < 3) - {0}) == 1
     assert names_in(joined, truth == 3).isdisjoint(names_in(joined, (truth > 0) & (truth < 3)))
 
@@ -116,7 +116,7 @@ def test_a_small_piece_stays_with_its_host_unless_it_is_metal():
         truth = np.ones(SHAPE, np.int32)
         truth[box(SHAPE, (8, 8, 20), (12, 14, 36))] = 2
         pieces, parts = measured(np.ones(SHAPE, np.int32), scanned(truth, {1: 500.0, 2: value}))
-        parted = part_seen(pieces, parts, SCALE, judge_of("one_host", 0.0, -20.0))
+        parted = merge_pieces(pieces, parts, SCALE, judge_of("one_host", 0.0, -20.0))
         assert (parted[10, 11, 28] != parted[2, 2, 2]) == stays
 
 
@@ -138,14 +138,14 @@ def test_a_committee_says_the_mean_of_its_members_before_the_logistic():
     rows = rng.normal(size=(7, width))
     said = np.array([m.probability(rows) for m in members])
     mean = np.log(said / (1 - said)).mean(axis=0)
-    np.testing.assert_allclose(committee(members).probability(rows), 1 / (1 + np.exp(-mean)))
+    np.testing.assert_allclose(ensemble(members).probability(rows), 1 / (1 + np.exp(-mean)))
 
 
 def test_ties_within_are_those_of_all_pairs_of_cells():
     rng = np.random.default_rng(0)
     fragments = rng.integers(0, 3, (4, 5, 14)).astype(np.int32)
     far = rng.integers(0, 256, (3 * len(REACHES), 4, 5, 14)).astype(np.uint8)
-    sums, counts = tie_within(fragments, far)
+    sums, counts = measure_inner_affinities(fragments, far)
     wanted, many = np.zeros_like(sums), np.zeros_like(counts)
     for at in np.ndindex(fragments.shape):
         for k, reach in enumerate(REACHES):
@@ -177,8 +177,8 @@ def test_what_is_kept_is_not_absorbed_and_absorbs_nothing():
     assert names_in(kept, labels == 3) == {0}
 
 
-def test_the_shipped_judge_is_of_these_features():
-    assert default_piece_judge().features == PIECE_FEATURES
+def test_the_shipped_classifier_is_of_these_features():
+    assert default_splitting_classifier().features == PIECE_FEATURES
 
 
 def test_metal_on_a_block_and_small_metal_are_found():

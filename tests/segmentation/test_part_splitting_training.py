@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from benchmarks.boundaries.solids import coat, lay_flat
-from benchmarks.segmentation.parting_training import owned
+from benchmarks.segmentation.part_splitting_training import owned
 from phantoms import ball
 
 SHAPE = (64, 64, 64)

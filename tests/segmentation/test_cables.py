@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from phantoms import scanned
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
-from napari_unpack.segmentation.postprocessing.cables import gather_wires
+from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.postprocessing.cables import gather_cables
 
 SHAPE = (60, 64, 64)
 # Cloth is matter here: its median lies four knees above air.
-SCALE = MaterialScale(0.0, 50.0)
+SCALE = DensityScale(0.0, 50.0)
 CLOTH, WIRE, AIR = 200.0, 2500.0, 0.0
 
 
@@ -44,7 +44,7 @@ def test_a_coil_half_of_which_went_with_cloth_becomes_one_object():
     volume = scan(np.where(wire, 2, np.where(around, 1, 0)))
     found = np.where(around, 2, np.where(wire, 1, 0)).astype(np.int32)
     before = (found[wire] == 1).mean()
-    result = gather_wires(found, volume, SCALE)
+    result = gather_cables(found, volume, SCALE)
     assert before < 0.6
     assert (result[wire] == 1).mean() > 0.85
     assert (result[around & ~wire] == 2).mean() > 0.9
@@ -53,7 +53,7 @@ def test_a_coil_half_of_which_went_with_cloth_becomes_one_object():
 def test_strands_that_nobody_has_go_with_their_coil():
     wire = coil()
     found = np.where(wire & (np.arange(SHAPE[0]) < 34)[:, None, None], 1, 0).astype(np.int32)
-    result = gather_wires(found, scan(np.where(wire, 2, 0)), SCALE)
+    result = gather_cables(found, scan(np.where(wire, 2, 0)), SCALE)
     assert (result[wire] == 1).mean() > 0.9
     assert (result[~wire] == 1).sum() < 0.8 * wire.sum()
 
@@ -77,21 +77,21 @@ def test_what_is_no_wire_stays_as_it_is(thing):
         found = np.where(around, 2, np.where(wire, 1, 0)).astype(np.int32)
     else:
         materials, found = cloth().astype(int), cloth().astype(np.int32)
-    np.testing.assert_array_equal(gather_wires(found, scan(materials), SCALE), found)
+    np.testing.assert_array_equal(gather_cables(found, scan(materials), SCALE), found)
 
 
 def test_bad_input_changes_nothing():
     empty = np.zeros((4, 4, 4), np.int32)
-    np.testing.assert_array_equal(gather_wires(empty, np.full((4, 4, 4), np.nan)), empty)
+    np.testing.assert_array_equal(gather_cables(empty, np.full((4, 4, 4), np.nan)), empty)
     full = np.ones((1, 5, 9), np.int32)
-    np.testing.assert_array_equal(gather_wires(full, np.arange(45.0).reshape(1, 5, 9)), full)
+    np.testing.assert_array_equal(gather_cables(full, np.arange(45.0).reshape(1, 5, 9)), full)
 
 
 def test_a_strand_that_goes_on_in_the_coil_beside_it_joins_it():
     wire = coil()
     # From the fourth turn on the network took it for another thing.
     found = np.where(wire, np.where(np.arange(SHAPE[0]) < 36, 1, 2)[:, None, None], 0)
-    result = gather_wires(found.astype(np.int32), scan(np.where(wire, 2, 0)), SCALE)
+    result = gather_cables(found.astype(np.int32), scan(np.where(wire, 2, 0)), SCALE)
     assert (result[wire] == 1).mean() > 0.95
 
 
@@ -101,6 +101,6 @@ def test_a_cord_that_lies_beside_a_coil_stays_a_cord():
     wire = coil(radius=16.0) & ~cord
     volume = scan(np.where(wire | cord, 2, 0))
     found = np.where(cord, 2, np.where(wire, 1, 0)).astype(np.int32)
-    result = gather_wires(found, volume, SCALE)
+    result = gather_cables(found, volume, SCALE)
     assert (result[cord] == 2).mean() > 0.9
     assert (result[wire] == 1).mean() > 0.9

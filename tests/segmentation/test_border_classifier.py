@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from phantoms import box, scanned
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
-    FEW,
     HOLD,
-    Scene,
+    MOST_RIVALS,
+    BorderEvidence,
     describe,
     draw_borders,
     find_rivals,
@@ -18,7 +18,7 @@ from napari_unpack.segmentation.learned.border_refinement import find_inside
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
 SHAPE = (20, 20, 40)
-SCALE = MaterialScale(0.0, 200.0)
+SCALE = DensityScale(0.0, 200.0)
 TWO = {1: 500.0, 2: 1500.0}
 
 
@@ -40,11 +40,13 @@ def said(labels, across=150, within=235):
 
 def scene_of(labels, density, following=None):
     unsure = np.full((3, *labels.shape), 128, np.uint8)
-    return Scene.of(labels, density, SCALE, unsure if following is None else following, 20.0)
+    return BorderEvidence.of(
+        labels, density, SCALE, unsure if following is None else following, 20.0
+    )
 
 
 def judge_of(**gains):
-    """Return a judge that adds up features."""
+    """Return a classifier that adds up features."""
     width = len(BORDER_FEATURES)
     eye = np.zeros((width, 1))
     for name, gain in gains.items():
@@ -65,12 +67,12 @@ def random_judge(seed):
     return PairClassifier(center, np.ones(widths[0]) / 2, layers, offsets, BORDER_FEATURES)
 
 
-def rows_at(labels, scene, place):
-    names = np.zeros(FEW, np.int32)
-    rows = np.zeros((FEW, len(BORDER_FEATURES)), np.float32)
+def rows_at(labels, evidence, place):
+    names = np.zeros(MOST_RIVALS, np.int32)
+    rows = np.zeros((MOST_RIVALS, len(BORDER_FEATURES)), np.float32)
     count = find_rivals(labels, *place, names)
     if count > 1:
-        describe(labels, find_inside(labels), *scene.facts(), *place, names[:count], rows)
+        describe(labels, find_inside(labels), *evidence.facts(), *place, names[:count], rows)
     return names[:count], rows[:count].astype(np.float64)
 
 
@@ -136,44 +138,44 @@ def test_what_tells_at_a_corner_of_three_labels_and_air():
 def test_a_border_moves_to_the_step_of_density_and_a_voxel_a_round(border):
     truth, found = side_by_side(20), side_by_side(border)
     given = found.copy()
-    scene = scene_of(found, scanned(truth, TWO, blur=0.0, noise=0.0))
+    evidence = scene_of(found, scanned(truth, TWO, blur=0.0, noise=0.0))
     likelier = judge_of(likelier=1.0)
-    one = draw_borders(found, scene, likelier, rounds=1)
+    one = draw_borders(found, evidence, likelier, rounds=1)
     np.testing.assert_array_equal(one, side_by_side(border + (1 if border < 20 else -1)))
-    np.testing.assert_array_equal(draw_borders(found, scene, likelier), truth)
+    np.testing.assert_array_equal(draw_borders(found, evidence, likelier), truth)
     np.testing.assert_array_equal(found, given)
 
 
 def test_who_holds_a_voxel_keeps_it_in_doubt():
     found = side_by_side(20)
-    scene = scene_of(found, scanned(found, {1: 800.0, 2: 800.0}, noise=0.0))
+    evidence = scene_of(found, scanned(found, {1: 800.0, 2: 800.0}, noise=0.0))
     against = judge_of(holds=-0.9 * HOLD)
-    np.testing.assert_array_equal(draw_borders(found, scene, against), found)
-    assert (draw_borders(found, scene, judge_of(holds=-1.1 * HOLD), rounds=1) != found).any()
+    np.testing.assert_array_equal(draw_borders(found, evidence, against), found)
+    assert (draw_borders(found, evidence, judge_of(holds=-1.1 * HOLD), rounds=1) != found).any()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_every_voxel_goes_to_the_label_that_the_judge_takes_for_likeliest(seed):
+def test_every_voxel_goes_to_the_label_that_the_classifier_takes_for_likeliest(seed):
     generator = np.random.default_rng(seed)
     coarse = generator.integers(0, 4, (4, 4, 5)).astype(np.int32)
     labels = np.kron(coarse, np.ones((3, 3, 3), np.int32))
     density = scanned(labels, {1: 400.0, 2: 900.0, 3: 6000.0}).astype(np.float32)
     density[1, 2, 3], density[7, 7, 7] = np.nan, np.inf
     following = generator.integers(0, 256, (3, *labels.shape)).astype(np.uint8)
-    scene, judge = scene_of(labels, density, following), random_judge(seed)
+    evidence, classifier = scene_of(labels, density, following), random_judge(seed)
 
     wanted = labels.copy()
     for place in np.argwhere(labels > 0).tolist():
-        names, rows = rows_at(labels, scene, place)
+        names, rows = rows_at(labels, evidence, place)
         if len(names) > 1:
-            chance = judge.probability(rows)
+            chance = classifier.probability(rows)
             logits = np.log(chance / (1 - chance))
             logits[0] += HOLD
             # Only across a face may a voxel change hands.
             logits[1:][column(rows, "faces")[1:] == 0] = -np.inf
             wanted[tuple(place)] = names[logits.argmax()]
 
-    drawn = draw_borders(labels, scene, judge, rounds=1)
+    drawn = draw_borders(labels, evidence, classifier, rounds=1)
     assert (wanted != labels).sum() > 20
     np.testing.assert_array_equal(drawn, wanted)
     np.testing.assert_array_equal(drawn > 0, labels > 0)
@@ -184,11 +186,11 @@ def test_looking_again_only_near_what_changed_gives_the_same():
     coarse = generator.integers(0, 5, (4, 4, 8)).astype(np.int32)
     labels = np.kron(coarse, np.ones((5, 5, 5), np.int32))
     density = scanned(labels, {1: 400.0, 2: 900.0, 3: 6000.0, 4: 950.0})
-    scene, judge = scene_of(labels, density), random_judge(2)
+    evidence, classifier = scene_of(labels, density), random_judge(2)
     step = labels
     for _ in range(5):
-        step = draw_borders(step, scene, judge, rounds=1)
-    np.testing.assert_array_equal(draw_borders(labels, scene, judge, rounds=5), step)
+        step = draw_borders(step, evidence, classifier, rounds=1)
+    np.testing.assert_array_equal(draw_borders(labels, evidence, classifier, rounds=5), step)
 
 
 def test_a_thin_plate_gets_back_what_the_box_below_it_took():
@@ -225,8 +227,8 @@ def test_a_border_that_lies_right_stays(other):
 
 def test_where_nothing_touches_nothing_moves():
     alone = np.where(side_by_side(20) == 1, 1, 0).astype(np.int32)
-    scene = scene_of(alone, scanned(alone, {1: 800.0}))
-    np.testing.assert_array_equal(draw_borders(alone, scene), alone)
+    evidence = scene_of(alone, scanned(alone, {1: 800.0}))
+    np.testing.assert_array_equal(draw_borders(alone, evidence), alone)
     empty = np.zeros_like(alone)
     nothing = scene_of(empty, np.zeros(SHAPE))
     np.testing.assert_array_equal(draw_borders(empty, nothing), empty)

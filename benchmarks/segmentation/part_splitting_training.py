@@ -1,11 +1,12 @@
-"""Train the judge of pieces, which parts what was joined over a step of density.
+"""Train the classifier of pieces, which parts what was joined over a step of density.
 
-`python -m benchmarks.segmentation.parting_training
+`python -m benchmarks.segmentation.part_splitting_training
 src/napari_unpack/segmentation/weights/part_splitting.npz --workers 2` gives it,
-to the bit for one state of the code, one network, one judge of parts and one
-machine; the shipped file is of the judge of parts of commit f0e3710, which was better on simulated
-bags and took a real cable apart. No test and no row of the tables uses its seeds, nor did the
-network see them. To be run after every training of the network or of the judge of parts.
+to the bit for one state of the code, one network, one classifier of parts and one
+machine; the shipped file is of the classifier of parts of commit f0e3710, which was better on
+simulated bags and took a real cable apart. No test and no row of the tables uses its seeds, nor
+did the
+network see them. To be run after every training of the network or of the classifier of parts.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.judges import Scan, committees, learn, train
-from napari_unpack.segmentation.learned.method import pieces_seen
+from benchmarks.segmentation.classifier_training import Scan, ensembles, learn, train
+from benchmarks.segmentation.pair_examples import overlaps
+from napari_unpack.segmentation.learned.method import split_at_density_steps
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import PIECE_FEATURES, Pieces
-from napari_unpack.segmentation.training import overlaps
 
 BAGS, ROUNDS, RESTRAINT = 24, 1, 100.0
 # Share of a piece that must be an object's for it to be a piece of that.
@@ -27,7 +28,7 @@ State = tuple[Pieces, NDArray[np.float64]]
 
 def measured(scanned: Scan) -> State:
     """Return the pieces of a scan, and what they share with the true objects."""
-    pieces, measured = pieces_seen(scanned.volume, scanned.spacing, scanned.seen())
+    pieces, measured = split_at_density_steps(scanned.volume, scanned.spacing, scanned.seen())
     return measured, owned(measured, overlaps(pieces, scanned.truth))
 
 
@@ -59,8 +60,8 @@ def owned(measured: Pieces, shared: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def fit(states: list[State]) -> PairClassifier:
-    """Return the judge of such pieces."""
-    return learn(states, ROUNDS, committees(PIECE_FEATURES, RESTRAINT))
+    """Return the classifier of such pieces."""
+    return learn(states, ROUNDS, ensembles(PIECE_FEATURES, RESTRAINT))
 
 
 if __name__ == "__main__":

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from phantoms import box
 
-from napari_unpack.segmentation.common.density_regions import MaterialScale
+from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned import part_merging
-from napari_unpack.segmentation.learned.fragments import Ties
+from napari_unpack.segmentation.learned.fragments import FragmentAffinities
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_merging import (
     FEATURES,
-    default_judge,
-    join_seen,
-    seen_parts,
+    default_merging_classifier,
+    measure_predicted_parts,
+    merge_parts,
 )
 
 SHAPE = (20, 20, 52)
@@ -31,15 +31,17 @@ def of_reaches(rows):
 def measured(spacing=(1.0, 1.0, 1.0)):
     # 1 is of 2, 3 and 4 are of 5; nothing is known by the reaches between the first and the last.
     owner = np.array([0, 2, 2, 5, 5, 5, 6])
-    ties = Ties(
+    ties = FragmentAffinities(
         np.array([[1, 2], [2, 3], [1, 4], [4, 5], [5, 6], [2, 6]]),
         of_reaches([[9.0, 8.0], [1, 2], [3, 0], [7, 7], [9, 9], [0, 4]]),
         of_reaches([[10.0, 10.0], [10, 4], [10, 0], [10, 10], [10, 10], [0, 8]]),
     )
     labels = three_boxes()
     density = np.where(labels > 0, 1000.0, 0.0)
-    scale = MaterialScale(0.0, 250.0)
-    return seen_parts(labels, density, spacing, scale, ties, owner, np.array([1.0, 2, 2, 2]))
+    scale = DensityScale(0.0, 250.0)
+    return measure_predicted_parts(
+        labels, density, spacing, scale, ties, owner, np.array([1.0, 2, 2, 2])
+    )
 
 
 def test_what_fragments_say_is_added_up_between_and_within_parts():
@@ -81,24 +83,24 @@ def judge_of_belonging(bias):
     )
 
 
-def test_the_judge_decides_who_is_joined(monkeypatch):
-    monkeypatch.setattr(part_merging, "SURE", 1.0)
+def test_the_classifier_decides_who_is_joined(monkeypatch):
+    monkeypatch.setattr(part_merging, "AFFINITY_ALONE", 1.0)
     labels, parts = measured()
-    joined = join_seen(labels, parts, judge_of_belonging(0.0))
+    joined = merge_parts(labels, parts, judge_of_belonging(0.0))
     # 2 and 3 belong together by 0.9, 1 and 2 by 0.29; 1 and both by less than a half.
     assert joined[10, 10, 25] == joined[10, 10, 40] != joined[10, 10, 8]
 
 
 @pytest.mark.parametrize(("sure", "together"), [(0.5, True), (0.8, False)])
-def test_where_the_network_is_sure_the_judge_is_not_asked(monkeypatch, sure, together):
-    monkeypatch.setattr(part_merging, "SURE", sure)
+def test_where_the_network_is_sure_the_classifier_is_not_asked(monkeypatch, sure, together):
+    monkeypatch.setattr(part_merging, "AFFINITY_ALONE", sure)
     labels, parts = measured()
-    joined = join_seen(labels, parts, judge_of_belonging(-1000.0))
+    joined = merge_parts(labels, parts, judge_of_belonging(-1000.0))
     # 0.9 lies by more than 0.5 and less than 0.8 above the bar for so few cells, about 0.2.
     assert (joined[10, 10, 25] == joined[10, 10, 40]) == together
     assert joined[10, 10, 8] not in (joined[10, 10, 25], joined[10, 10, 40])
 
 
-def test_the_judge_that_ships_knows_these_features():
-    assert default_judge().features == FEATURES
-    assert default_judge().weights[0].shape[0] == len(FEATURES)
+def test_the_classifier_that_ships_knows_these_features():
+    assert default_merging_classifier().features == FEATURES
+    assert default_merging_classifier().weights[0].shape[0] == len(FEATURES)

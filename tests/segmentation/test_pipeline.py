@@ -114,7 +114,7 @@ def test_progress_rises_to_one_and_raising_in_it_cancels():
     assert all(text for _, text in heard)
 
     def cancel(fraction, text):
-        if text.startswith("Joining"):
+        if text.startswith("Merging"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from napari_unpack.segmentation import segment
-from napari_unpack.segmentation.foreground.methods import WAYS
+from napari_unpack.segmentation.foreground.methods import FOREGROUND_METHODS
 
 FEW = settings(
     max_examples=12,
@@ -63,7 +63,7 @@ def volumes(draw):
 
 
 @FEW
-@given(volumes(), st.sampled_from(WAYS), st.sampled_from([40, 10**7]))
+@given(volumes(), st.sampled_from(FOREGROUND_METHODS), st.sampled_from([40, 10**7]))
 def test_any_volume_of_any_type(volume, way, working):
     with np.errstate(all="ignore"):
         attempt(volume, smallest=5.0, foreground=way, working=working)
@@ -95,7 +95,7 @@ def test_any_foreground(way):
 @pytest.mark.parametrize(
     ("shape", "working"), [((1, 40, 50), 10**7), ((40, 1, 50), 500), ((1, 1, 300), 10**7)]
 )
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", FOREGROUND_METHODS)
 def test_flat_and_thin_volumes(shape, working, way):
     volume = np.random.default_rng(0).normal(0, 5, shape)
     volume[..., 10:30] += 1000
