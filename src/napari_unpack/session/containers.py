@@ -6,13 +6,18 @@ The bags that objects were opened as, kept for who opens one again.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from napari_unpack.session.session import Session
 
 LEAST_SHARE = 0.004
 """Parts smaller than this share of the object are added to what is around them."""
@@ -23,7 +28,7 @@ INSIDE = 2
 """Along so many of the three axes an object stands on both sides of what lies in it."""
 
 
-def open_container(session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
+def open_container(session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
     """Return a session of what is inside an object, the object itself taken off its contents.
 
     Parameters
@@ -182,7 +187,7 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
     return parts
 
 
-def _family(objects: Any, object_id: int) -> set[int]:
+def _family(objects: pd.DataFrame, object_id: int) -> set[int]:
     """Return an object and all that lies in it, by the column `parent`."""
     family = {object_id}
     if "parent" in objects:
@@ -201,11 +206,13 @@ class OpenedBefore:
     """
 
     def __init__(self) -> None:
-        self._bags: WeakKeyDictionary[Any, dict[int, tuple[ReferenceType[Any], Any]]]
+        self._bags: WeakKeyDictionary[
+            Session, dict[int, tuple[ReferenceType[NDArray[np.uint16]], Session]]
+        ]
         self._bags = WeakKeyDictionary()
 
-    def open(self, session: Any, object_id: int, rotation: Matrix | None = None) -> Any:
-        """Return the bag inside an object, as it was left or else from `opened`.
+    def open(self, session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
+        """Return the bag inside an object, as it was left or else from `open_container`.
 
         Parameters
         ----------
@@ -222,8 +229,9 @@ class OpenedBefore:
             If the object is of one piece.
         """
         bags = self._bags.setdefault(session, {})
-        labels, bag = bags.get(object_id, (None, None))
-        if labels is None or labels() is not session.labels:
+        known = bags.get(object_id)
+        # Repaired labels are other arrays: what was inside may be so no more.
+        if known is None or known[0]() is not session.labels:
             bag = open_container(session, object_id, rotation)
-            bags[object_id] = ref(session.labels), bag
-        return bag
+            known = bags[object_id] = ref(session.labels), bag
+        return known[1]

@@ -551,6 +551,7 @@ class Queries:
 
     def reveal_plan_task(self, object_id: int) -> Task[RevealResult] | None:
         """Return the task that finds what frees a packed object; None where that is known."""
+        object_id = self._session.buried(object_id)
         key = RevealKey(object_id, self._occlusion_key())
         if self._cache.find(key) is not None:
             return None

@@ -468,7 +468,7 @@ class Session:
 
         Of D and 26 directions; ties go to D. Casts rays where that is not known yet.
         """
-        return self.queries.reveal_plan(self._doc.buried(object_id))
+        return self.queries.reveal_plan(object_id)
 
     # Out of the bag and back.
 

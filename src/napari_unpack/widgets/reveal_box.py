@@ -128,6 +128,9 @@ class RevealPlanner(QObject):
                     self._show(session.reveal_plan(object_id))
                 else:
                     self.best.emit(session.best_direction())
+            elif object_id in session.queries.packed:
+                # D has turned meanwhile; the survey is kept, so this takes a moment.
+                self.reveal(object_id)
 
     def _fail(self, error: Exception) -> None:
         self.busy.emit(self.running)
