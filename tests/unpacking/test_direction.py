@@ -143,9 +143,9 @@ def test_few_faces_are_looked_at_closely_however_round_a_thing_is(monkeypatch):
     z, y, x = np.indices((60, 60, 60)) - 29.5
     points = np.argwhere(z**2 + y**2 + x**2 < 800).astype(float)
     module, closely = importlib.import_module("napari_unpack.unpacking.oriented_box"), []
-    whole = module._least_rectangle
+    whole = module.least_rectangle
     monkeypatch.setattr(
-        module, "_least_rectangle", lambda *given: closely.append(len(given[0])) or whole(*given)
+        module, "least_rectangle", lambda *given: closely.append(len(given[0])) or whole(*given)
     )
     oriented_box(points, (1.0, 1.0, 1.0))
     assert len(closely) <= 20

@@ -99,7 +99,7 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
     corner_points = solid[hull.vertices]
     best: tuple[float, Matrix] | None = None
     for normal in _tightest(corner_points, _distinct(hull.equations[:, :3])):
-        axes = _least_rectangle(corner_points, normal)
+        axes = least_rectangle(corner_points, normal)
         extent = np.ptp(corner_points @ axes.T, axis=0)
         volume = float(np.prod(extent))
         if best is None or volume < best[0] * (1 - 1e-9):
@@ -208,13 +208,28 @@ def _distinct(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     return unique / np.linalg.norm(unique, axis=1, keepdims=True)
 
 
-def _least_rectangle(points: NDArray[np.float64], normal: Vector) -> Matrix:
+def least_rectangle(points: NDArray[np.float64], normal: Vector) -> Matrix:
+    """Return the axes of the box with one given normal whose other faces are smallest.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float64
+        World mm.
+    normal : (3,) ndarray of float64
+        Unit vector.
+
+    Returns
+    -------
+    (3, 3) ndarray of float64
+        Unit vectors in rows, the normal first.
+    """
     from scipy.spatial import ConvexHull
 
     u, v = _across(normal)
     flat = points @ np.stack([u, v]).T
     rim = flat[ConvexHull(flat).vertices]
     edges = np.roll(rim, -1, axis=0) - rim
+    # One side of the smallest rectangle around a polygon lies along one of its edges.
     angles = np.arctan2(edges[:, 1], edges[:, 0])
     cosine, sine = np.cos(angles), np.sin(angles)
     along = np.outer(cosine, rim[:, 0]) + np.outer(sine, rim[:, 1])

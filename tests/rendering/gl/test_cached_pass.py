@@ -91,7 +91,7 @@ def test_hiding_an_object_is_one_pass_that_sends_one_row_of_tints(gl, look):
     def cast():
         shown = replace(look, tints=tints.copy())
         caster.cast(rays, shown, bricks.occupied(look.table, look.domain, tints))
-        tinted = caster._pass
+        tinted = caster.tinted_pass
         return np.array(
             [caster.passes, tinted.tints.rows_uploaded, tinted.leaps.uploads, caster.store.uploads]
         )
@@ -105,7 +105,7 @@ def test_hiding_an_object_is_one_pass_that_sends_one_row_of_tints(gl, look):
 def test_a_resolution_used_before_makes_no_new_frame_buffer(caster, look):
     for size in ((20, 24), (10, 12), (20, 24), (10, 12)):
         assert caster.cast(rays_of(size), look).size == size
-    assert (caster.passes, caster.targets_made) == (4, 2)
+    assert (caster.passes, caster.targets.made) == (4, 2)
 
 
 def test_frame_buffer_and_viewport_are_as_before(caster, look, gl):
@@ -187,7 +187,7 @@ def test_an_object_that_leaves_recasts_its_own_pixels_and_the_picture_is_as_if_a
     caster, look, fov
 ):
     rays = rays_of(direction=(0.3, 0.2, 1.0), fov=fov)
-    read = lambda c: [c._targets.get(rays.size).read(n).copy() for n in (0, 1)]  # noqa: E731
+    read = lambda c: [c.targets.get(rays.size).read(n).copy() for n in (0, 1)]  # noqa: E731
     caster.cast(rays, look)
     assert caster.rays_cast == 20 * 24
     whole, asked = read(caster), []
@@ -214,10 +214,10 @@ def test_an_object_that_leaves_recasts_its_own_pixels_and_the_picture_is_as_if_a
 def test_pixels_outside_the_window_are_kept_and_none_are_cast_for_what_is_out_of_view(caster, look):
     rays = rays_of()
     caster.cast(rays, look)
-    before = caster._targets.get(rays.size).read(0).copy()
+    before = caster.targets.get(rays.size).read(0).copy()
     red = replace(look, tints=np.ones((3, 4), np.float32))
     caster.cast(rays, red, where=lambda ids: (10, 5, 4, 3))
-    after = caster._targets.get(rays.size).read(0)
+    after = caster.targets.get(rays.size).read(0)
     changed = (after != before).any(axis=2)
     assert changed.any()
     changed[5:8, 10:14] = False
@@ -225,7 +225,7 @@ def test_pixels_outside_the_window_are_kept_and_none_are_cast_for_what_is_out_of
     cast = caster.rays_cast
     caster.cast(rays, look, where=lambda ids: None)
     assert caster.rays_cast == cast
-    np.testing.assert_array_equal(caster._targets.get(rays.size).read(0), after)
+    np.testing.assert_array_equal(caster.targets.get(rays.size).read(0), after)
 
 
 def test_anything_but_a_tint_recasts_all(caster, look):

@@ -43,9 +43,9 @@ def test_scatter_finds_the_pairs_and_contact_lengths_of_the_cpu(scatter, seed, l
 
 def test_it_did_run_on_gl_and_large_ids_come_back(scatter):
     ids = np.array([[[0, 70_001, 70_001, 0, 5]]])
-    passes = gl_backend._workspace().interference.passes
+    passes = gl_backend.workspace_here().interference.passes
     graph = interference_in(ids, 2, backend="gl")
-    assert gl_backend._workspace().interference.passes == passes + 1
+    assert gl_backend.workspace_here().interference.passes == passes + 1
     assert list(graph.edges(data="weight")) == [(5, 70_001, 2)]
 
 

@@ -72,7 +72,7 @@ def test_without_a_display_it_needs_no_setting_at_all(offscreen_context):
 
 
 def test_a_failed_context_raises_with_its_reason(monkeypatch):
-    monkeypatch.setattr(offscreen, "_probe", lambda: (None, "no driver"))
+    monkeypatch.setattr(offscreen, "probe", lambda: (None, "no driver"))
     assert not offscreen.available()
     with pytest.raises(RuntimeError, match="no offscreen GL: no driver"):
         offscreen.context()

@@ -108,7 +108,7 @@ def test_tinted_shaders_match_the_cpu_ray_caster(density_held, seed):
     arguments = (case.volume, case.labels, case.rays, case.spacing, *look)
     image, depth = cpu.tinted(*arguments)
     found, found_depth = gl_backend.tinted(*arguments, bricks=case.bricks)
-    held = gl_backend._workspace().textures(case.labels, case.volume).density
+    held = gl_backend.workspace_here().textures(case.labels, case.volume).density
     assert isinstance(held, density_held)
     assert image[..., 3].max() > 0.02
     assert np.abs(found - image)[clear].max() <= 2 / 255

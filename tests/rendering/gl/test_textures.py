@@ -33,7 +33,7 @@ def read_buffer(held):
 
     parser = get_current_canvas().context.shared.parser
     out = np.empty(held.shape, held.kind)
-    GL.glBindBuffer(GL.GL_TEXTURE_BUFFER, parser.get_object(held._buffer.id).handle)
+    GL.glBindBuffer(GL.GL_TEXTURE_BUFFER, parser.get_object(held.buffer.id).handle)
     glGetBufferSubData(GL.GL_TEXTURE_BUFFER, 0, out.nbytes, out.ctypes.data_as(c_void_p))
     GL.glBindBuffer(GL.GL_TEXTURE_BUFFER, 0)
     return out.astype(np.float64) / (np.iinfo(held.kind).max if out.dtype.kind == "u" else 1.0)
@@ -91,7 +91,7 @@ def test_a_driver_without_room_is_given_the_longest_axis_coarser(gl, monkeypatch
     from napari_unpack.rendering.gl import textures
 
     room = 8 * 8 * 8
-    monkeypatch.setattr(textures, "_driver_holds", lambda grid, _: np.prod(grid) <= room)
+    monkeypatch.setattr(textures, "driver_holds", lambda grid, _: np.prod(grid) <= room)
     assert fitting_factor((8, 8, 8), 2048, 2) == (1, 1, 1)
     assert fitting_factor((32, 8, 8), 2048, 2) == (4, 1, 1)
     assert fitting_factor((16, 16, 16), 2048, 2) == (2, 2, 2)

@@ -79,7 +79,7 @@ def id_layers(
         If there is no offscreen GL, with the reason.
     """
     with offscreen.context().use():
-        workspace = _workspace()
+        workspace = workspace_here()
         passes = -(-min(layers, MOST_LAYERS) // LAYERS_A_PASS)
         targets = [workspace.id_target(i, rays.size) for i in range(passes)]
         workspace.ids.draw(
@@ -118,7 +118,7 @@ def occlusion_counts(
         If there is no offscreen GL, or not the method asked for, with the reason.
     """
     with offscreen.context().use():
-        workspace = _workspace()
+        workspace = workspace_here()
         occupied = None if bricks is None else bricks.inhabited(visible)
         textures = workspace.textures(labels, None)
         if method == "atomics" or (
@@ -181,7 +181,7 @@ def _interfering_pairs(
     with offscreen.context().use():
         if not occlusion_atomics.supported(blocks=4):
             return None
-        workspace = _workspace()
+        workspace = workspace_here()
         target = workspace.counting_targets.get((int(ids.shape[1]), int(ids.shape[2])))
         try:
             return workspace.interference.pairs(target, ids, widths)
@@ -221,7 +221,7 @@ def first_hits(
     if rays.near != -np.inf:
         raise ValueError("occlusion queries need parallel rays, got a perspective")
     with offscreen.context().use():
-        workspace = _workspace()
+        workspace = workspace_here()
         textures = workspace.textures(labels, None)
         first = workspace.id_target(0, rays.size)
         occupied = None if bricks is None else bricks.inhabited(visible)
@@ -263,7 +263,7 @@ def tinted(
         If there is no offscreen GL, with the reason.
     """
     with offscreen.context().use():
-        workspace = _workspace()
+        workspace = workspace_here()
         target = workspace.tinted_targets.get(rays.size)
         workspace.tinted.draw(
             target,
@@ -281,7 +281,7 @@ def tinted(
 def forget(array: NDArray[Any] | None = None) -> None:
     """Drop the textures made from an array, or all of them."""
     with offscreen.context().use():
-        _workspace().forget(array)
+        workspace_here().forget(array)
 
 
 class Workspace:
@@ -350,5 +350,6 @@ class Workspace:
 
 
 @cache
-def _workspace() -> Workspace:
+def workspace_here() -> Workspace:
+    """Return the workspace of the offscreen context."""
     return Workspace()

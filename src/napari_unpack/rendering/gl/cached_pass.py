@@ -83,6 +83,10 @@ class TintedCaster:
         How often rays were cast.
     rays_cast : int
         How many rays.
+    targets : Targets
+        Frame buffers by size.
+    tinted_pass : TintedPass or None
+        Of the current context; None before the first image.
 
     Notes
     -----
@@ -96,8 +100,8 @@ class TintedCaster:
         self.store = store
         self._programs = programs or Programs()
         self.image: ImageTexture | None = None
-        self._targets = Targets(TintedPass.channels, smooth=True)
-        self._pass: TintedPass | None = None
+        self.targets = Targets(TintedPass.channels, smooth=True)
+        self.tinted_pass: TintedPass | None = None
         self._context: Any = None
         self._earlier = self.rays_cast = 0
         self._last: Inputs | None = None
@@ -105,12 +109,7 @@ class TintedCaster:
     @property
     def passes(self) -> int:
         """How often rays were cast."""
-        return self._earlier + (0 if self._pass is None else self._pass.passes)
-
-    @property
-    def targets_made(self) -> int:
-        """How many frame buffers were made, one a size."""
-        return self._targets.made
+        return self._earlier + (0 if self.tinted_pass is None else self.tinted_pass.passes)
 
     def mark_dirty(self) -> None:
         """Cast at the next chance whatever the inputs."""
@@ -149,9 +148,9 @@ class TintedCaster:
         inputs = Inputs(rays, look, occupied, jitter, clipping, self.store.version)
         if self.image is not None and inputs.same_as(self._last):
             return self.image
-        if self._pass is None:
-            self._pass = TintedPass(self._programs)
-        target = self._targets.get(rays.size)
+        if self.tinted_pass is None:
+            self.tinted_pass = TintedPass(self._programs)
+        target = self.targets.get(rays.size)
         window: PixelWindow | None = (0, 0, rays.size[1], rays.size[0])
         retinted = inputs.retinted(self._last)
         # Only tints have changed: pixels without these objects stay as they are.
@@ -160,7 +159,7 @@ class TintedCaster:
         # Half an image must not be taken for a whole one if a driver gives up.
         self._last = None
         if window is not None:
-            self._pass.draw(
+            self.tinted_pass.draw(
                 target, self.store.here(), rays, look, occupied, jitter, clipping, window
             )
             self.rays_cast += window[2] * window[3]
@@ -173,13 +172,13 @@ class TintedCaster:
 
     def close(self) -> None:
         """Free the frame buffers; the volumes stay with the store."""
-        self._targets.clear()
+        self.targets.clear()
         self._start_afresh()
 
     def _start_afresh(self) -> None:
         self._earlier = self.passes
-        self._pass = self._last = self.image = self._context = None
-        self._targets = Targets(TintedPass.channels, smooth=True)
+        self.tinted_pass = self._last = self.image = self._context = None
+        self.targets = Targets(TintedPass.channels, smooth=True)
 
 
 def _equal(a: Any, b: Any) -> bool:

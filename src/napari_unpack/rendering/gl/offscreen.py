@@ -73,7 +73,7 @@ class Offscreen:
 
 def unavailable_because() -> str | None:
     """Return why there is no offscreen GL here, in a sentence; None where there is."""
-    reason = _probe()[1]
+    reason = probe()[1]
     if reason is None and threading.get_ident() != context()._thread:
         return "the offscreen GL context belongs to another thread"
     return reason
@@ -92,7 +92,7 @@ def context() -> Offscreen:
     RuntimeError
         If there is no offscreen GL, with the reason.
     """
-    made, reason = _probe()
+    made, reason = probe()
     if made is None:
         raise RuntimeError(f"no offscreen GL: {reason}")
     return made
@@ -119,7 +119,8 @@ def is_software_renderer(name: str) -> bool:
 
 
 @cache
-def _probe() -> tuple[Offscreen | None, str | None]:
+def probe() -> tuple[Offscreen | None, str | None]:
+    """Return the context, or why there is none; tried once a process."""
     reason = _claimed_by_another()
     if reason is not None:
         return None, reason

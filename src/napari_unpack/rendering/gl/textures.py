@@ -255,7 +255,7 @@ def fitting_factor(shape: Sequence[int], largest: int, bytes_per_texel: int) -> 
         says that there is no room, the longest axis of the texture is.
     """
     factor = [max(1, -(-n // largest)) for n in shape]
-    while not _driver_holds(
+    while not driver_holds(
         [-(-n // f) for n, f in zip(shape, factor, strict=True)], bytes_per_texel
     ):
         lengths = [n / f for n, f in zip(shape, factor, strict=True)]
@@ -266,7 +266,15 @@ def fitting_factor(shape: Sequence[int], largest: int, bytes_per_texel: int) -> 
     return factor[0], factor[1], factor[2]
 
 
-def _driver_holds(grid: Sequence[int], bytes_per_texel: int) -> bool:
+def driver_holds(grid: Sequence[int], bytes_per_texel: int) -> bool:
+    """Return whether the driver would take such a 3D texture, by a proxy.
+
+    Parameters
+    ----------
+    grid : (int, int, int)
+        Texels, z y x.
+    bytes_per_texel : {1, 2, 4}
+    """
     from OpenGL import GL
 
     current_context().flush_commands()

@@ -38,14 +38,14 @@ class VoxelBuffer:
 
     def __init__(self, shape: Sequence[int], kind: str) -> None:
         self.shape, self.kind = tuple(shape), kind
-        self._buffer = gloo.VertexBuffer(np.empty(0, kind))
-        self._buffer.resize_bytes(int(np.prod(shape)) * np.dtype(kind).itemsize)
-        memory_counter().enter(DENSITY, self._buffer)
+        self.buffer = gloo.VertexBuffer(np.empty(0, kind))
+        self.buffer.resize_bytes(int(np.prod(shape)) * np.dtype(kind).itemsize)
+        memory_counter().enter(DENSITY, self.buffer)
 
     @property
     def glir(self) -> Any:
         """The queue of commands that fill it."""
-        return self._buffer.glir
+        return self.buffer.glir
 
     def set_data(self, part: NDArray[np.generic], offset: tuple[int, int, int]) -> None:
         """Take over whole planes, from the one on that `offset` (z, 0, 0) says.
@@ -65,7 +65,7 @@ class VoxelBuffer:
         if part.shape[1:] != self.shape[1:]:
             raise ValueError(f"part must be of whole planes {self.shape[1:]}, got {part.shape}")
         first = offset[0] * self.shape[1] * self.shape[2]
-        self._buffer.set_subdata(np.ascontiguousarray(part).ravel(), first)
+        self.buffer.set_subdata(np.ascontiguousarray(part).ravel(), first)
 
     @contextmanager
     def bound(self, program: gloo.Program) -> Iterator[None]:
@@ -74,9 +74,9 @@ class VoxelBuffer:
 
         formats = {"uint8": GL.GL_R8, "uint16": GL.GL_R16, "float32": GL.GL_R32F}
         context = current_context()
-        context.glir.associate(self._buffer.glir)
+        context.glir.associate(self.buffer.glir)
         context.flush_commands()
-        handle = context.shared.parser.get_object(self._buffer.id).handle
+        handle = context.shared.parser.get_object(self.buffer.id).handle
         name = GL.glGenTextures(1)
         GL.glActiveTexture(GL.GL_TEXTURE0 + UNIT)
         GL.glBindTexture(GL.GL_TEXTURE_BUFFER, name)
@@ -92,8 +92,8 @@ class VoxelBuffer:
 
     def delete(self) -> None:
         """Free it."""
-        memory_counter().strike(self._buffer)
-        self._buffer.delete()
+        memory_counter().strike(self.buffer)
+        self.buffer.delete()
 
 
 def serves_best(shape: Sequence[int]) -> bool:
