@@ -94,7 +94,8 @@ def contingency(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArr
     held = table.any(axis=1), table.any(axis=0)
     for names in held:
         names[0] = True
-    return np.asarray(table[held[0]][:, held[1]])
+    # Selected columns lie in another order in memory, in which sums would be rounded differently.
+    return np.ascontiguousarray(table[held[0]][:, held[1]])
 
 
 def _small(labels: NDArray[np.integer]) -> NDArray[np.integer]:

@@ -370,11 +370,8 @@ def named_things(
     (z, y, x) ndarray of int32
         The label of such voxels in a cell: of a new object, above all labels, where connected
         cells (26 neighbours) hold enough voxels; else of the object they touch most; else 0.
-
-    Notes
-    -----
-    Two thin things that pass through neighbouring cells are one here.
     """
+    # Two thin things that pass through neighbouring cells are one here.
     found, count = cc3d.connected_components(unexplained > 0, connectivity=26, return_N=True)
     pieces: NDArray[np.int32] = found.astype(np.int32)
     owner = np.zeros(count + 1, np.int32)

@@ -80,15 +80,12 @@ def segment_large(
         `out`, or an ndarray of int32.
     objects : pandas.DataFrame
         See `pipeline.Segmentation`.
-
-    Notes
-    -----
-    The volume is read three times and the labels are written once, thin things and the last
-    numbering apart. Memory: the labels, unless `out` is a store, the working grid and what its
-    objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
-    bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
-    may come out as an object.
     """
+    # The volume is read three times and the labels are written once, thin things and the last
+    # numbering apart. Memory: the labels, unless `out` is a store, the working grid and what its
+    # objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
+    # bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
+    # may come out as an object.
     progress(0.0, "Reducing the volume")
     grid = reduced(source, spacing, reduction(source.shape, spacing, working), block)
     levels = foreground_levels(grid.sample, foreground)

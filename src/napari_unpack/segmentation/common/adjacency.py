@@ -53,7 +53,12 @@ class Neighbours:
         return best
 
     def touched(self, one: int, two: int) -> float:
-        """Return the area over which two labels touch, mm^2."""
+        """Return the area over which two labels touch, mm^2.
+
+        Parameters
+        ----------
+        one, two : int
+        """
         others = self.other[self.start[one] : self.start[one + 1]]
         where = int(np.searchsorted(others, two))
         there = where < len(others) and others[where] == two
@@ -68,11 +73,8 @@ def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     labels : (Z, Y, X) ndarray of int32
         Labels, 0 background.
     spacing : (float, float, float) of mm, z y x
-
-    Notes
-    -----
-    Two passes over the volume, and sorting of the faces between labels.
     """
+    # Two passes over the volume, and sorting of the faces between labels.
     count = int(labels.max(initial=0)) + 1
     faces = np.prod(spacing) / np.array(spacing)
     number, surface, voxels = _surfaces(labels, count, faces)

@@ -18,13 +18,10 @@ def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
     mask : (Z, Y, X) ndarray of bool
         At least one voxel.
     spacing : (float, float, float) of mm, z y x
-
-    Notes
-    -----
-    Only voxels that end their rows along all axes can be corners of the hull, so the hull is taken
-    of those, and then of its corners moved half a voxel along each axis: the centres alone would
-    make a thin plate flat.
     """
+    # Only voxels that end their rows along all axes can be corners of the hull, so the hull is
+    # taken of those, and then of its corners moved half a voxel along each axis: the centres alone
+    # would make a thin plate flat.
     corners = hull_points(None, mask, np.zeros(3), spacing)
     filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
     return min(filled, 1.0)

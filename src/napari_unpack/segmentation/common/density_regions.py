@@ -74,11 +74,8 @@ def density_regions(
         Parts of fewer voxels join the neighbour they differ least from.
     hosts : (Z, Y, X) ndarray of int32, optional
         Labels, not 0 in the mask, that no part crosses the borders of.
-
-    Notes
-    -----
-    Linear in the voxels but for sorting the boundaries of basins.
     """
+    # Linear in the voxels but for sorting the boundaries of basins.
     lifted = log_density(density, mask, scale)
     noise = _noise(lifted, mask)
     # Smoothed twice with weights 2 and 1: noise must not make a basin of every voxel.

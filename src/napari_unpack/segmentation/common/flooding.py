@@ -25,12 +25,9 @@ def flood(
     -------
     (Z, Y, X) ndarray of int32
         The seeds grown. Voxels that no seed reaches stay 0.
-
-    Notes
-    -----
-    Linear in the voxels. Equal costs are flooded first come, first served, so that plateaus are
-    shared half-way between their seeds.
     """
+    # Linear in the voxels. Equal costs are flooded first come, first served, so that plateaus are
+    # shared half-way between their seeds.
     shape = [n + 2 for n in mask.shape]
     labels = np.full(shape, -1, np.int32)
     inner = labels[1:-1, 1:-1, 1:-1]

@@ -57,12 +57,9 @@ def absorb_fringes(
     spacing : (float, float, float) of mm, z y x
     ragged : float
         Free faces a voxel, at least; a flat sheet of one layer has 2.
-
-    Notes
-    -----
-    The blurred edge of a dense thing, where noise carries some voxels over a density step and
-    leaves others, is a lace of voxels around it.
     """
+    # The blurred edge of a dense thing, where noise carries some voxels over a density step and
+    # leaves others, is a lace of voxels around it.
     found = find_neighbours(labels, spacing)
     face = float(np.prod(spacing)) ** (2 / 3)
     voxels, most = found.voxels, found.most_touched()

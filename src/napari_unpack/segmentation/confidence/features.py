@@ -138,12 +138,9 @@ def features(region: Region) -> NDArray[np.float64]:
         quotient sum (d_i - d_j)^2 / sum (d_i - mean)^2 over inner faces and voxels; blur_index =
         mean step between the two voxels at the boundary over mean |b|; contrast = ln(1 + median
         |g|_2 1 mm / mean |b|).
-
-    Notes
-    -----
-    S counts faces projected onto the surface by a normal from the 27 voxels around. About 0.2 us
-    a voxel of the bounding box.
     """
+    # S counts faces projected onto the surface by a normal from the 27 voxels around. About 0.2 us
+    # a voxel of the bounding box.
     region = _thinned(region)
     spacing = np.array(region.spacing)
     depth = chamfer_depth(region.mask, region.spacing)

@@ -82,11 +82,8 @@ def fit_mixture(points: NDArray[np.float64], seed: int, most: int = 10) -> Mixtu
         Of the initialisation.
     most : int
         Components at most; never more than one for every 2 C points.
-
-    Notes
-    -----
-    Full covariances.
     """
+    # Full covariances.
     from sklearn.mixture import GaussianMixture
 
     count = max(1, min(most, len(points) // (2 * points.shape[1])))

@@ -88,15 +88,11 @@ class Oracle:
         )
 
     def scores(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the confidence of (N, F) feature rows, in [0, 1] (Li et al. 2012, section 3).
-
-        Notes
-        -----
-        Without wrong regions this is the percentile of the log-likelihood among the training
-        objects, falling on as exp of the shortfall below the worst of them, so that bad regions
-        can still be told from worse ones. With them it is the calibrated probability of being
-        good.
-        """
+        """Return the confidence of (N, F) feature rows, in [0, 1] (Li et al. 2012, section 3)."""
+        # Without wrong regions this is the percentile of the log-likelihood among the training
+        # objects, falling on as exp of the shortfall below the worst of them, so that bad regions
+        # can still be told from worse ones. With them it is the calibrated probability of being
+        # good.
         points = self.project(table)
         likelihood = self.good.log_density(points)
         if self.bad is not None:
@@ -206,14 +202,11 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
     ------
     ValueError
         If there are too few rows.
-
-    Notes
-    -----
-    z-score by the mean and standard deviation of the good, and their principal components up to
-    95 % of the variance, scaled to unit variance. Measured on unseen bags this told true objects
-    from false ones better than 99 %, and than median and MAD, which blow up features that are
-    alike in most objects.
     """
+    # z-score by the mean and standard deviation of the good, and their principal components up to
+    # 95 % of the variance, scaled to unit variance. Measured on unseen bags this told true objects
+    # from false ones better than 99 %, and than median and MAD, which blow up features that are
+    # alike in most objects.
     kinds, wrong = _listed(good), [] if bad is None else _listed(bad)
     for side, name in ((kinds, "objects"), (kinds if bad is None else wrong, "wrong regions")):
         if min(map(len, side)) < 8:

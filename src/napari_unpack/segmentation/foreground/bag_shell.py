@@ -34,12 +34,9 @@ def find_shell(
         Share of its voxels that are the first seen along an axis from outside.
     fewest : int
         There is no bag around fewer other parts.
-
-    Notes
-    -----
-    Where there is a skin, other thin parts nearly all of which are outermost belong to it.
-    Four passes over the volume.
     """
+    # Where there is a skin, other thin parts nearly all of which are outermost belong to it. Four
+    # passes over the volume.
     boxes = label_boxes(labels)
     top = int(labels.max())
     shell = np.zeros(top + 1, np.bool_)

@@ -102,11 +102,8 @@ def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> ND
     (Z, Y, X) ndarray of float32
         How far the smoothed density rises above the mean around it, less half a deviation of
         what lies below that mean; 0 where it does not.
-
-    Notes
-    -----
-    Linear in the voxels. Haze is the result of three running means.
     """
+    # Linear in the voxels. Haze is the result of three running means.
     values = _smooth(density, NOISE_WIDTH, spacing)
     haze = values
     for _ in range(3):
@@ -136,11 +133,8 @@ def grow_to_half_height(
     -------
     (Z, Y, X) ndarray of int32
         Each object 6-connected, at most four voxels larger on every side.
-
-    Notes
-    -----
-    A blurred edge lies at half of its height, and staining differs from object to object.
     """
+    # A blurred edge lies at half of its height, and staining differs from object to object.
     found = np.zeros_like(labels)
     if not labels.any():
         return found

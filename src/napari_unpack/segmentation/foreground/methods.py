@@ -115,6 +115,14 @@ def find_foreground(
 
 
 def typical_knee(density: NDArray[np.generic], foreground: NDArray[np.bool_], air: float) -> float:
-    """Return a quarter of the median density of the foreground above air; see `DensityScale`."""
+    """Return a quarter of the median density of the foreground above air; see `DensityScale`.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+    foreground : (Z, Y, X) ndarray of bool
+    air : float
+        Density.
+    """
     values = density[foreground][:: max(1, int(foreground.size // 1_000_000))]
     return max((float(np.nanmedian(values.astype(np.float64))) - air) / 4, 1e-6)

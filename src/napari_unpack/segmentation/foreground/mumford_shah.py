@@ -185,7 +185,7 @@ def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mas
     with w = e + (1 - e) (r_i + r_j) / 2 and e = 0.001. The paper has e = 0 and, after each solve,
     extends each field harmonically to where it has no data; with e both are one solve, and the
     energy never rises. Deviations: p is the logarithm of density above air, levelled off where
-    matter is dense, since a field that has to climb from cloth to steel within a few voxels
+    the foreground is dense, since a field that has to climb from cloth to steel within a few voxels
     calls the cloth air; fields are relaxed by red-black Gauss-Seidel from the coarser grid's
     solution to changes below 0.005, and the binary step is the convex total variation problem,
     which has the minimum cut among its solutions.
@@ -392,12 +392,9 @@ def relax(
         Done when no value changed by more in a sweep.
     sweeps : int
         Done after so many in any case.
-
-    Notes
-    -----
-    Red-black Gauss-Seidel: every step solves one voxel's equation exactly, so that no sweep
-    raises the energy.
     """
+    # Red-black Gauss-Seidel: every step solves one voxel's equation exactly, so that no sweep
+    # raises the energy.
     squeeze = np.array(weights.squeeze, np.float32) * np.float32(weights.smoothness)
     where = np.flatnonzero(active)
     made, largest = 0, np.inf

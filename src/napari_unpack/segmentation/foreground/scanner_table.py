@@ -33,13 +33,10 @@ def measured_section(
     -------
     (Y, X) ndarray of bool or None
         None where the field of view is not round.
-
-    Notes
-    -----
-    Reconstructions fill the corners outside the circle inscribed in the slice with a constant,
-    and the last pixels of the circle hold the jump to it: a ring through all slices. At most 32
-    slices are looked at.
     """
+    # Reconstructions fill the corners outside the circle inscribed in the slice with a constant,
+    # and the last pixels of the circle hold the jump to it: a ring through all slices. At most 32
+    # slices are looked at.
     _, height, width = density.shape
     if height != width or height < 32:
         return None
@@ -154,16 +151,13 @@ def find_supports(
         Its cross-section is at least this wide, mm, and so is its length.
     persistence : float
         Share of the slices along its axis in which a point of its cross-section is foreground.
-
-    Notes
-    -----
-    A table or belt is a prism along the direction of travel: seen along that axis it is a set of
-    pixels that are foreground in nearly every slice, and packed things are not. Along each axis the
-    persistent pixels are grouped, kept where nine in ten are thin and the group is wide, joined
-    by what else is prismatic inside them (a foam core), by `_pad_and_beyond`, and grown a little
-    into their partial-volume rim. Three passes over the volume. A tilted or short
-    support is not found by this; it is left to splitting.
     """
+    # A table or belt is a prism along the direction of travel: seen along that axis it is a set of
+    # pixels that are foreground in nearly every slice, and packed things are not. Along each axis
+    # the persistent pixels are grouped, kept where nine in ten are thin and the group is wide,
+    # joined by what else is prismatic inside them (a foam core), by `_pad_and_beyond`, and grown a
+    # little into their partial-volume rim. Three passes over the volume. A tilted or short support
+    # is not found by this; it is left to splitting.
     found = np.zeros(foreground.shape, np.bool_)
     for axis in range(3):
         length = foreground.shape[axis] * spacing[axis]

@@ -48,15 +48,12 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     ------
     ValueError
         If nothing rises above the background's noise.
-
-    Notes
-    -----
-    Otsu on raw CT numbers puts its threshold between metal and everything else. Here densities
-    above air are compressed by asinh, with its knee at a quarter of the median of what Otsu calls
-    dense, which gives cloth and metal comparable weight; the lower of two Otsu thresholds is
-    `high`, unless thin cloth needs less and six deviations of the background's noise allow it.
-    `low` is 0.65 of it. At most 4 million voxels, evenly spread, are looked at.
     """
+    # Otsu on raw CT numbers puts its threshold between metal and everything else. Here densities
+    # above air are compressed by asinh, with its knee at a quarter of the median of what Otsu
+    # calls dense, which gives cloth and metal comparable weight; the lower of two Otsu thresholds
+    # is `high`, unless thin cloth needs less and six deviations of the background's noise allow
+    # it. `low` is 0.65 of it. At most 4 million voxels, evenly spread, are looked at.
     sample = _sample(volume)
     bottom, top = (float(q) for q in np.quantile(sample, [0.0, 0.9995]))
     if not top > bottom:
@@ -145,12 +142,10 @@ def peel(
     fraction : float
         A voxel beside the background goes where its density above air is below this share of
         the largest among its 26 neighbours: a blurred edge lies at half of its height.
-
-    Notes
-    -----
-    One low threshold makes steel a voxel or two too thick and gives it a shell of every density
-    between air's and its own. Thin foreground is safe: its densest voxels have no denser neighbour.
     """
+    # One low threshold makes steel a voxel or two too thick and gives it a shell of every density
+    # between air's and its own. Thin foreground is safe: its densest voxels have no denser
+    # neighbour.
     for _ in range(layers):
         inner = foreground.copy()
         _peel(foreground, density, air, fraction, inner)

@@ -192,12 +192,9 @@ def sheet_candidates(
         Half thickness that counts as thin, against the largest depth.
     wide : float
         A thin part's extent is at least this many times its half thickness.
-
-    Notes
-    -----
-    Thin is what an opening takes away: no ball of the half thickness fits there. Under a thick
-    thing that rests on it a flat sheet goes on: what lies between its two faces is its own.
     """
+    # Thin is what an opening takes away: no ball of the half thickness fits there. Under a thick
+    # thing that rests on it a flat sheet goes on: what lies between its two faces is its own.
     small = prepared.coarse
     deepest = float(small.depth.max())
     for share in shares:
@@ -276,12 +273,9 @@ def tree_candidates(prepared: PreparedRegion) -> Proposals:
     Proposal
         "tree", "tree, wide" (distance conductance), "tree, city-block", "tree, edges" (distance
         to the outside or to a density edge), "tree, valleys" (distance times density).
-
-    Notes
-    -----
-    Density edges are where the step between blocks exceeds four times
-    its median and a twentieth of the median density.
     """
+    # Density edges are where the step between blocks exceeds four times its median and a twentieth
+    # of the median density.
     small = prepared.coarse
     for source, depth, conductance in _fields(prepared):
         sweep = tree_sweep(small.mask, depth, small.spacing, conductance)

@@ -76,12 +76,9 @@ def candidate_cuts(region: Region, smallest: float, most_parts: int = 5) -> list
     list of Candidate
         By ascending ratio; of two that are the same but for 3 % of the voxels, the one of lesser
         ratio. Empty where the region cannot hold two parts.
-
-    Notes
-    -----
-    Every source works on at most 30,000 blocks; borders are settled at full resolution. Linear in
-    the voxels of the box, and bounded beyond that.
     """
+    # Every source works on at most 30,000 blocks; borders are settled at full resolution. Linear
+    # in the voxels of the box, and bounded beyond that.
     if region.volume < 2 * smallest or region.voxels < 16:
         return []
     if region.voxels > MOST_VOXELS:

@@ -142,14 +142,11 @@ def grow_cut_tree(
         Of this region in the tree; below 6 nothing is cut.
     confidence : float, optional
         The region's, where it is known.
-
-    Notes
-    -----
-    At every region that is not sure to be one object all candidates are rated, and the cut whose
-    parts are the best by volume is followed, also where it gains nothing yet; one that loses more
-    than 0.1 is not, nor below the first cut one to which hardly any confidence is left. The work is
-    bounded by the depth and the smallest part.
     """
+    # At every region that is not sure to be one object all candidates are rated, and the cut whose
+    # parts are the best by volume is followed, also where it gains nothing yet; one that loses
+    # more than 0.1 is not, nor below the first cut one to which hardly any confidence is left. The
+    # work is bounded by the depth and the smallest part.
     sure = oracle(region) if confidence is None else confidence
     if sure >= SURE_OF_ONE_OBJECT or depth >= DEEPEST_CUT:
         return Node(region, sure)
@@ -185,12 +182,9 @@ def selected(node: Node, rule: CutRule) -> list[Node]:
     node : Node
         The tree's root.
     rule : CutRule
-
-    Notes
-    -----
-    From the leaves up: a region is taken apart where the best segmentation of its parts beats it
-    by the rule.
     """
+    # From the leaves up: a region is taken apart where the best segmentation of its parts beats it
+    # by the rule.
     if not node.parts or node.compactness > rule.compactness:
         return [node]
     parts = [leaf for part in node.parts for leaf in selected(part, rule)]

@@ -55,14 +55,11 @@ class Lattice:
         spacing : (float, float, float) of mm, z y x
         density : (Z, Y, X) ndarray of float, optional
             Finite inside the mask. Faces across a step of it conduct less.
-
-        Notes
-        -----
-        The density weight is 1 / (1 + (g / s)^2), at least 0.01, with g the step across the face
-        and s three times its median plus 5 % of the median density. An exponential of a fixed beta
-        collapses to cuts around single noisy voxels: the scale follows the noise, the
-        tail is long, and the floor keeps the system well conditioned.
         """
+        # The density weight is 1 / (1 + (g / s)^2), at least 0.01, with g the step across the face
+        # and s three times its median plus 5 % of the median density. An exponential of a fixed
+        # beta collapses to cuts around single noisy voxels: the scale follows the noise, the tail
+        # is long, and the floor keeps the system well conditioned.
         where = np.flatnonzero(mask)
         index = np.full([n + 1 for n in mask.shape], -1, np.int32)
         index[:-1, :-1, :-1][mask] = np.arange(len(where), dtype=np.int32)
@@ -104,12 +101,9 @@ class Lattice:
             Of the residual, relative to the first.
         most : int
             Iterations at most.
-
-        Notes
-        -----
-        Conjugate gradients, preconditioned by the diagonal, whose iterations grow with the
-        lattice's diameter: about N^(4/3) work. Meant for tens of thousands of nodes.
         """
+        # Conjugate gradients, preconditioned by the diagonal, whose iterations grow with the
+        # lattice's diameter: about N^(4/3) work. Meant for tens of thousands of nodes.
         held = np.zeros(len(self.where), np.bool_)
         held[fixed] = True
         start = np.zeros(len(self.where))

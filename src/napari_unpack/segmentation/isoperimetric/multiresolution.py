@@ -95,12 +95,9 @@ def carried_back(
         Distance to the outside, mm: borders settle where it is small.
     edges : (Z, Y, X) ndarray of float32, optional
         In [0, 1]: borders settle where it is large, rather than by depth.
-
-    Notes
-    -----
-    A band of one block on both sides of every border is forgotten and flooded again at full
-    resolution.
     """
+    # A band of one block on both sides of every border is forgotten and flooded again at full
+    # resolution.
     full = sides
     if factor > 1:
         for axis in range(3):

@@ -44,16 +44,13 @@ def join_touching(
         Parts that touch over a smaller share of the lesser surface are not merged.
     progress : callable, optional
         Called with (fraction, text) before every merge; raising in it cancels.
-
-    Notes
-    -----
-    `grow_cut_tree` turned round: two of the five pieces of a suitcase are no better an object than
-    one, so that a rule which asks a gain of every merge would leave all five apart. The pair with
-    the largest gain is merged first, also where that loses up to 0.1, its neighbours are rated
-    anew, and from the tree of merges `selected` then takes those unions of higher confidence than
-    the best of what they are made of. This undoes premature cuts, and merges shell and content
-    of a container where the oracle prefers it.
     """
+    # `grow_cut_tree` turned round: two of the five pieces of a suitcase are no better an object
+    # than one, so that a rule which asks a gain of every merge would leave all five apart. The
+    # pair with the largest gain is merged first, also where that loses up to 0.1, its neighbours
+    # are rated anew, and from the tree of merges `selected` then takes those unions of higher
+    # confidence than the best of what they are made of. This undoes premature cuts, and merges
+    # shell and content of a container where the oracle prefers it.
     boxes = label_boxes(labels)
     inner = touching_area_matrix(labels, spacing)
     surface = inner.sum(axis=1)

@@ -51,14 +51,12 @@ def cut_between(
     ------
     ValueError
         If a voxel is not in the mask, both are the same, or the shapes differ.
-
-    Notes
-    -----
-    The potential between both voxels (0 at a, 1 at b, harmonic elsewhere: the random walker's)
-    is swept for the smallest isoperimetric ratio, which puts the cut at a neck, at a density step,
-    or half-way where there is neither. Shapes above 40,000 voxels are solved in blocks and the cut
-    is settled at full resolution. Where a and b do not hang together, the part is b's component.
     """
+    # The potential between both voxels (0 at a, 1 at b, harmonic elsewhere: the random walker's)
+    # is swept for the smallest isoperimetric ratio, which puts the cut at a neck, at a density
+    # step, or half-way where there is neither. Shapes above 40,000 voxels are solved in blocks and
+    # the cut is settled at full resolution. Where a and b do not hang together, the part is b's
+    # component.
     shape, size = np.asarray(mask, np.bool_), checked_spacing(spacing)
     one, two = _checked(shape, "a", a), _checked(shape, "b", b)
     if one == two:

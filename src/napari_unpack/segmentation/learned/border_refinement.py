@@ -145,16 +145,13 @@ def sharpen_borders(
         Voxels that a border moves at most.
     smoothing : int
         Rounds after these that smooth it.
-
-    Notes
-    -----
-    A voxel between two objects goes with the one that has most votes: by how near its density (not
-    its logarithm: a blurred border lies half-way) is to the mean of the object's voxels around it,
-    those inside it counting most; by the affinities across its faces; and by how many faces it
-    shares. Where both sides are of one density only the last two count. In the end its 26
-    neighbours vote as well, but not before: they would hold back a flat border that has still to
-    move. About 343 reads a voxel of border and round.
     """
+    # A voxel between two objects goes with the one that has most votes: by how near its density
+    # (not its logarithm: a blurred border lies half-way) is to the mean of the object's voxels
+    # around it, those inside it counting most; by the affinities across its faces; and by how many
+    # faces it shares. Where both sides are of one density only the last two count. In the end its
+    # 26 neighbours vote as well, but not before: they would hold back a flat border that has still
+    # to move. About 343 reads a voxel of border and round.
     values = np.nan_to_num(density.astype(np.float32), nan=air) - np.float32(air)
     flat = labels.reshape(-1)
     counts = np.bincount(flat)

@@ -120,12 +120,9 @@ class BoundaryNetwork:
             Called with (fraction, text) before every tile; raising cancels.
         tile : int
             Cells along an axis at most.
-
-        Notes
-        -----
-        About 15 kMAC and 7 bytes of result a voxel; a tile takes about 1 kB a cell. Tiles see 16
-        voxels beyond their edges.
         """
+        # About 15 kMAC and 7 bytes of result a voxel; a tile takes about 1 kB a cell. Tiles see 16
+        # voxels beyond their edges.
         # An odd last slice shares its cells with air.
         cells = tuple((n + 1) // 2 for n in density.shape)
         foreground = np.zeros(density.shape, np.uint8)

@@ -52,12 +52,9 @@ def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[n
         See `boundary_network.Prediction`.
     mask : (z, y, x) ndarray of bool
         Cells of foreground.
-
-    Notes
-    -----
-    A watershed of the mean affinity of a cell with those one, three and six cells away along the
-    axes, turned round: lowest in the middle of an object, highest at its end.
     """
+    # A watershed of the mean affinity of a cell with those one, three and six cells away along the
+    # axes, turned round: lowest in the middle of an object, highest at its end.
     height = _looseness(far, mask, np.array(REACHES))
     return flood(regional_minima(height, mask), mask, height)
 

@@ -307,13 +307,9 @@ def _with_missed(
 
 
 def noise_deviation(density: NDArray[np.generic]) -> float:
-    """Return the standard deviation of the noise from one voxel to the next; NaN is left out.
-
-    Notes
-    -----
-    The median of the absolute differences along x over 0.954, which is what it is for white
-    noise of deviation 1; edges are too few to count.
-    """
+    """Return the standard deviation of the noise from one voxel to the next; NaN is left out."""
+    # The median of the absolute differences along x over 0.954, which is what it is for white
+    # noise of deviation 1; edges are too few to count.
     rows = density.reshape(-1, density.shape[2])
     rows = rows[:: max(1, rows.size // 2_000_000)].astype(np.float64)
     steps = np.abs(np.diff(rows, axis=1))

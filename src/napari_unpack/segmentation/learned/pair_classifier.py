@@ -297,12 +297,9 @@ def agglomerate(
     touching : float
         Pairs that touch over a smaller share of the smaller surface are not classified: a corner
         against a corner merges nothing, and most pairs are such.
-
-    Notes
-    -----
-    Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
-    millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
     """
+    # Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
+    # millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
     count = len(parts.sums)
     owner = np.arange(count)
     version = np.zeros(count, np.int64)

@@ -34,13 +34,10 @@ def fill_cavities(
     leaky : bool
         Also where gaps at most two voxels wide lead out of it: walls that are thin for the
         scanner have such.
-
-    Notes
-    -----
-    A cavity is a 6-connected component of background that does not reach the volume's border.
-    The air of a closed bottle leaves with the bottle; the gaps between packed things stay open.
-    A leaky one is a component of the background opened by the 18 neighbours of a voxel.
     """
+    # A cavity is a 6-connected component of background that does not reach the volume's border.
+    # The air of a closed bottle leaves with the bottle; the gaps between packed things stay open.
+    # A leaky one is a component of the background opened by the 18 neighbours of a voxel.
     filled = _given(labels, _closed(labels == 0), spacing)
     if not leaky:
         return filled
@@ -68,12 +65,9 @@ def join_suspended(
     filled : (Z, Y, X) ndarray of int32
         The same with their cavities; see `fill_cavities`. Not changed.
     spacing : (float, float, float) of mm, z y x
-
-    Notes
-    -----
-    What one object surrounds and what touches it nowhere is held by something too thin to be seen:
-    a motor in its housing is one with it.
     """
+    # What one object surrounds and what touches it nowhere is held by something too thin to be
+    # seen: a motor in its housing is one with it.
     before, after = find_neighbours(labels, spacing), find_neighbours(filled, spacing)
     around = after.most_touched()
     owner = np.arange(len(around))

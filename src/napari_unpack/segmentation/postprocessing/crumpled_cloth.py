@@ -38,12 +38,9 @@ def bundle_folds(
     -------
     (Z, Y, X) ndarray of int32
         A bundle has the label of its largest fold; it may be in several pieces, one voxel apart.
-
-    Notes
-    -----
-    Folds of one or two voxels have neither an inside nor a border of their own: their mean
-    density and touching areas say nothing about what belongs together, nearness does.
     """
+    # Folds of one or two voxels have neither an inside nor a border of their own: their mean
+    # density and touching areas say nothing about what belongs together, nearness does.
     top = int(parts.max())
     flat = parts.reshape(-1)
     counts = np.maximum(np.bincount(flat, minlength=top + 1), 1)

@@ -90,14 +90,11 @@ def separate_inclusions(
         mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
         quarter of it.
     rule : InclusionRule, optional
-
-    Notes
-    -----
-    The core of a piece is what stands out against its own host. A piece ends at half the density
-    of its core, and is one if that is a step all round and its host is soft nearby: a battery in
-    the plastic of a radio has plastic around it, the rim of a can has the can, a plug has its
-    cable. A piece that is a wall, such as a metal box, takes in what its convex hull holds.
     """
+    # The core of a piece is what stands out against its own host. A piece ends at half the density
+    # of its core, and is one if that is a step all round and its host is soft nearby: a battery in
+    # the plastic of a radio has plastic around it, the rim of a can has the can, a plug has its
+    # cable. A piece that is a wall, such as a metal box, takes in what its convex hull holds.
     limits, scale = rule or InclusionRule(), scale_of(labels, density)
     if scale is None:
         return labels
