@@ -86,6 +86,7 @@ def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> Se
         How many slots there are; objects take the first that are empty.
     """
     placements = dict(state.placements)
+    # Each takes the first empty slots, those before it counted: going again ends in the same places.
     for removal in plan.removals:
         taken = {placement.slot for placement in placements.values()}
         empty = (k for k in range(slots) if k not in taken)
@@ -97,7 +98,12 @@ def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> Se
 def returning(state: SessionState, wanted: Iterable[int]) -> Group:
     """Return what goes back where some objects are to, the latest to leave first.
 
-    What left as a group returns as one; a hidden member returns with it and stays hidden.
+    Parameters
+    ----------
+    state : SessionState
+    wanted : iterable of int
+        Objects outside. What left as a group returns as one; a hidden member returns with it
+        and stays hidden.
     """
     mates = {mate for i in wanted for mate in state.placements[i].group}
     return tuple(i for i in reversed(state.placements) if i in mates)
@@ -145,6 +151,7 @@ def go_to(state: SessionState, step: int) -> SessionState:
         )
     placements = state.placements
     gone = [{i: placements[i] for i in group if i in placements} for group in done[step:]]
+    # The first taken back stands at the head of the queue, so that `unpack` goes on alike.
     back = _put_back(state, [i for removal in gone for i in removal])
     return replace(back, undone=(*gone, *state.undone), inspected=None)
 

@@ -356,7 +356,13 @@ def _exchanged(facts: pd.DataFrame, gone: pd.DataFrame, come: pd.DataFrame) -> p
 
 
 def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:
-    """Return the objects touched by the edits between two places of the chain."""
+    """Return the objects touched by the edits between two places of the chain.
+
+    Parameters
+    ----------
+    before, after : Edit, optional
+        The places; None is the labels as they were given.
+    """
     back, forth = _way(before, after)
     return frozenset(i for step in (*back, *forth) for i in step.change.touched)
 

@@ -27,8 +27,9 @@ from napari_unpack.unpacking import (
     picture_size,
 )
 
+# Between the removals of two groups of one command, in flight times: they are seen one after
+# another, and several are in the air at once.
 STAGGER = 0.2
-"""Between the departures of two groups of one command, in flight times."""
 
 UNSTRETCHED = np.eye(3)
 
@@ -105,12 +106,26 @@ class Bag:
         return outline(self.labels > 0, (0, 0, 0), self.spacing)
 
     def ball(self, object_id: int, pose: Pose) -> Ball:
-        """Return what the centre of an object that is going to a pose must keep out of."""
+        """Return what the centre of an object that is going to a pose must keep out of.
+
+        Parameters
+        ----------
+        object_id : int
+        pose : Pose
+            Where it is going, in pivot space.
+        """
         half = self.boxes.radius(object_id, self.spacing, pose.stretch)
         return Ball(self.center, self.radius_in(pose.stretch) + half * max(1.0, pose.scale))
 
     def clear_way(self, group: Iterable[int], direction: Vector) -> float:
-        """Return how far a group must go together until every member is clear of the bag, mm."""
+        """Return how far a group must go together until every member is clear of the bag, mm.
+
+        Parameters
+        ----------
+        group : iterable of int
+        direction : (3,) ndarray of float64
+            D, unit vector in world.
+        """
         ways = []
         for object_id in group:
             corners = self.boxes.corners(object_id, self.spacing)
@@ -121,7 +136,11 @@ class Bag:
     def oriented(self, object_id: int, stretch: Matrix = UNSTRETCHED) -> OrientedBox:
         """Return an object's tightest box; a tenth of a second the first time, on any thread.
 
-        Where the bag is stretched it is one of the stretched world.
+        Parameters
+        ----------
+        object_id : int
+        stretch : (3, 3) ndarray of float64
+            How the bag is stretched (`Camera.stretch`); the box is one of the stretched world.
         """
         # A mirrored box lies as it did.
         upright = stretch * np.sign(np.linalg.det(stretch))
@@ -135,6 +154,14 @@ class Bag:
         """Return width and height in mm of an object's picture, held so and stretched so.
 
         Quick enough for every movement of a hand: the object's hull is kept.
+
+        Parameters
+        ----------
+        object_id : int
+        rotation : (3, 3) ndarray of float64
+            How it is held, from (stretched) world axes to pivot axes.
+        stretch : (3, 3) ndarray of float64
+            How the bag is stretched (`Camera.stretch`).
         """
         if object_id not in self._hulls:
             self._hulls[object_id] = hull_vertices(self.points(object_id))

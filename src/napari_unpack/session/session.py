@@ -30,6 +30,7 @@ from napari_unpack.session.ray_queries import RayQueries
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
 from napari_unpack.session.validation import (
+    checked_kind,
     checked_labels,
     checked_volume,
 )
@@ -265,8 +266,7 @@ class Session:
 
     @view.setter
     def view(self, view: View) -> None:
-        if not isinstance(view, View):
-            raise TypeError(f"view must be a View, got {view!r}")
+        checked_kind(view, View, "view")
         camera = view.camera(self.labels.shape, self.spacing, self.camera.stretch)
         self._doc.look(camera, view)
 
@@ -293,10 +293,7 @@ class Session:
 
     @transfer_function.setter
     def transfer_function(self, transfer_function: TransferFunction) -> None:
-        if not isinstance(transfer_function, TransferFunction):
-            raise TypeError(
-                f"transfer_function must be a TransferFunction, got {transfer_function!r}"
-            )
+        checked_kind(transfer_function, TransferFunction, "transfer_function")
         new = replace(self.state, transfer_function=transfer_function)
         self._doc.commit("transfer function", new, merge=True)
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.relabeling import compact_labels
 
+# Kernels and textures see labels of 16 bits.
 MOST_ID = 65535
 
 MOST_PLANES = 8
@@ -42,6 +43,13 @@ def checked_labels(
     labels: ArrayLike, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.uint16], NDArray[np.int64] | None]:
     """Return labels of a volume's shape as C-contiguous uint16.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) array_like of int
+        IDs from 0; those above 65,535 are renumbered.
+    shape : tuple of int
+        The volume's.
 
     Returns
     -------
@@ -77,6 +85,14 @@ def checked_labels(
 def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids") -> list[int]:
     """Return IDs as a list without repeats, in the order given.
 
+    Parameters
+    ----------
+    ids : int or iterable of int
+    known : iterable of int
+        The objects there are.
+    name : str
+        Of the argument, for the message.
+
     Raises
     ------
     TypeError
@@ -93,6 +109,25 @@ def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids
     if strangers:
         raise ValueError(f"{name} must be objects of this session, got {sorted(strangers)}")
     return wanted
+
+
+def checked_kind(value: object, kind: type, name: str) -> None:
+    """Refuse what is not of a kind.
+
+    Parameters
+    ----------
+    value : object
+    kind : type
+    name : str
+        Of the argument, for the message.
+
+    Raises
+    ------
+    TypeError
+        If it is another.
+    """
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a {kind.__name__}, got {value!r}")
 
 
 def checked_count(n: int) -> int:
