@@ -86,7 +86,7 @@ def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> Se
         How many slots there are; objects take the first that are empty.
     """
     placements = dict(state.placements)
-    # Each takes the first empty slots, those before it counted: going again ends in the same places.
+    # First empty slots, those before counted: going again ends in the same places.
     for removal in plan.removals:
         taken = {placement.slot for placement in placements.values()}
         empty = (k for k in range(slots) if k not in taken)
