@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Sequence
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
@@ -15,27 +14,23 @@ from qtpy.QtCore import QCoreApplication, QEventLoop
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
-from napari_unpack.layers.gl_context import ContextWatch, rebuild_layers
-from napari_unpack.layers.packed_layer import PackedLayer, decorate_canvas
+from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.background_queries import BackgroundQueries
 from napari_unpack.viewer.camera_sync import follow_placement, point_camera
 from napari_unpack.viewer.canvas_backend import BACKENDS
-from napari_unpack.viewer.clipping_sync import ClippingSync
+from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
-from napari_unpack.viewer.protocols import Event
-from napari_unpack.viewer.redraw_throttle import RedrawThrottle
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
 from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
-from napari_unpack.viewer.viewer_state import SavedView, SavedViewerState
+from napari_unpack.viewer.viewer_state import SavedViewerState
 
 if TYPE_CHECKING:
     import napari
@@ -98,6 +93,8 @@ class SessionController:
     interaction : Interaction
     scheduler : Scheduler
         Its own, or a scope of the panel's.
+    queries : BackgroundQueries
+    slice_hues : SliceHues
     slice_steps : SliceSteps
         While it is open.
     """
@@ -117,7 +114,6 @@ class SessionController:
         self.events = ControllerEvents()
         self._saved: SavedViewerState | None = None
         self._before = False, "auto"
-        self._view_before_inspection: SavedView | None = None
         box = np.stack([np.zeros(3), np.asarray(session.labels.shape, dtype=float) - 1])
         where = placement_of(self.sources, np.asarray(session.spacing, dtype=np.float64))
         self.packed = PackedLayer("Packed", session.spacing, box, **where)
@@ -137,15 +133,16 @@ class SessionController:
         )
         self.overlays = Overlays(session, self.scheduler, self.transition.repaint)
         self.transition.overlays = self.overlays.quads_at
-        self._queries = BackgroundQueries(
+        self.queries = BackgroundQueries(
             session,
             self.scheduler,
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
         )
         self.interaction = Interaction(self)
-        self._slice_hues = SliceHues(session, ())
-        self._closing: list[Callable[[], None]] = []
+        self.slice_hues = SliceHues(session, ())
+        self.slice_steps: SliceSteps | None = None
+        self._connections = ControllerConnections(self)
 
     @property
     def layers(self) -> tuple[PackedLayer, TransitionLayer, SpriteLayer]:
@@ -156,11 +153,6 @@ class SessionController:
     def is_open(self) -> bool:
         """Whether the session is on the viewer."""
         return self._saved is not None
-
-    @property
-    def shows_contents(self) -> bool:
-        """Whether the session is of an opened container, whose labels slices do not show."""
-        return self.outer_session is not None
 
     @property
     def frame(self) -> Frame | None:
@@ -239,31 +231,28 @@ class SessionController:
         self._before = session.animated, session.backend
         # The session's tasks run in threads, where GL has no context.
         session.animated, session.backend = True, "cpu"
-        self._slice_hues = SliceHues(self.outer_session or session, self.sources)
-        self._slice_hues.paint()
+        self.slice_hues = SliceHues(self.outer_session or session, self.sources)
+        self.slice_hues.paint()
         viewer.dims.ndisplay = 3
         viewer.scene.camera.orientation = RIGHT_HANDED
-        self._on_decorations()
+        self._connections.decorate()
         for layer in self.layers:
             viewer.add_layer(layer)
         viewer.layers.selection.active = self.packed
-        self._connect()
+        self._connections.open()
         self.renderer.open()
         # Only now: the units of napari's world are the finest of all layers'.
         follow_placement(viewer, session, self.packed)
         self.frame_bag()
-        self._on_states()
+        self._connections.follow_states()
 
     def close(self) -> None:
         """Take the session off the viewer and make everything as it was; once is enough."""
         if self._saved is None:
             return
         saved, self._saved = self._saved, None
-        # In reverse: what was put on last goes first.
-        for close in reversed(self._closing):
-            close()
-        self._closing.clear()
-        self._slice_hues.close()
+        self._connections.close()
+        self.slice_hues.close()
         # Its turn is kept: it is a step of the session.
         self.renderer.end_inspection()
         self.renderer.close()
@@ -348,21 +337,9 @@ class SessionController:
         """Come back from inspection; the sprite becomes what was seen last."""
         self.renderer.leave()
 
-    def end_inspection(self) -> None:
-        """End an inspection at once: the view is again what it was before."""
-        self.renderer.end_inspection()
-
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
         return self.renderer.rotation_of(object_id)
-
-    def direction_drawn(self) -> None:
-        """Take note that a direction was drawn."""
-        self.events.direction_drawn.emit()
-
-    def keep_slice(self) -> AbstractContextManager[None]:
-        """Keep the slice meanwhile, whatever is selected."""
-        return self.slice_steps.held()
 
     # Camera and waiting.
 
@@ -421,114 +398,6 @@ class SessionController:
 
     def _settled(self) -> bool:
         # Queries wait until every flight has landed.
-        pending = self._queries.pending and not self.flying
+        pending = self.queries.pending and not self.flying
         drawn = self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)
-
-    # Wiring.
-
-    def _connect(self) -> None:
-        viewer, renderer, scheduler = self.viewer, self.renderer, self.scheduler
-        for signal, slot in self._connections():
-            signal.connect(slot)
-        canvas = compat.native_canvas(viewer)
-        followed = self.outer_session or self.session
-        self.slice_steps = SliceSteps(viewer, followed, self.packed)
-        self.interaction.open()
-        clipping = ClippingSync(self.packed, self.session, self.sources, self._queries.moved)
-        context = ContextWatch(canvas, self._on_context_replaced, scheduler.later)
-        throttle = RedrawThrottle(
-            compat.RedrawHook(canvas),
-            scheduler,
-            self.packed,
-            lambda: renderer.turning,
-            renderer.packed_renderer.set_view,
-        )
-        self._closing = [
-            self.interaction.close,
-            compat.when_window_closes(viewer, self.close),
-            self._disconnect,
-            self.slice_steps.close,
-            clipping.close,
-            context.close,
-            throttle.close,
-        ]
-
-    def _disconnect(self) -> None:
-        for signal, slot in self._connections():
-            signal.disconnect(slot)
-
-    def _connections(self) -> list[tuple[Event, Callable[..., None]]]:
-        events, renderer, queries = self.session.events, self.renderer, self._queries
-        return [
-            (events.labels, renderer.labels_changed),
-            (events.labels, queries.labels_changed),
-            (events.states, self._on_states),
-            (events.hues, self._on_hues),
-            (events.transfer_function, self._on_transfer_function),
-            (events.selected, self.interaction.selection_changed),
-            (events.surroundings, self._on_decorations),
-            (events.queue, self._on_queue),
-            (self.packed.refused, self._on_refused),
-            (self.packed.frame_changed, self._on_frame),
-            (self.transition.frame_changed, self._on_other_frame),
-            (self.sprites.frame_changed, self._on_other_frame),
-            (self.viewer.layers.events.removed, self._on_removed),
-        ]
-
-    def _on_frame(self, frame: Frame) -> None:
-        # Every redraw tells its frame; most show the same view.
-        if not frame.same_as(self.frame):
-            self.session.canvas_size = frame.size
-            self.session.look(frame.camera)
-            self.renderer.set_view(frame)
-            self.overlays.set_view(frame)
-            self._queries.moved()
-
-    def _on_other_frame(self, frame: Frame) -> None:
-        # In a grid of views every layer has its own; the bag's is the one that counts.
-        if not self.packed.visible:
-            self._on_frame(frame)
-
-    def _on_states(self) -> None:
-        self._keep_view_during_inspection()
-        self.renderer.states_changed()
-        self.overlays.states_changed()
-        self._queries.moved()
-
-    def _keep_view_during_inspection(self) -> None:
-        inspecting = ObjectState.INSPECTED in self.session.states.values()
-        camera = self.viewer.scene.camera
-        if inspecting and self._view_before_inspection is None:
-            self._view_before_inspection = SavedView.of(camera)
-        elif not inspecting and self._view_before_inspection is not None:
-            self._view_before_inspection.give_back(camera, perspective=False)
-            self._view_before_inspection = None
-
-    def _on_queue(self) -> None:
-        self.overlays.states_changed()
-        self._queries.queue_changed()
-
-    def _on_hues(self) -> None:
-        self.renderer.hues_changed()
-        self._slice_hues.paint()
-
-    def _on_transfer_function(self) -> None:
-        self.renderer.transfer_function_changed()
-        self.overlays.outlines.redraw()
-
-    def _on_context_replaced(self) -> None:
-        self.renderer.context_replaced()
-        self.events.message.emit(rebuild_layers(self.viewer, self.layers))
-
-    def _on_refused(self, log: str) -> None:
-        self.events.message.emit(f"This graphics driver cannot show images in napari ({log}).")
-
-    def _on_decorations(self) -> None:
-        decorate_canvas(self.viewer, self.session.decorations)
-        self.renderer.decorations_changed()
-
-    def _on_removed(self, event: Any) -> None:
-        # One layer without the others would show half a session.
-        if event.value in self.layers:
-            self.close()

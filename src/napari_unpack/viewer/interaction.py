@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -100,7 +100,7 @@ class Interaction:
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
         target = self._target
-        if target.shows_contents:
+        if target.outer_session is not None:
             return 0
         labels = target.session.labels
         there = np.asarray(position, dtype=np.float64)[-3:]
@@ -189,7 +189,7 @@ class Interaction:
                 z, y, x = (float(v) for v in found)
                 target.session.direction = z, y, x
         target.renderer.transition.repaint()
-        target.direction_drawn()
+        target.events.direction_drawn.emit()
 
     @property
     def _frame(self) -> Frame | None:
@@ -272,7 +272,8 @@ class Interaction:
             moved = moved or _is_far(_pixel(event), start)
             yield
         if not moved:
-            with self._target.keep_slice():
+            steps = self._target.slice_steps
+            with nullcontext() if steps is None else steps.held():
                 self.select(self.in_slice(there))
 
     @contextmanager

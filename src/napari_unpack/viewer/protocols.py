@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -16,8 +15,10 @@ if TYPE_CHECKING:
     from napari_unpack.layers.sprite_layer import SpriteLayer
     from napari_unpack.layers.transition_layer import TransitionLayer
     from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import ControllerEvents
     from napari_unpack.viewer.overlays import Overlays
     from napari_unpack.viewer.scene_renderer import SceneRenderer
+    from napari_unpack.viewer.slice_sync import SliceSteps
 
 # (2,) row and column of the canvas, logical pixels.
 Pixel = NDArray[np.float64]
@@ -68,17 +69,19 @@ class PointerTarget(Protocol):
         """Follows what the mouse is on."""
 
     @property
-    def shows_contents(self) -> bool:
-        """Whether the session is of an opened container, whose labels slices do not show."""
+    def outer_session(self) -> Session | None:
+        """Of an opened container: the session it is from, whose labels slices show."""
 
-    def keep_slice(self) -> AbstractContextManager[None]:
-        """Keep the slice meanwhile, whatever is selected."""
+    @property
+    def slice_steps(self) -> SliceSteps | None:
+        """Moves the slices to what is selected."""
+
+    @property
+    def events(self) -> ControllerEvents:
+        """What the user did that others follow."""
 
     def inspect(self, object_id: int) -> None:
         """Show an object alone."""
 
     def leave(self) -> None:
         """Come back from inspection."""
-
-    def direction_drawn(self) -> None:
-        """Take note that a direction was drawn."""

@@ -113,7 +113,7 @@ class Shortcuts:
         # The order is from what lasts shortest to what lasts longest.
         if controller.interaction.drawing:
             controller.interaction.drawing = False
-            controller.direction_drawn()
+            controller.events.direction_drawn.emit()
         elif self._repair.awaits_clicks:
             self._repair.cancel()
         elif objects_in(controller.session, ObjectState.INSPECTED):

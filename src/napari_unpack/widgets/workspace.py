@@ -185,7 +185,7 @@ class Workspace(QObject):
         session = controller.session
         inner = self._containers.open(session, object_id, controller.rotation_of(object_id))
         # An inspection holds the camera; the view to return to is the one before it.
-        controller.end_inspection()
+        controller.renderer.end_inspection()
         view = SavedView.of(self.viewer.scene.camera)
         # What the user chose for the bag holds for its contents.
         inner.tint_mode = session.tint_mode

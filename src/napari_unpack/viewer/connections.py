@@ -1,0 +1,156 @@
+"""What a controller's parts do when the session, the layers or the canvas change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from napari_unpack.layers import compat
+from napari_unpack.layers.gl_context import ContextWatch, rebuild_layers
+from napari_unpack.layers.packed_layer import decorate_canvas
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.clipping_sync import ClippingSync
+from napari_unpack.viewer.protocols import Event
+from napari_unpack.viewer.redraw_throttle import RedrawThrottle
+from napari_unpack.viewer.slice_sync import SliceSteps
+from napari_unpack.viewer.viewer_state import SavedView
+
+if TYPE_CHECKING:
+    from napari_unpack.viewer.controller import SessionController
+
+
+class ControllerConnections:
+    """Connects events to a controller's parts while its session is open.
+
+    Parameters
+    ----------
+    controller : SessionController
+    """
+
+    def __init__(self, controller: SessionController) -> None:
+        self._controller = controller
+        self._view_before_inspection: SavedView | None = None
+        self._closing: list[Callable[[], None]] = []
+
+    def open(self) -> None:
+        """Connect."""
+        one = self._controller
+        viewer, renderer, scheduler = one.viewer, one.renderer, one.scheduler
+        for signal, slot in self._events():
+            signal.connect(slot)
+        canvas = compat.native_canvas(viewer)
+        followed = one.outer_session or one.session
+        one.slice_steps = steps = SliceSteps(viewer, followed, one.packed)
+        one.interaction.open()
+        clipping = ClippingSync(one.packed, one.session, one.sources, one.queries.moved)
+        context = ContextWatch(canvas, self._replace_context, scheduler.later)
+        throttle = RedrawThrottle(
+            compat.RedrawHook(canvas),
+            scheduler,
+            one.packed,
+            lambda: renderer.turning,
+            renderer.packed_renderer.set_view,
+        )
+        self._closing = [
+            one.interaction.close,
+            compat.when_window_closes(viewer, one.close),
+            self._disconnect,
+            steps.close,
+            clipping.close,
+            context.close,
+            throttle.close,
+        ]
+
+    def close(self) -> None:
+        """Disconnect."""
+        # In reverse: what was put on last goes first.
+        for close in reversed(self._closing):
+            close()
+        self._closing.clear()
+
+    def decorate(self) -> None:
+        """Follow the session's background, box and scale bar."""
+        decorate_canvas(self._controller.viewer, self._controller.session.decorations)
+        self._controller.renderer.decorations_changed()
+
+    def follow_states(self) -> None:
+        """Follow the states of the session's objects."""
+        self._keep_view_during_inspection()
+        self._controller.renderer.states_changed()
+        self._controller.overlays.states_changed()
+        self._controller.queries.moved()
+
+    def _disconnect(self) -> None:
+        for signal, slot in self._events():
+            signal.disconnect(slot)
+
+    def _events(self) -> list[tuple[Event, Callable[..., None]]]:
+        one = self._controller
+        events = one.session.events
+        return [
+            (events.labels, one.renderer.labels_changed),
+            (events.labels, one.queries.labels_changed),
+            (events.states, self.follow_states),
+            (events.hues, self._follow_hues),
+            (events.transfer_function, self._follow_transfer_function),
+            (events.selected, one.interaction.selection_changed),
+            (events.surroundings, self.decorate),
+            (events.queue, self._follow_queue),
+            (one.packed.refused, self._tell_refusal),
+            (one.packed.frame_changed, self._follow_frame),
+            (one.transition.frame_changed, self._follow_other_frame),
+            (one.sprites.frame_changed, self._follow_other_frame),
+            (one.viewer.layers.events.removed, self._follow_removal),
+        ]
+
+    def _follow_frame(self, frame: Frame) -> None:
+        one = self._controller
+        # Every redraw tells its frame; most show the same view.
+        if not frame.same_as(one.frame):
+            one.session.canvas_size = frame.size
+            one.session.look(frame.camera)
+            one.renderer.set_view(frame)
+            one.overlays.set_view(frame)
+            one.queries.moved()
+
+    def _follow_other_frame(self, frame: Frame) -> None:
+        # In a grid of views every layer has its own; the bag's is the one that counts.
+        if not self._controller.packed.visible:
+            self._follow_frame(frame)
+
+    def _keep_view_during_inspection(self) -> None:
+        one = self._controller
+        inspecting = ObjectState.INSPECTED in one.session.states.values()
+        camera = one.viewer.scene.camera
+        if inspecting and self._view_before_inspection is None:
+            self._view_before_inspection = SavedView.of(camera)
+        elif not inspecting and self._view_before_inspection is not None:
+            self._view_before_inspection.give_back(camera, perspective=False)
+            self._view_before_inspection = None
+
+    def _follow_queue(self) -> None:
+        self._controller.overlays.states_changed()
+        self._controller.queries.queue_changed()
+
+    def _follow_hues(self) -> None:
+        self._controller.renderer.hues_changed()
+        self._controller.slice_hues.paint()
+
+    def _follow_transfer_function(self) -> None:
+        self._controller.renderer.transfer_function_changed()
+        self._controller.overlays.outlines.redraw()
+
+    def _replace_context(self) -> None:
+        one = self._controller
+        one.renderer.context_replaced()
+        one.events.message.emit(rebuild_layers(one.viewer, one.layers))
+
+    def _tell_refusal(self, log: str) -> None:
+        words = f"This graphics driver cannot show images in napari ({log})."
+        self._controller.events.message.emit(words)
+
+    def _follow_removal(self, event: Any) -> None:
+        # One layer without the others would show half a session.
+        if event.value in self._controller.layers:
+            self._controller.close()
