@@ -207,8 +207,8 @@ def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     towards = np.linalg.inv(pose.rotation @ pose.stretch) @ [5.0, 0.0, 0.0]
     from napari_unpack.viewer.interaction import drag_rotation
 
-    controller.renderer.turn(left, drag_rotation(np.array([0.0, 30.0])))
-    controller.renderer.turned(left)
+    controller.renderer.held.turn(left, drag_rotation(np.array([0.0, 30.0])))
+    controller.renderer.held.turned(left)
     pose = session.poses[left]
     # What faced the viewer has followed the mouse to the right.
     assert (pose.rotation @ pose.stretch @ towards)[2] > 0.5

@@ -156,13 +156,13 @@ def test_sent_home_while_a_hand_holds_it_it_flies_and_is_seen_once(paced, sessio
     (one,) = controller.unpack(1)
     tell(1.1 * LONG)
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    controller.renderer.turn(one, quarter)
+    controller.renderer.held.turn(one, quarter)
     controller.restore(1)
     tell(0.5 * LONG)
     shown = controller.renderer.animator.moving(session.clock(), controller.frame)
     np.testing.assert_allclose(shown[one].pose.center, place(controller, one), atol=1e-6)
     tell(0.6 * LONG)
-    controller.renderer.turned(one)
+    controller.renderer.held.turned(one)
     assert controller.settle(30)
     assert session.states[one] is IN
     assert set(seen(controller).values()) == {1}

@@ -66,11 +66,11 @@ def test_what_is_cut_away_cannot_be_picked(staged, session) -> None:
     controller = staged[1]
     camera, size = controller.frame.camera, controller.frame.size
     row, col = camera.project(session.boxes.center(1, session.spacing)[None], size)[0]
-    before = controller.renderer.packed_at(row, col)
+    before = controller.renderer.picker.packed_at(row, col)
     assert 1 in before
     # Ball 1 lies at x < 22, and all of that goes.
     session.clipping = [[[0, 0, 23], [0, 0, 1]]]
-    assert 1 not in controller.renderer.packed_at(row, col)
+    assert 1 not in controller.renderer.picker.packed_at(row, col)
 
 
 def test_the_users_own_planes_are_taken_over(make_napari_viewer_proxy, bag, session) -> None:

@@ -113,7 +113,7 @@ def test_alt_clicks_at_one_place_step_through_all_objects_there(
     assert controller.settle(30)
     widget = native(viewer)
     rows = [packed_point(controller, session, i) for i in session.ids]
-    there = {(p.x(), p.y()): controller.renderer.packed_at(p.y(), p.x()) for p in rows}
+    there = {(p.x(), p.y()): controller.renderer.picker.packed_at(p.y(), p.x()) for p in rows}
     (x, y), wanted = max(there.items(), key=lambda item: len(item[1]))
     assert len(wanted) >= 3
     # Clicks in a row are to be clicks.

@@ -52,8 +52,8 @@ def test_nothing_is_cast_for_mouse_sprites_or_other_layers(staged, qtbot) -> Non
     controller.packed.visible = True
     sprite = next(iter(controller.sprites.sprites))
     controller.interaction.point_at(sprite)
-    controller.renderer.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
-    controller.renderer.turned(sprite)
+    controller.renderer.held.turn(sprite, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))
+    controller.renderer.held.turned(sprite)
     assert settled_passes(controller) == passes
 
 
@@ -153,8 +153,8 @@ def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
     height = controller.transition.images[out].patch.rgba.shape[0]
     assert height > 0.35 * min(controller.frame.size)
     quarter = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])
-    controller.renderer.turn(out, quarter)
-    controller.renderer.turned(out)
+    controller.renderer.held.turn(out, quarter)
+    controller.renderer.held.turned(out)
     controller.leave()
     qtbot.waitUntil(lambda: session.states[out] is ObjectState.UNPACKED, timeout=10000)
     np.testing.assert_allclose(session.poses[out].rotation, quarter @ before, atol=1e-9)

@@ -62,7 +62,7 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     workspace, commands = panel.workspace, panel.commands
     hue = mine.colormap.map(np.array([1, 2]))
     at_rest(workspace.controller, qtbot)
-    workspace.controller.renderer.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
+    workspace.controller.renderer.held.turn(1, rotation_about((0.2, 1.0, 0.5), 0.8))
     held = workspace.controller.rotation_of(1).copy()
     press(qtbot, panel.unpack.inspection.open)
     assert workspace.is_inside

@@ -102,7 +102,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
 
     # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
-    depth = controller.renderer.depth
+    depth = controller.renderer.picker.depth
     qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
     panel.unpack.draw.setChecked(True)
     height, width = viewer.canvas.size

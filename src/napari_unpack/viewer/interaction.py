@@ -91,11 +91,11 @@ class Interaction:
 
     def sprite_at(self, pixel: Pixel) -> int:
         """Return the object whose sprite is at a pixel, 0 for none."""
-        return self._target.renderer.sprite_at(*self.frame_pixel(pixel))
+        return self._target.renderer.picker.sprite_at(*self.frame_pixel(pixel))
 
     def packed_at(self, pixel: Pixel) -> list[int]:
         """Return the packed objects at a pixel, the most visible first."""
-        return self._target.renderer.packed_at(*self.frame_pixel(pixel))
+        return self._target.renderer.picker.packed_at(*self.frame_pixel(pixel))
 
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
@@ -150,7 +150,7 @@ class Interaction:
         """
         frame = self._frame
         scale = 1.0 if frame is None else frame.size[0] / self._target.viewer.canvas.size[0]
-        self._target.renderer.move(object_id, scale * pixels)
+        self._target.renderer.held.move(object_id, scale * pixels)
 
     def show_arrow(self, start: Pixel, end: Pixel) -> None:
         """Show an arrow under the hand.
@@ -184,7 +184,7 @@ class Interaction:
             if along_normal:
                 row, col = (round(v) for v in pixels[0])
                 mm = frame.camera.height / frame.size[0]
-                found = surface_normal(target.renderer.depth(), row, col, mm, frame.camera)
+                found = surface_normal(target.renderer.picker.depth(), row, col, mm, frame.camera)
             if found is not None:
                 z, y, x = (float(v) for v in found)
                 target.session.direction = z, y, x
@@ -316,10 +316,10 @@ class _Turn:
     held: int
 
     def drag(self, last: Pixel, pixel: Pixel) -> None:
-        self.target.renderer.turn(self.held, drag_rotation(pixel - last))
+        self.target.renderer.held.turn(self.held, drag_rotation(pixel - last))
 
     def release(self) -> None:
-        self.target.renderer.turned(self.held)
+        self.target.renderer.held.turned(self.held)
 
 
 @dataclass
@@ -332,7 +332,7 @@ class _Carry:
         self.interaction.move(self.held, pixel - last)
 
     def release(self) -> None:
-        self.target.renderer.moved(self.held)
+        self.target.renderer.held.moved(self.held)
 
 
 class _Pencil:

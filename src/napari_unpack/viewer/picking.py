@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.cpu import by_contribution, contributions
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
+
+if TYPE_CHECKING:
+    from napari_unpack.viewer.scene_renderer import SceneRenderer
 
 # Contribution to a pixel below which an object cannot be seen there.
 LEAST_ALPHA = 0.02
@@ -58,3 +67,64 @@ def pick_packed(
         scene.clipping,
     )
     return [label for label, share in by_contribution(shares) if label > 0 and share > LEAST_ALPHA]
+
+
+class ScenePicker:
+    """Says what pixels of the frame show.
+
+    Parameters
+    ----------
+    renderer : SceneRenderer
+    """
+
+    def __init__(self, renderer: SceneRenderer) -> None:
+        self._renderer = renderer
+
+    def depth(self) -> NDArray[np.float32]:
+        """Return the depths of the packed image, (H, W) t in mm; +inf where none is known."""
+        shape = (1, 1) if self._renderer.frame is None else self._renderer.frame.size
+        depth = np.full(shape, np.inf, np.float32)
+        image = self._renderer.packed.image
+        if isinstance(image, RenderedImage) and image.size == shape:
+            patch = image.patch
+            low = max(patch.row, 0), max(patch.col, 0)
+            part = patch.depth[low[0] - patch.row :, low[1] - patch.col :]
+            view = depth[low[0] :, low[1] :][: part.shape[0], : part.shape[1]]
+            view[:] = part[: view.shape[0], : view.shape[1]]
+        return depth
+
+    def sprite_at(self, row: float, col: float) -> int:
+        """Return the object whose sprite is at a pixel, 0 for none.
+
+        Parameters
+        ----------
+        row, col : float
+            Of the frame.
+        """
+        if self._renderer.frame is None or not self._renderer.sprites.visible:
+            return 0
+        return self._renderer.sprites.at_pixel(
+            row, col, self._renderer.frame.size, self._renderer.frame.camera
+        )
+
+    def packed_at(self, row: float, col: float) -> list[int]:
+        """Return the packed objects at a pixel, the most visible first.
+
+        Parameters
+        ----------
+        row, col : float
+            Of the frame.
+        """
+        frame = self._renderer.frame
+        if frame is None or not self._renderer.packed.visible:
+            return []
+        if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
+            return []
+        found = pick_packed(
+            self._renderer.session.scene(),
+            self._renderer.packed_renderer.known_subvolume(),
+            frame,
+            row,
+            col,
+        )
+        return [i for i in found if i in self._renderer.session.states]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.layers.packed_layer import Backdrop, PackedLayer
@@ -15,15 +14,14 @@ from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import Animator, Glides
 from napari_unpack.viewer.canvas_backend import CanvasBackend
+from napari_unpack.viewer.held_objects import HeldObjects
 from napari_unpack.viewer.layer_tables import set_table
 from napari_unpack.viewer.packed_renderer import PackedRenderer
-from napari_unpack.viewer.picking import pick_packed
-from napari_unpack.viewer.scheduler import Scheduler, Worker
+from napari_unpack.viewer.picking import ScenePicker
+from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.viewer.sprite_renderer import SpriteRenderer
 from napari_unpack.viewer.transition_renderer import TransitionRenderer
 from napari_unpack.viewer.volume_upload import VolumeUpload
@@ -86,6 +84,9 @@ class SceneRenderer:
     canvas_backend : CanvasBackend
     animator : Animator
         What moves.
+    held : HeldObjects
+        Objects under the hand.
+    picker : ScenePicker
     flight_animation : Animation
         Ticks while anything moves.
     """
@@ -109,10 +110,12 @@ class SceneRenderer:
         self._scheduler, self._failed = scheduler, failed
         self.canvas_backend = canvas = CanvasBackend(session, self._gl_failed, failed)
         self.packed_renderer = bag = PackedRenderer(session, scheduler, packed, canvas)
-        self._upload = VolumeUpload(canvas, scheduler, packed, self._backend_changed, bag.refine)
+        self._upload = VolumeUpload(canvas, scheduler, packed, self._backend_changed, bag)
         self.transition_renderer = TransitionRenderer(session, scheduler, self._show_moving, canvas)
         self.sprite_renderer = SpriteRenderer(session, scheduler, sprites.show)
-        self.glides = Glides(scheduler, self._show_sprites, lambda: bag.fade.allowed)
+        self.held = HeldObjects(self)
+        self.picker = ScenePicker(self)
+        self.glides = Glides(scheduler, self.show_sprites, lambda: bag.fade.allowed)
         self.animator = Animator(session, self.sprite_renderer.has, lambda _: bag.settled)
         # Asked anew each time: a film exchanges the session's clock for one it steps itself.
         self.flight_animation = scheduler.animate(self._tick, lambda: session.clock())
@@ -158,7 +161,7 @@ class SceneRenderer:
 
     def open(self) -> None:
         """Make ready in a worker what the first images need."""
-        self._supply_with(self._supply)
+        self._upload.make_ready(self.session.scene())
 
     def cast_with(self, backend: str) -> None:
         """Choose what casts, "auto", "cpu" or "gl"."""
@@ -174,8 +177,8 @@ class SceneRenderer:
         self.frame = frame
         self._backend_changed(before)
         self.packed_renderer.set_view(frame)
-        self._draw_moving()
-        self._show_sprites()
+        self.draw_moving()
+        self.show_sprites()
 
     def context_replaced(self) -> None:
         """Show everything anew in a context that holds nothing of ours."""
@@ -192,9 +195,9 @@ class SceneRenderer:
         packed = frozenset(i for i, s in self.session.states.items() if s is ObjectState.PACKED)
         changed, self._packed_ids = packed ^ self._packed_ids, packed
         # What flies first: it answers the click.
-        self._draw_moving()
+        self.draw_moving()
         self.packed_renderer.recast_objects(changed)
-        self._show_sprites()
+        self.show_sprites()
         self._set_tables()
         if self.animator.active(self.flight_animation.now()):
             self.flight_animation.start()
@@ -204,20 +207,20 @@ class SceneRenderer:
         self._packed_ids = frozenset(
             i for i, s in self.session.states.items() if s is ObjectState.PACKED
         )
-        self._supply_with(self._supply_new)
+        self._upload.make_ready(self.session.scene(), relabelled=True)
         self._set_tables()
 
     def hues_changed(self) -> None:
         """Follow the session's hues."""
         self.packed_renderer.refine()
-        self._show_sprites()
+        self.show_sprites()
         self._set_tables()
 
     def transfer_function_changed(self) -> None:
         """Follow the session's transfer function."""
         self.packed_renderer.recast()
         self.sprite_renderer.appearance_changed()
-        self._show_sprites()
+        self.show_sprites()
 
     def decorations_changed(self) -> None:
         """Follow the session's background and box."""
@@ -259,29 +262,9 @@ class SceneRenderer:
         if np.array_equal(one.rotation, pose.rotation):
             # An object that was only looked at has not been moved: nothing to undo.
             self.animator.landed(one.object_id, pose)
-            self._show_sprites()
+            self.show_sprites()
         else:
-            self._hold(one.object_id, one.rotation)
-
-    def turn(self, object_id: int, rotation: Matrix) -> None:
-        """Turn an object under the hand.
-
-        Parameters
-        ----------
-        object_id : int
-        rotation : (3, 3) ndarray of float64
-            Of pivot space.
-        """
-        self.animator.turn(object_id, rotation)
-        self._show_sprites()
-        self._draw_moving()
-
-    def turned(self, object_id: int) -> None:
-        """Let go of an object that was turned."""
-        pose = self.animator.turning.pop(object_id, None)
-        if pose is not None and object_id in self.session.poses:
-            self._hold(object_id, pose.rotation)
-        self.flight_animation.start()
+            self.hold(one.object_id, one.rotation)
 
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
@@ -291,76 +274,6 @@ class SceneRenderer:
         pose = self.session.poses.get(object_id)
         camera: Matrix = self.session.camera.rotation
         return camera if pose is None else pose.rotation
-
-    def move(self, object_id: int, pixels: NDArray[np.float64]) -> None:
-        """Carry a sprite by some pixels of the frame; its image stays.
-
-        Parameters
-        ----------
-        object_id : int
-        pixels : (2,) ndarray of float64
-            Rows down and columns to the right.
-        """
-        pose = self.animator.carried.get(object_id) or self.session.poses.get(object_id)
-        if self.frame is None or pose is None:
-            return
-        camera = self.frame.camera
-        mm = camera.height / self.frame.size[0] * (1.0 - pose.center[0] / camera.distance)
-        # Never out of the window: there is nothing to take hold of there.
-        rows, cols = self.frame.size
-        edge = mm * np.array([0.0, rows, cols]) / 2
-        center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)
-        self.animator.carried[object_id] = replace(pose, center=center)
-        self._show_sprites()
-
-    def moved(self, object_id: int) -> None:
-        """Let go of a sprite that was carried."""
-        pose = self.animator.carried.pop(object_id, None)
-        if pose is not None and object_id in self.session.poses:
-            self.session.place(object_id, pose)
-
-    def depth(self) -> NDArray[np.float32]:
-        """Return the depths of the packed image, (H, W) t in mm; +inf where none is known."""
-        shape = (1, 1) if self.frame is None else self.frame.size
-        depth = np.full(shape, np.inf, np.float32)
-        image = self.packed.image
-        if isinstance(image, RenderedImage) and image.size == shape:
-            patch = image.patch
-            low = max(patch.row, 0), max(patch.col, 0)
-            part = patch.depth[low[0] - patch.row :, low[1] - patch.col :]
-            view = depth[low[0] :, low[1] :][: part.shape[0], : part.shape[1]]
-            view[:] = part[: view.shape[0], : view.shape[1]]
-        return depth
-
-    def sprite_at(self, row: float, col: float) -> int:
-        """Return the object whose sprite is at a pixel, 0 for none.
-
-        Parameters
-        ----------
-        row, col : float
-            Of the frame.
-        """
-        if self.frame is None or not self.sprites.visible:
-            return 0
-        return self.sprites.at_pixel(row, col, self.frame.size, self.frame.camera)
-
-    def packed_at(self, row: float, col: float) -> list[int]:
-        """Return the packed objects at a pixel, the most visible first.
-
-        Parameters
-        ----------
-        row, col : float
-            Of the frame.
-        """
-        frame = self.frame
-        if frame is None or not self.packed.visible:
-            return []
-        if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
-            return []
-        found = pick_packed(
-            self.session.scene(), self.packed_renderer.known_subvolume(), frame, row, col
-        )
-        return [i for i in found if i in self.session.states]
 
     def close(self) -> None:
         """Show nothing new."""
@@ -381,13 +294,24 @@ class SceneRenderer:
         self.animator.inspection = None
         if wanted:
             self.animator.begin_inspection(wanted, self.frame, self.flight_animation.now())
-        self._dim(DIMMED if wanted else 1.0)
+        dimming = DIMMED if wanted else 1.0
+        self.packed.dim(dimming)
+        self.sprites.dim(dimming)
+        self.show_sprites()
         self.flight_animation.start()
 
-    def _hold(self, object_id: int, rotation: Matrix) -> None:
+    def hold(self, object_id: int, rotation: Matrix) -> None:
+        """Give an object the turn it has in the transition layer.
+
+        Parameters
+        ----------
+        object_id : int
+        rotation : (3, 3) ndarray of float64
+            From world axes to pivot axes.
+        """
         self.animator.landed(object_id, self.session.pose_turned(object_id, rotation))
         self.session.turn(object_id, rotation)
-        self._show_sprites()
+        self.show_sprites()
 
     def _tick(self, now: float) -> None:
         for object_id in self.animator.arrivals(now):
@@ -397,55 +321,36 @@ class SceneRenderer:
             self.end_inspection()
         active = self.animator.active(now)
         if not self.transition_renderer.busy:
-            self._draw_moving()
+            self.draw_moving()
         if not active:
             self.flight_animation.stop()
-            self._draw_moving()
+            self.draw_moving()
 
-    def _draw_moving(self) -> None:
+    def draw_moving(self) -> None:
+        """Ask for an image of what moves as it is now."""
         if self.frame is not None:
             moving = self.animator.moving(self.flight_animation.now(), self.frame)
             # An image still being cast must not appear once nothing moves any more.
             if moving or self.transition.images or self.transition_renderer.busy:
                 self.transition_renderer.cast(moving, self.frame)
 
-    def _supply_with(self, done: Callable[[Subvolume], None]) -> None:
-        """Make the volume ready in a worker: growing the labels takes up to a second."""
-        scene = self.session.scene()
-        task = Task("volume", lambda _: self.packed_renderer.subvolume(scene))
-        self._scheduler.submit(task, Worker.REFINE, done)
-
-    def _supply(self, subvolume: Subvolume) -> None:
-        before = self.canvas_backend.active
-        self.canvas_backend.supply(subvolume)
-        self._backend_changed(before)
-        self._upload.resume()
-
-    def _supply_new(self, subvolume: Subvolume) -> None:
-        self._supply(subvolume)
-        self._upload.refine_when_sent()
-
     def _backend_changed(self, before: bool) -> None:
         if self.canvas_backend.active != before:
             self.packed_renderer.backend_changed()
-            self._draw_moving()
+            self.draw_moving()
 
     def _gl_failed(self, words: str) -> None:
         # The canvas is being drawn: what follows waits until it is done.
-        self._scheduler.soon(self._without_gl)
+        self._scheduler.soon(lambda: self._backend_changed(True))
         self._failed(words)
-
-    def _without_gl(self) -> None:
-        if self.frame is not None:
-            self.packed_renderer.backend_changed()
-            self._draw_moving()
 
     def _show_moving(self, images: Mapping[int, RenderedImage | CanvasImage]) -> None:
         self.transition.show(images)
-        self._show_sprites()
+        self.show_sprites()
         self._drawn()
 
-    def _show_sprites(self) -> None:
+    def show_sprites(self) -> None:
+        """Show the sprites where they are now, and ask for those that are missing."""
         frame, session = self.frame, self.session
         if frame is None:
             return
@@ -469,11 +374,6 @@ class SceneRenderer:
         set_table(self.packed, session, self._packed_ids)
         set_table(self.transition, session, session.flights)
         set_table(self.sprites, session, session.poses)
-
-    def _dim(self, factor: float) -> None:
-        self.packed.dim(factor)
-        self.sprites.dim(factor)
-        self._show_sprites()
 
 
 def backdrop_of(session: Session) -> Backdrop:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from napari_unpack.layers.packed_layer import PackedLayer, do_nothing
+from napari_unpack.rendering.scene import Scene
+from napari_unpack.rendering.subvolumes import Subvolume
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.canvas_backend import CanvasBackend
-from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.viewer.packed_renderer import PackedRenderer
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 
 
 class VolumeUpload:
@@ -21,8 +25,8 @@ class VolumeUpload:
         A piece is sent whenever it is drawn.
     backend_changed : callable
         Given, after a piece, whether the canvas cast before it.
-    refine : callable
-        Called once all labels that were repaired are there.
+    packed_renderer : PackedRenderer
+        Makes volumes ready, and refines its image once all repaired labels are there.
     """
 
     def __init__(
@@ -31,10 +35,10 @@ class VolumeUpload:
         scheduler: Scheduler,
         packed: PackedLayer,
         backend_changed: Callable[[bool], None],
-        refine: Callable[[], None],
+        packed_renderer: PackedRenderer,
     ) -> None:
         self._canvas_backend, self._scheduler, self._packed = canvas_backend, scheduler, packed
-        self._backend_changed, self._refine = backend_changed, refine
+        self._backend_changed, self._packed_renderer = backend_changed, packed_renderer
         self._sending = self._relabelled = self._closed = False
         packed.on_draw = self._send
 
@@ -48,11 +52,29 @@ class VolumeUpload:
         if self._canvas_backend.waiting:
             self._packed.repaint()
 
-    def refine_when_sent(self) -> None:
-        """Have the image refined once everything is there; at once if nothing waits."""
-        self._relabelled = self._canvas_backend.waiting and self._canvas_backend.active
-        if not self._relabelled:
-            self._refine()
+    def make_ready(self, scene: Scene, relabelled: bool = False) -> None:
+        """Make a volume ready in a worker, and send it.
+
+        Parameters
+        ----------
+        scene : Scene
+        relabelled : bool, optional
+            Refine the image once all labels are there; at once if nothing waits.
+        """
+
+        def supply(subvolume: Subvolume) -> None:
+            before = self._canvas_backend.active
+            self._canvas_backend.supply(subvolume)
+            self._backend_changed(before)
+            self.resume()
+            if relabelled:
+                self._relabelled = self._canvas_backend.waiting and self._canvas_backend.active
+                if not self._relabelled:
+                    self._packed_renderer.refine()
+
+        # Growing the labels into fringes takes up to a second.
+        task = Task("volume", lambda _: self._packed_renderer.subvolume(scene))
+        self._scheduler.submit(task, Worker.REFINE, supply)
 
     def close(self) -> None:
         """Send nothing more."""
@@ -74,4 +96,4 @@ class VolumeUpload:
         self.resume()
         if self._relabelled and not self._canvas_backend.waiting:
             self._relabelled = False
-            self._refine()
+            self._packed_renderer.refine()
