@@ -42,11 +42,11 @@ KNOWN = frozenset(
 # Limits of issue 13, with what was found when they were first counted. Lower them as the code
 # gets there; never raise one.
 LINES = 53500
-LARGE_CLASSES = 4
+LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 1.1
 UNTYPED = 6
 PRIVATE_READS = 22
-TIMER_MODULES = 12
+TIMER_MODULES = 1
 WITHOUT_PARAMETERS = 170
 WITHOUT_RAISES = 24
 

@@ -95,30 +95,31 @@ class SpriteRenderer:
             Of the view, in pivot space.
         """
         self._wanted, self._shown = dict(poses), shown
-        voxel = float(np.min(self._session.spacing))
+        # One scene for all: this runs at every frame while anything moves.
+        scene, voxel = self._session.scene(), float(np.min(self._session.spacing))
         for object_id in list(self._made):
             if object_id not in poses:
                 del self._made[object_id]
         for object_id, pose in poses.items():
             sharpness = resolution(pixels_per_mm, PIXELS_PER_VOXEL / (voxel * pose.scale))
-            key = self._key(object_id, pose, sharpness)
+            key = self._key(scene, object_id, pose, sharpness)
             have = self._made.get(object_id)
             # In pivot space an image stays right wherever it is put.
             if have is not None and not np.array_equal(have[1].pose.center, pose.center):
                 self._made[object_id] = have = (have[0], have[1].moved(pose))
             if (have is None or have[0] != key) and self._asked.get(object_id) != key:
                 self._asked[object_id] = key
-                self._ask(object_id, pose, sharpness, key)
+                self._ask(scene, object_id, pose, sharpness, key)
         self._publish()
 
-    def _key(self, object_id: int, pose: Pose, sharpness: float) -> Hashable:
-        scene = self._session.scene()
+    def _key(self, scene: Scene, object_id: int, pose: Pose, sharpness: float) -> Hashable:
         tint, style = scene.tint_alone(object_id).tobytes(), scene.style(object_id)
         held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
         return *held, tint, sharpness, style, self._revision
 
-    def _ask(self, object_id: int, pose: Pose, sharpness: float, key: Hashable) -> None:
-        scene = self._session.scene()
+    def _ask(
+        self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Hashable
+    ) -> None:
         # Sprites are cast once, in worker threads, which have no GL context: on the CPU.
         self._scheduler.submit(
             Task(("sprite", object_id), lambda _: self._cast(scene, object_id, pose, sharpness)),
