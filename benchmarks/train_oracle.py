@@ -2,7 +2,7 @@
 
 Run `python benchmarks/train_oracle.py
 src/napari_unpack/segmentation/weights/oracle.npz` to make the
-shipped file, to the bit for one state of the code, and `python benchmarks/train_oracle.py --judge`
+shipped file, to the bit for one state of the code, and `python benchmarks/train_oracle.py --test`
 to test it on bags it has not seen. Seeds 200 to 280 are for training; no test and no row of the
 tables uses them.
 
@@ -126,7 +126,7 @@ def calibration(scores: NDArray[np.float64], right: NDArray[np.bool_], bins: int
     return float(error)
 
 
-def classifier(oracle: Oracle, seeds: range) -> dict[str, float]:
+def quality(oracle: Oracle, seeds: range) -> dict[str, float]:
     """Return AUROC and calibration on true and false objects, and Spearman of score and IoU."""
     from scipy.stats import spearmanr
 
@@ -161,14 +161,14 @@ def main() -> None:
     parser.add_argument("path", nargs="?", help="where to write the oracle")
     parser.add_argument("--bags", type=int, default=BAGS)
     parser.add_argument("--solids", type=int, default=SOLIDS)
-    parser.add_argument("--judge", action="store_true", help="test on unseen bags")
+    parser.add_argument("--test", action="store_true", help="test on unseen bags")
     options = parser.parse_args()
     oracle = default_oracle() if options.path is None else None
     if options.path:
         oracle = fitted(examples(options.bags, options.solids))
         oracle.save(options.path)
-    if options.classifier and oracle is not None:
-        for name, value in classifier(oracle, UNSEEN).items():
+    if options.test and oracle is not None:
+        for name, value in quality(oracle, UNSEEN).items():
             print(f"{name:<20}{value:.3f}")
 
 

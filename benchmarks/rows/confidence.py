@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
-from benchmarks.train_oracle import UNSEEN, classifier
+from benchmarks.train_oracle import UNSEEN, quality
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 
 GOAL = 0.95
@@ -12,7 +12,7 @@ GOAL = 0.95
 
 def measure(scenes: Scenes) -> list[Row]:
     seeds = UNSEEN[: 1 if scenes.quick else len(UNSEEN)]
-    found = classifier(default_oracle(), seeds)
+    found = quality(default_oracle(), seeds)
     return [
         Row(
             "confidence",
