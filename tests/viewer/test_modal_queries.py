@@ -55,7 +55,7 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     controller.recolor_at_rest = False
     assert controller.settle(60)
     said, asked, whole = [], [], queries.find_occlusion
-    controller.events.looking.connect(lambda looking: said.append((looking, news.text())))
+    controller.events.searching.connect(lambda searching: said.append((searching, news.text())))
 
     def found(*arguments):
         asked.append(list(said))
@@ -66,5 +66,5 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     controller.unpack(1)
     # Coming to rest may ask the same meanwhile.
     assert asked[0] == [(True, "Looking for unpackable objects…")]
-    assert [looking for looking, _ in said] == [True, False]
+    assert [searching for searching, _ in said] == [True, False]
     panel.end()
