@@ -85,13 +85,13 @@ def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeyp
     assert controller.settle(60)
     uploads = controller.statistics.uploads
     seen = []
-    tints = canvas_backend.CanvasBackend._packed_tints
+    tints = canvas_backend.CanvasBackend.packed_tints
 
     def watched(self):
         seen.append(tints(self)[7, :3].copy())
         return tints(self)
 
-    monkeypatch.setattr(canvas_backend.CanvasBackend, "_packed_tints", watched)
+    monkeypatch.setattr(canvas_backend.CanvasBackend, "packed_tints", watched)
     session.apply_hues({7: (session.hues[7] + 0.3) % 1}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)

@@ -93,7 +93,7 @@ def test_every_key_acts_whatever_picture_layer_is_active(desk: Desk, name: str) 
 
 def test_reveal_by_its_key_asks_what_frees_the_selected_object(desk: Desk) -> None:
     found: list[Any] = []
-    desk.panel.ways.found.connect(found.append)
+    desk.panel.planner.found.connect(found.append)
     desk.session.select([2])
     desk.press(Qt.Key.Key_R)
     desk.qtbot.waitUntil(lambda: bool(found), timeout=10000)

@@ -195,7 +195,7 @@ class CanvasBackend:
         """
         shape = np.asarray(self._session.labels.shape)
         ends = np.zeros(3), shape - 1.0
-        tints = self._packed_tints
+        tints = self.packed_tints
         return self._image("packed", ends, None, camera, size, step, tints, done, self._clipping)
 
     def moving(
@@ -245,7 +245,8 @@ class CanvasBackend:
         planes: NDArray[np.float64] = self._session.clipping
         return planes
 
-    def _packed_tints(self) -> NDArray[np.float32]:
+    def packed_tints(self) -> NDArray[np.float32]:
+        """Return the tints by ID of what is packed, hues on their way among them."""
         tints: NDArray[np.float32] = self._session.packed_tints()
         shown = {i: hue for i, hue in self.hues_on_the_way.items() if tints[i].any()}
         if shown:
