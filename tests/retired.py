@@ -4,12 +4,18 @@ JSON keys of saved sessions, docs/decisions and docs/profiles.md are history and
 """
 
 NAMES = """
-Berth Blocking Borrowed COMPASS CacheBook Card CardsVisual Contents Crop Depicted Director
-Disclosure FineCrop FlightPainter Glimpse Glimpses Ledger LiveShot Outcome Outlook Pacing
-PackedLabels PackedPainter Painter Patch Projector Question Sending Situation SpritePainter Studio
-Survey Tally Unearthing Warming WayOut Workbench Workpiece best_way_out cast_crop director
-least_unearthing object_patch packed_patch projector repair_question right_of_way skirt
-sprite_patch take_apart take_in take_off
+BOOK Berth Blocking Borrowed COMPASS CacheBook Card CardsVisual Casters Contents Crop Depicted
+Director Disclosure FineCrop FlightPainter Glimpse Glimpses Jobs Ledger LiveShot Outcome Outlook
+Pacing PackedLabels PackedPainter Painter Patch PlainStage Pointer Projector Question Sending
+SessionCore SessionCriteria SessionDirections SessionGlimpses SessionInquiry SessionLeaving
+SessionRepair SessionSight SessionSteps SessionTints Situation SpritePainter Studio Study
+Surroundings Survey Tally Unearthing Warming WayOut Workbench Workpiece accept_answer
+accept_glimpse accept_hues accept_labels accept_repair accept_reveal accept_survey answer_along
+best_way_out cast_crop default_affinity delete_question director free_groups free_ids free_watch
+glimpse_question hue_question join_parts judge_by labels_question least_blocked least_unearthing
+mark_good merge_question object_patch occlusion_question packed_patch paint_question projector
+refine_by_oracle repair_question reveal_question right_of_way shape_cuts skirt split_question
+sprite_patch survey_question take_apart take_in take_off unearthing way_out written_whole
 """
 """Classes and functions."""
 
@@ -39,11 +45,11 @@ tree_candidates vectors view_record voting waiting walking warming ways wires wo
 TEXTS = (
     "Unearth",
     "Good objects",
+    "on the stage",
     "All free",
     "Outline what is free",
-    "Mark good",
-    "Nothing is free",
-    "on the stage",
-    "marked good",
+    "who blocks them not",
+    "When the network's word is taken",
+    "nobody is free",
 )
 """Phrases that the user saw."""

@@ -1,4 +1,4 @@
-"""What the three layers together take on the graphics card, counted by our ledger."""
+"""What the three layers together take on the graphics card, counted by our memory counter."""
 
 from __future__ import annotations
 

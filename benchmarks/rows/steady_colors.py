@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from napari_unpack.session.sight import DISTANCE, LAYERS, SessionSight
 
 from benchmarks.row import Row
 from benchmarks.scenes import Scenes
@@ -14,6 +13,8 @@ from napari_unpack.appearance import assign_hues, color_classes, hue_distance, i
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cast_ids
+from napari_unpack.session.colors import DISTANCE, LAYERS
+from napari_unpack.session.state import ViewState
 
 GOAL = ">= 5x fewer recoloured, no pair closer than stated"
 STEP = 10
@@ -23,7 +24,7 @@ SIZE = (480, 640)
 def measure(scenes: Scenes) -> list[Row]:
     bag = _bag(scenes)
     graphs = [_graph(bag, angle) for angle in range(0, 361, STEP)]
-    margin = SessionSight.hue_margin
+    margin = ViewState.hue_margin
     kept, fresh = [assign_hues(graphs[0], margin=margin)], [assign_hues(graphs[0], margin=margin)]
     known = dict(kept[0])
     for graph in graphs[1:]:
