@@ -98,7 +98,13 @@ def write_npz(path: Path, scan: Scan) -> None:
 
 
 def read_npy(path: Path) -> NDArray[Any]:
-    """Read a bare array; raise `ValueError` if the file is broken."""
+    """Read a bare array.
+
+    Raises
+    ------
+    ValueError
+        If the file is broken.
+    """
     try:
         array: NDArray[Any] = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

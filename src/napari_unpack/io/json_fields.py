@@ -51,7 +51,15 @@ class Fields:
             yield Fields(item, f"{self._where}.{name}[{k}]")
 
     def text(self, name: str, among: tuple[str, ...] = ()) -> str:
-        """Return a text, one of some where these are given."""
+        """Return a text, one of some where these are given.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        among : tuple of str
+            What it may be; any text where empty.
+        """
         value = self[name]
         if not isinstance(value, str) or (among and value not in among):
             self._refuse(name, f"one of {', '.join(among)}" if among else "text", value)
@@ -65,7 +73,15 @@ class Fields:
         return bool(value)
 
     def integer(self, name: str, least: int = 0) -> int:
-        """Return a whole number."""
+        """Return a whole number.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        least : int
+            What it is at least.
+        """
         value = self[name]
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             self._refuse(name, f"a whole number from {least}", value)
@@ -91,7 +107,15 @@ class Fields:
         return rotation
 
     def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        """Return finite numbers in a shape."""
+        """Return finite numbers in a shape.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        shape : tuple of int
+            Of the array.
+        """
         value = self[name]
         try:
             found = np.array(value, dtype=np.float64)
@@ -104,7 +128,15 @@ class Fields:
         return found
 
     def ids(self, name: str, known: frozenset[int] | None = None) -> tuple[int, ...]:
-        """Return object IDs, each once; known ones, unless `known` is None."""
+        """Return object IDs, each once.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        known : frozenset of int, optional
+            IDs of the objects in the labels; None for any.
+        """
         values = self.items(name)
         whole = all(isinstance(i, int) and not isinstance(i, bool) and i > 0 for i in values)
         ours = whole and (known is None or known.issuperset(values))
@@ -113,7 +145,15 @@ class Fields:
         return tuple(values)
 
     def groups(self, name: str, known: frozenset[int]) -> tuple[tuple[int, ...], ...]:
-        """Return lists of known object IDs, no ID twice in all of them."""
+        """Return lists of known object IDs, no ID twice in all of them.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        known : frozenset of int
+            IDs of the objects in the labels.
+        """
         lists = self.items(name)
         flat = [i for group in lists for i in (group if isinstance(group, list) else [group])]
         Fields({name: flat}, self._where).ids(name, known)
@@ -122,7 +162,15 @@ class Fields:
         return tuple(tuple(group) for group in lists)
 
     def by_id(self, name: str, known: frozenset[int]) -> dict[int, Any]:
-        """Return an object whose keys are known object IDs."""
+        """Return an object whose keys are known object IDs.
+
+        Parameters
+        ----------
+        name : str
+            The field.
+        known : frozenset of int
+            IDs of the objects in the labels.
+        """
         found = {}
         for key, value in self.part(name)._data.items():
             if not (key.isascii() and key.isdigit() and int(key) in known):

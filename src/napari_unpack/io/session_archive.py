@@ -56,7 +56,20 @@ class ArrayFacts:
         return cls(array.shape, array.dtype.str, digest.hexdigest())
 
     def check(self, array: NDArray[Any], name: str) -> None:
-        """Raise `ValueError` unless an array is this one."""
+        """Check that an array is this one.
+
+        Parameters
+        ----------
+        array : (Z, Y, X) ndarray
+            What is there now.
+        name : str
+            Of it, for messages.
+
+        Raises
+        ------
+        ValueError
+            If its shape, type or content is another.
+        """
         if array.shape != self.shape or array.dtype.str != self.dtype:
             raise ValueError(
                 f"{name} must be {self.shape} of {self.dtype}, as it was when the session was "
@@ -222,7 +235,13 @@ def is_zip(path: Path) -> bool:
 
 @contextmanager
 def opened_for_writing(path: Path) -> Iterator[Sink]:
-    """Give a place for a session that replaces `path` once it is whole, and only then."""
+    """Give a place for a session that replaces `path` once it is whole, and only then.
+
+    Raises
+    ------
+    ValueError
+        If something that is no session is there.
+    """
     if is_zip(path):
         with (
             written_atomically(path) as temporary,
@@ -241,7 +260,13 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
 
 @contextmanager
 def opened_for_reading(path: Path) -> Iterator[Source]:
-    """Give the members of the session at `path`."""
+    """Give the members of the session at `path`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no session.
+    """
     if not path.exists():
         raise FileNotFoundError(f"no such session: {path}")
     if path.is_dir():

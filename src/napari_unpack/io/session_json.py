@@ -159,6 +159,13 @@ def styles_record(styles: Mapping[int, ObjectStyle]) -> dict[str, Any]:
 def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
     """Make what `styles_record` was made of; nothing where older files say nothing of it.
 
+    Parameters
+    ----------
+    fields : Fields
+        The record.
+    known : frozenset of int
+        IDs of the objects in the labels.
+
     Raises
     ------
     ValueError
