@@ -36,7 +36,13 @@ class ResultCache:
         key = next((known for known in reversed(tuple(kind)) if covers(known, wanted)), None)
         return None if key is None else kind.get(key)
 
-    def keep(self, key: Hashable, result: Any, most: int = MOST_RESULTS) -> None:
+    def keep(
+        self,
+        key: K,
+        result: Any,
+        most: int = MOST_RESULTS,
+        replaces: Callable[[Any, K], bool] = eq,
+    ) -> None:
         """Keep a result.
 
         Parameters
@@ -45,10 +51,14 @@ class ResultCache:
         result : object
         most : int
             How many results of this kind.
+        replaces : callable
+            Given a known key and this one, tells whether this result takes its place.
         """
         with self._lock:
             kind = self._kinds.setdefault(type(key), {})
-            kind.pop(key, None)
+            for known in tuple(kind):
+                if replaces(known, key):
+                    del kind[known]
             kind[key] = result
             for oldest in tuple(kind)[:-most]:
                 del kind[oldest]

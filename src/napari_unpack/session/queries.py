@@ -17,7 +17,7 @@ from napari_unpack.appearance import assign_hues
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
-from napari_unpack.session.cache import MOST_RESULTS, ResultCache
+from napari_unpack.session.cache import ResultCache
 from napari_unpack.session.colors import HuesKey, Identity, VisibilityKey
 from napari_unpack.session.commands import Removal, RemovalPlan
 from napari_unpack.session.directions import (
@@ -124,12 +124,23 @@ class Queries:
             return False
         learnt = result.learnt if isinstance(result, RevealResult) else ()
         for key, found in (*learnt, (task.key, result)):
-            # Labels are large arrays: those of one step are enough.
-            self._cache.keep(key, found, 1 if isinstance(key, LabelsKey) else MOST_RESULTS)
+            self._keep(key, found)
         serves = self._serves(task.key)
         if serves and isinstance(task.key, OcclusionKey):
             self._stored()
         return serves
+
+    def _keep(self, key: Hashable, found: object) -> None:
+        match key:
+            case OcclusionKey():
+                # The fewer are packed, the more of the result is swept and not left to rays, so
+                # the latest is the finer one, also after some of it have come back.
+                self._cache.keep(key, found, replaces=OcclusionKey.same_question)
+            case LabelsKey():
+                # Labels are large arrays: those of one step are enough.
+                self._cache.keep(key, found, most=1)
+            case _:
+                self._cache.keep(key, found)
 
     def _serves(self, key: Hashable) -> bool:
         match key:
@@ -181,7 +192,7 @@ class Queries:
         known = self._cache.find(key, OcclusionKey.equals if afresh else OcclusionKey.covers)
         if known is None:
             known = self._find_occlusion()(key)
-            self._cache.keep(key, known)
+            self._keep(key, known)
         return known  # type: ignore[no-any-return]
 
     def occlusion_task(self) -> Task[OcclusionResult] | None:
