@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+# Only typer and names here: commands import what they need, so that `--help` comes at once.
 from napari_unpack.cli_options import (
     Backend,
     Box,
@@ -29,8 +30,10 @@ app = typer.Typer(
     name="napari-unpack",
     help="See into packed things: segment a CT volume, tell every object apart, and unpack it.",
     no_args_is_help=True,
+    # Completion would write into the user's shell files.
     add_completion=False,
     rich_markup_mode="rich",
+    # A traceback is for a bug report: plain, without local variables and with no colours.
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
@@ -85,6 +88,7 @@ def _simulate(
     from napari_unpack.io import Scan, save_objects_csv, save_scan
     from napari_unpack.io.volumes import WRITABLE
 
+    # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
     bag = simulate_bag(
         seed=seed,
@@ -95,6 +99,7 @@ def _simulate(
         fidelity=fidelity,
     )
     z, y, x = (float(v) for v in bag.spacing)
+    # Names go into the file, so that the viewer and `table` show what things are.
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
     for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels, "bag", names), output):
         typer.echo(f"wrote {path}")
@@ -157,6 +162,7 @@ def _train(
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
     ticker = Ticker()
+    # One bag in memory at a time: a generator, as there may be hundreds.
     oracle = train((load_volume(path) for path in bags), seed, lambda _, text: ticker(0.0, text))
     oracle.save(output)
     typer.echo(f"wrote {output}")
@@ -181,6 +187,7 @@ def _score(
     from napari_unpack.io import load_labels
     from napari_unpack.io.scoring import score_report
 
+    # Voxels of the truth count: found labels often come without a voxel size.
     (true, spacing), (seen, _) = load_labels(truth), load_labels(found)
     typer.echo(score_report(true, seen, spacing, table, by, boundary))
 
@@ -199,6 +206,7 @@ def _order(
 
     session = open_input(source, labels, direction, view, backend)
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
+    # A saved session may be unpacked in part: its own steps come first, and count.
     gone = session.steps[: session.step]
     left = max(count - sum(map(len, gone)), 0)
     more = unpack_in_order(session, left or None) if left or not count else ()
@@ -238,6 +246,7 @@ def _render(
     session = open_input(source, labels, direction, view, backend)
     if decorated is not None:
         session.decorations = decorated
+    # A saved session shows what its user saw; a plain volume is framed to show all slots.
     camera = session.camera if holds_session(source) else frame_bag(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
@@ -277,6 +286,7 @@ def _movie(
     from napari_unpack.io import movie
     from napari_unpack.io.movies import checked_movie_path
 
+    # Any suffix passes the second check, as a folder of images has none; the first knows movies.
     check_output(checked_movie_path(output), ("",))
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
@@ -342,6 +352,7 @@ def _bench(context: typer.Context) -> None:
     root = Path(__file__).parents[2]
     if not (root / "benchmarks" / "__main__.py").exists():
         raise ValueError("benchmarks are not installed with the package; run this in a checkout")
+    # Benchmarks stand in a checkout and are not part of the package.
     sys.path.insert(0, str(root))
     from benchmarks.__main__ import main as measure
 
@@ -351,4 +362,5 @@ def _bench(context: typer.Context) -> None:
 def _smallest_dtype(labels: Any) -> Any:
     import numpy as np
 
+    # TIFF takes no labels wider than uint16, and every format holds these.
     return labels.astype(np.uint16) if labels.max() < 65536 else labels

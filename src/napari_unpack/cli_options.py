@@ -54,9 +54,11 @@ class Ticker:
 
     def __call__(self, fraction: float, text: str) -> None:
         """Report how far the work is."""
+        # A line every 5 %: a log file shall stay readable.
         now = (text.split(":")[0], int(fraction * 20))
         if now != self._last:
             self._last = now
+            # On stderr, so that tables and orders can be piped.
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
@@ -85,6 +87,7 @@ def open_input(
     ValueError
         If labels are given beside a saved session.
     """
+    # Imported late: these load numba, which takes longer than `--help` should.
     from napari_unpack.io import load_labels, load_volume, open_session
     from napari_unpack.io.headless import open_scan
     from napari_unpack.io.session_archive import holds_session
@@ -93,6 +96,7 @@ def open_input(
         if labels is not None:
             raise ValueError("a session has labels of its own: leave --labels out")
         session = open_session(source, progress=Ticker())
+        # A session saved while an object was inspected: commands work on the bag.
         session.leave()
         session.backend = backend
         if view is not None:
@@ -125,6 +129,7 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
     """
     if not path.name.lower().endswith(suffixes):
         raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
+    # A bare name has the empty parent, which only the absolute path turns into the folder.
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(f"no such folder: {path.parent}")
 
@@ -137,6 +142,7 @@ def direction_of(text: str | None) -> str | tuple[float, float, float] | None:
     ValueError
         If it is neither a name nor three numbers.
     """
+    # Names are checked by the session, which knows them all.
     if text is None or "," not in text:
         return text
     try:

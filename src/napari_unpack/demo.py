@@ -74,6 +74,7 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
     output.mkdir(parents=True, exist_ok=True)
     controller, clock = _controller(panel), SteppedClock()
     controller.session.clock = clock
+    # Half a second of the packed bag, before anything moves.
     frames: list[Image] = [canvas_image(viewer, controller)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
     await_unpackable(panel)
@@ -85,6 +86,7 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
         images = list(_flight(viewer, panel, clock))
         left = sorted(set(controller.session.poses) - before)
         size = int(controller.session.objects.loc[left, "voxels"].sum())
+        # The largest object in mid-flight shows best what the plugin does.
         if size > largest:
             largest = size
             iio.imwrite(output / "flight.png", images[len(images) // 2 - 1])
@@ -94,6 +96,7 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
     progress(0.0, "Inspecting")
     shown = max(controller.session.poses, key=lambda i: controller.session.objects.loc[i, "voxels"])
     panel.commands.inspect(shown)
+    # Longer than any animation: the image shall show its end.
     clock.time += 10.0
     iio.imwrite(output / "inspect.png", canvas_image(viewer, controller))
     panel.commands.leave()
@@ -112,6 +115,7 @@ def _flight(viewer: napari.Viewer, panel: UnpackingWidget, clock: SteppedClock) 
     frames = round(FPS * FLIGHT_SECONDS)
     start = clock.time
     for k in range(1, frames + 1):
+        # A hair beyond, or the last frame could miss the landing by rounding.
         clock.time = start + FLIGHT_SECONDS * k / frames + 1e-6
         yield canvas_image(viewer, controller)
 
@@ -177,6 +181,7 @@ class Steps:
             self._end_line()
             self._text, self._drawn = text, -1
         filled = round(24 * min(max(fraction, 0.0), 1.0))
+        # A log file gets one line a step: a bar would fill it with control characters.
         if filled != self._drawn and sys.stdout.isatty():
             bar = "#" * filled + "." * (24 - filled)
             print(f"\r  [{bar}] {text:<48.48}", end="", flush=True)
@@ -284,11 +289,13 @@ def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> Unpacki
         viewer.add_labels(scan.labels, name=f"{scan.name} labels", visible=False, **placed)
     viewer.add_image(scan.volume, name=scan.name, colormap="gray", **placed)
     _, panel = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
+    # Chosen before the button is pressed: the newest Labels layer need not be this one.
     if scan.labels is not None:
         panel.segment.labels_input.choose(viewer.layers[f"{scan.name} labels"])
     QApplication.processEvents()
     panel.segment.progress.progressed.connect(_named(progress, "Segmenting"))
     panel.segment.start.click()
+    # The button works on a thread; its events must be handled for it to finish.
     while panel.segment.progress.running:
         QApplication.processEvents()
         time.sleep(0.005)

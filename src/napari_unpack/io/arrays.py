@@ -35,10 +35,12 @@ def read_npz(path: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spac
         If the file is broken or holds neither key.
     """
     try:
+        # Never pickles: opening a file from others must run nothing.
         with np.load(path, allow_pickle=False) as archive:
             arrays = {
                 key: archive[key] for key in ("volume", "labels", "spacing") if key in archive
             }
+            # For the message alone: who wrote `image` for `volume` sees it at once.
             keys = list(archive)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
         raise ValueError(f"{path} is not a readable .npz archive: {error}") from error
@@ -68,6 +70,7 @@ def read_names(path: Path) -> dict[int, str] | None:
     """
     with np.load(path, allow_pickle=False) as archive:
         names = archive["names"] if "names" in archive else np.zeros(0)
+    # Other arrays called `names` are none of ours, and no reason to refuse the volume.
     if names.dtype.kind != "U" or names.ndim != 1:
         return None
     return {i: str(name) for i, name in enumerate(names) if i and name}

@@ -55,8 +55,12 @@ def written_atomically(path: str | Path) -> Iterator[Path]:
         raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
     # In the same folder, so that the replacement is one rename on one file system.
     handle, name = tempfile.mkstemp(
-        dir=target.parent, prefix=".", suffix="".join(target.suffixes[-2:]) or ".part"
+        # The last two suffixes: writers choose the format by `.nii.gz`, not by `.gz`.
+        dir=target.parent,
+        prefix=".",
+        suffix="".join(target.suffixes[-2:]) or ".part",
     )
+    # Writers open it by name, and Windows lets no two have it open.
     os.close(handle)
     temporary = Path(name)
     try:
@@ -96,12 +100,14 @@ def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool])
         raise ValueError(f"{target} is there and holds something else: choose another name")
     if not target.absolute().parent.is_dir():
         raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
+    # Hidden and beside it: one rename on one file system, and no half folder in sight.
     temporary = Path(tempfile.mkdtemp(dir=target.absolute().parent, prefix=f".{target.name}-"))
     try:
         yield temporary
         temporary.chmod(0o777 & ~_mask())
         _replace_folder(temporary, target)
     finally:
+        # After the rename there is nothing left to remove, which is no error.
         shutil.rmtree(temporary, ignore_errors=True)
 
 
@@ -120,6 +126,7 @@ def _replace_folder(new: Path, path: Path) -> None:
 
 
 def _mask() -> int:
+    # The mask can only be read by setting it; it is put back at once.
     mask = os.umask(0)
     os.umask(mask)
     return mask

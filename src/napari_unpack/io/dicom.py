@@ -49,6 +49,7 @@ def read_dicom(path: Path) -> tuple[NDArray[Any], Spacing]:
     if path.is_dir():
         headers = _series(pydicom, sorted(p for p in path.rglob("*") if p.is_file()), path)
     else:
+        # Forced: some DICOS files have no preamble, and this one was named by the user.
         alone = _header(pydicom, path, force=True)
         if alone is None or "Rows" not in alone:
             raise ValueError(f"{path} is not a readable DICOM or DICOS image")
@@ -77,11 +78,13 @@ def _series(
 ) -> list[tuple[Path, Any]]:
     found: dict[Any, list[tuple[Path, Any]]] = {}
     for file in files:
+        # Not forced: a folder also holds text files and thumbnails.
         header = _header(pydicom, file)
         if header is not None and "Rows" in header:
             found.setdefault(header.get("SeriesInstanceUID"), []).append((file, header))
     if not found:
         raise ValueError(f"{source} holds no DICOM images")
+    # The user named a file: its series is meant, even if another has more slices.
     if wanted in found:
         return found[wanted]
     if len(found) > 1:
@@ -98,12 +101,14 @@ def _slices(
 ) -> tuple[NDArray[Any], Spacing]:
     if len(headers) < 2:
         raise ValueError(f"{source} must hold a series of slices, got a single slice")
+    # Scouts are often stored with a series and have another size.
     shapes = {(int(h.Rows), int(h.Columns)) for _, h in headers}
     if len(shapes) > 1:
         raise ValueError(f"the slices of {source} must have one size, got {sorted(shapes)}")
     heights = _heights([h for _, h in headers])
     order = np.argsort(heights, kind="stable")[::-1]
     gaps = -np.diff(heights[order])
+    # The median: one missing slice may not stretch all others.
     gap = float(np.median(gaps))
     first = headers[0][1]
     if gap <= 0 or "ImagePositionPatient" not in first:
@@ -115,6 +120,7 @@ def _slices(
             f"{gap:.3g} mm is taken for all, so lengths along z may be off",
             stacklevel=4,
         )
+    # Every slice by its own slope: scanners may change it from slice to slice.
     planes = [_pixels(pydicom, headers[i][0]) for i in order]
     rows, cols = (float(v) for v in first.get("PixelSpacing") or (1.0, 1.0))
     volume = checked_volume_array(np.stack(planes), source)
@@ -142,8 +148,10 @@ def _pixels(pydicom: Any, path: Path) -> NDArray[Any]:
 def _density(raw: NDArray[Any], data: Any) -> NDArray[Any]:
     slope, intercept = _rescale(data)
     if data.get("Modality") == "CT":
+        # In float32, which holds the 16 bits of CT exactly, at half the memory of float64.
         number = np.rint(raw * np.float32(slope) + np.float32(intercept + 1000))
         return np.clip(number, 0, HIGHEST).astype(np.uint16)
+    # Nothing to do: labels and images of other kinds keep their whole numbers.
     if (slope, intercept) == (1.0, 0.0):
         return raw
     return raw.astype(np.float32) * np.float32(slope) + np.float32(intercept)
@@ -152,6 +160,7 @@ def _density(raw: NDArray[Any], data: Any) -> NDArray[Any]:
 def _rescale(data: Any) -> tuple[float, float]:
     source = data
     shared = data.get("SharedFunctionalGroupsSequence")
+    # Enhanced CT keeps it in the groups that all frames share.
     if "RescaleSlope" not in data and shared and "PixelValueTransformationSequence" in shared[0]:
         source = shared[0].PixelValueTransformationSequence[0]
     return float(source.get("RescaleSlope", 1.0)), float(source.get("RescaleIntercept", 0.0))
@@ -167,6 +176,7 @@ def _multi_frame(pydicom: Any, path: Path) -> tuple[NDArray[Any], Spacing]:
     gap = measures.get("SpacingBetweenSlices") or measures.get("SliceThickness") or 1.0
     volume = checked_volume_array(_pixels(pydicom, path), path)
     heights = _frame_heights(data)
+    # Frames without positions stay in the order of the file: there is nothing better to go by.
     if len(heights) == len(volume) and len(volume) > 1:
         order = np.argsort(heights, kind="stable")[::-1]
         volume = np.ascontiguousarray(volume[order])
@@ -181,6 +191,7 @@ def _frame_heights(data: Any) -> NDArray[np.float64]:
     for frame in frames:
         turn = frame if "PlaneOrientationSequence" in frame else shared
         if "PlanePositionSequence" not in frame or "PlaneOrientationSequence" not in turn:
+            # One frame without a place, and no order can be told for any.
             return np.zeros(0)
         along = turn.PlaneOrientationSequence[0].ImageOrientationPatient
         normal = np.cross([float(v) for v in along[:3]], [float(v) for v in along[3:]])

@@ -47,6 +47,7 @@ def open_scan(
     ValueError
         If the scan cannot be segmented, or an argument is not as above.
     """
+    # Imported late: they load numba and the network, which labels in the file make needless.
     from napari_unpack.segmentation import segment
     from napari_unpack.session import Session
 
@@ -55,11 +56,13 @@ def open_scan(
         found = segment(scan.volume, scan.spacing, progress=progress)
         labels, objects = found.labels, found.objects
     session = Session(scan.volume, labels, scan.spacing, objects)
+    # Before the view: colours are chosen from rays, which the backend casts.
     session.backend = backend
     z, y, x = (float(v) for v in view)
     session.view = View((z, y, x))
     if direction is not None:
         session.direction = direction
+    # Once the view is set: hues follow which objects overlap in it.
     session.recolor()
     return session
 
@@ -88,6 +91,7 @@ def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
     Camera
         The session's camera from now on.
     """
+    # The size first: slots, and so the overview, follow the shape of the image.
     session.canvas_size = size
     camera = session.overview()
     session.look(camera)
@@ -114,8 +118,10 @@ def copy_session(session: Session, packed: bool = True) -> Session:
 
     now, view, data = session.state, session.view_state, session.label_data
     if packed:
+        # What was hidden stays out of the movie; the rest goes back into the bag.
         hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
         now = SessionState(now.transfer_function, now.hues, hidden=hidden, direction=now.direction)
+        # Names of now; no trace of edits, as the copy has nothing to undo.
         data = replace(data, facts=session.objects, edit=None, previous=None)
         view = ViewState(
             view.view,
@@ -127,9 +133,17 @@ def copy_session(session: Session, packed: bool = True) -> Session:
             up=view.up,
             recolored=True,
         )
+    # A movie shall end with the bag empty: interlocked objects may not stop it.
     rules = replace(session.rules, take_least_occluded=True) if packed else session.rules
     other = Session.of_parts(
-        session.volume, session.spacing, data, inspect(now, None), view, rules, session.ray_queries
+        # Arrays and ray queries are shared: a copy costs no memory, and its rays are ready.
+        session.volume,
+        session.spacing,
+        data,
+        inspect(now, None),
+        view,
+        rules,
+        session.ray_queries,
     )
     other.seconds = other.seconds if packed else session.seconds
     other.backend = session.backend
@@ -191,6 +205,7 @@ def unpack_in_order(session: Session, count: int | None = None) -> Iterator[tupl
     gone = 0
     while packed_count(session) and (count is None or gone < count):
         left = tuple(session.unpack(1))
+        # Nothing more can leave: without this the loop would never end.
         if not left:
             return
         gone += len(left)

@@ -35,7 +35,11 @@ def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
     if picture.shape[2] == 4:
         alpha = picture[..., 3:]
         color = np.divide(
-            picture[..., :3], alpha, where=alpha > 0, out=np.zeros_like(picture[..., :3])
+            # Divided only where something is: 0 / 0 would warn, and leave NaN in the file.
+            picture[..., :3],
+            alpha,
+            where=alpha > 0,
+            out=np.zeros_like(picture[..., :3]),
         )
         picture = np.concatenate([color, alpha], axis=2)
     return np.rint(np.clip(picture, 0.0, 1.0) * 255).astype(np.uint8)

@@ -41,10 +41,12 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
         If SimpleITK is missing.
     """
     sitk = needed("SimpleITK", "SimpleITK", f"reading {path.suffix} files")
+    # ITK prints to the terminal what the error below says in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     try:
         image = sitk.ReadImage(str(path))
     except RuntimeError as error:
+        # Only the last line says what is wrong; those before name ITK's sources.
         reason = str(error).strip().splitlines()[-1]
         raise ValueError(f"{path} is not a readable volume: {reason}") from error
     if image.GetNumberOfComponentsPerPixel() != 1:
@@ -55,7 +57,9 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
         image = image[..., 0]
     if image.GetDimension() != 3:
+        # It refuses what is not 3D in the words that all formats share.
         checked_volume_array(sitk.GetArrayFromImage(image), path)
+    # Plain arrays, as of this package, say nothing of a patient: they are not turned.
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)

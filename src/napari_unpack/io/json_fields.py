@@ -61,6 +61,7 @@ class Fields:
             What it may be; any text where empty.
         """
         value = self[name]
+        # Types are checked, never converted: a text "3" for 3 means that another program wrote it.
         if not isinstance(value, str) or (among and value not in among):
             self._refuse(name, f"one of {', '.join(among)}" if among else "text", value)
         return str(value)
@@ -83,6 +84,7 @@ class Fields:
             What it is at least.
         """
         value = self[name]
+        # JSON's true is an int to Python.
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             self._refuse(name, f"a whole number from {least}", value)
         return int(value)
@@ -101,6 +103,7 @@ class Fields:
     def rotation(self, name: str = "rotation") -> NDArray[np.float64]:
         """Return a proper (3, 3) rotation."""
         rotation = self.array(name, (3, 3))
+        # Rounding of saved floats is far below 1e-6; a mirror image is refused by its determinant.
         proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
         if not proper or np.linalg.det(rotation) < 0:
             self._refuse(name, "a rotation", rotation.tolist())
@@ -119,6 +122,7 @@ class Fields:
         value = self[name]
         try:
             found = np.array(value, dtype=np.float64)
+            # An empty list has no second axis: (0, 2, 3) comes as (0,).
             found = found.reshape(shape) if found.size == 0 == np.prod(shape) else found
         except (TypeError, ValueError):
             found = np.array(np.nan)
@@ -156,6 +160,7 @@ class Fields:
         """
         lists = self.items(name)
         flat = [i for group in lists for i in (group if isinstance(group, list) else [group])]
+        # All at once, so that an ID in two groups is found too.
         Fields({name: flat}, self._where).ids(name, known)
         if not all(isinstance(group, list) for group in lists):
             self._refuse(name, "lists of IDs", lists)
@@ -173,6 +178,7 @@ class Fields:
         """
         found = {}
         for key, value in self.part(name)._data.items():
+            # JSON's keys are text, and int() also takes "١" and "1_0".
             if not (key.isascii() and key.isdigit() and int(key) in known):
                 self._refuse(name, "keyed by IDs of objects in the labels", key)
             found[int(key)] = value
@@ -190,6 +196,7 @@ class Fields:
         part = self.part(name)
         found = {key: part.items(key) for key in part._data}
         for key, values in found.items():
+            # JSON has no NaN: it was written as null.
             if None in values and all(isinstance(v, int | float | None) for v in values):
                 found[key] = [np.nan if v is None else float(v) for v in values]
         return found
@@ -200,4 +207,5 @@ class Fields:
 
 def _short(value: Any) -> str:
     text = repr(value)
+    # A message with a whole list in it is read by no one.
     return text if len(text) <= 60 else f"{text[:57]}..."

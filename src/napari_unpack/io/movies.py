@@ -109,12 +109,14 @@ def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Fram
     stays the same and is left out.
     """
     with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
+        # Without loss in between: a second encoder would turn noise of the first into colours.
         lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
         with _encoded(
             lossless, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
         ) as write:
             yield write
         _ffmpeg("-i", str(lossless), "-vf", "palettegen", str(colors))
+        # No dithering: its pattern changes from frame to frame, and nothing would stand still.
         palette = "paletteuse=dither=none:diff_mode=rectangle"
         _ffmpeg("-i", str(lossless), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
 
@@ -126,8 +128,13 @@ def _encoded(
     import imageio_ffmpeg
 
     writer = imageio_ffmpeg.write_frames(
-        str(path), (size[1], size[0]), ffmpeg_log_level="error", **options
+        # ffmpeg counts width first.
+        str(path),
+        (size[1], size[0]),
+        ffmpeg_log_level="error",
+        **options,
     )
+    # Starts the generator, which takes frames from its first yield on.
     writer.send(None)
     try:
         yield lambda frame: writer.send(np.ascontiguousarray(frame))
@@ -139,6 +146,7 @@ def _ffmpeg(*arguments: str) -> None:
     from imageio_ffmpeg import get_ffmpeg_exe
 
     command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
+    # No stdin: ffmpeg would read the terminal's keys.
     done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
     if done.returncode:
         raise OSError(f"the movie could not be written: {done.stderr.strip()[-300:]}")
@@ -267,10 +275,12 @@ class _Shooting:
     progress: Progress
 
     def image(self, camera: Camera, time: float | None = None) -> Frame:
+        # Premultiplied, so over black where nothing is: movies have no alpha.
         image = scene_image(self.session.scene(), camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
     def still(self, rest: float) -> Iterator[Frame]:
+        # Rendered once: nothing moves while it stands.
         frame = self.image(self.camera)
         for _ in range(max(1, round(rest * self.fps))):
             yield frame
@@ -280,12 +290,14 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
     session, report = shooting.session, shooting.progress
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
+    # Without a screen, flights are off: the movie is what they are for.
     session.animated, session.seconds = True, seconds
     report(0.0, "Rendering")
     yield from shooting.still(STANDSTILL[0])
     gone = 0
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
+        # Flights of a group need not start together: a step lasts until the last has landed.
         start = min(flight.start for flight in flights.values())
         length = max(flight.start + flight.seconds for flight in flights.values()) - start
         frames = max(1, round(length * shooting.fps))
@@ -294,6 +306,7 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
             report(min(part / wanted, 1.0), f"Rendering: {gone} of {wanted} objects out")
             yield shooting.image(shooting.camera, start + (i + 1) * length / frames)
         for object_id in flights:
+            # By hand: no clock runs here, so none would land by itself.
             session.land(object_id)
         gone += len(flights)
         yield from shooting.still(STANDSTILL[1])
@@ -306,6 +319,7 @@ def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
     frames = max(2, round(seconds * shooting.fps))
     for i in range(frames):
         shooting.progress(i / frames, f"Rendering: {i} of {frames} images")
+        # The last image is one step before the first, so that a loop has no double frame.
         angle = 2 * np.pi * i / frames
         yield shooting.image(turned(shooting.camera, angle, shooting.session.away_from_table))
     shooting.progress(1.0, "Rendered")
@@ -313,6 +327,7 @@ def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
 
 def _close(session: Session, size: tuple[int, int]) -> Camera:
     """Return the camera that just holds the bag at every turn, nothing being out of it."""
+    # An upright image is bounded by its width.
     aspect = min(1.0, size[1] / size[0])
     camera = session.overview()
     half_angle = np.radians(camera.fov) / 2
@@ -333,6 +348,7 @@ def turned(camera: Camera, angle: float, up: ArrayLike = GRAVITY_UP) -> Camera:
     """
     upright = unit(np.linalg.solve(camera.stretch, np.asarray(up, dtype=np.float64)))
     towards, down, _ = camera.rotation
+    # Seen along the vertical, a turn about it would only spin the image.
     axis = upright if abs(float(towards @ upright)) < STEEPEST else -down
     turn = rotation_about(axis, -angle)
     return replace(camera, rotation=camera.rotation @ turn)

@@ -28,6 +28,7 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     if first.is_dir():
         return read_layers if _is_dicom_or_zarr(first) else None
     suffix = suffix_of(first)
+    # .npz is anyone's format: only ours are taken, so that other plugins may read the rest.
     if suffix not in READABLE or (suffix == ".npz" and not _is_ours(first)):
         return None
     return read_layers
@@ -54,6 +55,7 @@ def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     from napari_unpack.io.volumes import load_labels, load_volume, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
+    # Labels alone are a file too, such as corrected ones.
     if suffix_of(first) == ".npz" and "volume" not in _keys(first):
         labels, spacing = load_labels(first)
         return [(labels, _attributes(spacing, stem_of(first)), "labels")]
@@ -81,6 +83,7 @@ def _keys(path: Path) -> set[str]:
 
     try:
         with zipfile.ZipFile(path) as archive:
+            # The archive's table of contents: no array is read.
             return {name.removesuffix(".npy") for name in archive.namelist()}
     except (OSError, zipfile.BadZipFile):
         return set()
@@ -101,6 +104,7 @@ def _is_dicom_or_zarr(folder: Path) -> bool:
     for _, file in zip(range(20), files, strict=False):
         if file.suffix.lower() in (".dcm", ".dicom", ".ima", ".dcs", ".dicos"):
             return True
+        # Scanners write DICOM files without a suffix: the mark stands after 128 bytes.
         with file.open("rb") as stream:
             if stream.read(132)[128:] == b"DICM":
                 return True

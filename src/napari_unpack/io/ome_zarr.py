@@ -16,6 +16,7 @@ from napari_unpack.io.scan import (
     checked_volume_array,
 )
 
+# To mm. A unit that is not here, or none, counts as mm.
 _MM = {"micrometer": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "meter": 1e3, "nanometer": 1e-6}
 
 
@@ -53,6 +54,7 @@ def read_zarr(path: Path) -> tuple[NDArray[Any], NDArray[Any] | None, Spacing]:
     array, spacing = _finest(node, path)
     volume = checked_volume_array(array, path)
     labels = _labels(node, path)
+    # Labels of a coarser level cannot be laid over the volume.
     if labels is not None and labels.shape != volume.shape:
         labels = None
     return volume, labels, checked_spacing(spacing, path)
@@ -60,6 +62,7 @@ def read_zarr(path: Path) -> tuple[NDArray[Any], NDArray[Any] | None, Spacing]:
 
 def _attributes(node: Any) -> dict[str, Any]:
     attributes = dict(node.attrs)
+    # 0.5 moved all under "ome"; 0.4 has it at the top.
     inner: dict[str, Any] = attributes.get("ome", attributes)
     return inner
 
@@ -68,19 +71,23 @@ def _finest(node: Any, path: Path) -> tuple[NDArray[Any], Spacing]:
     scales = _attributes(node).get("multiscales")
     if not scales:
         raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing)")
+    # The standard sorts them from fine to coarse.
     level = scales[0]["datasets"][0]
     try:
         array = np.asarray(node[level["path"]][...])
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
+    # Version 0.3 has bare names.
     axes = [a if isinstance(a, dict) else {"name": a} for a in scales[0].get("axes", [])]
     factors = np.ones(array.ndim)
     steps = [*scales[0].get("coordinateTransformations", []), *level["coordinateTransformations"]]
     for step in steps:
         if step.get("type") == "scale":
+            # Both the whole image and its level may scale; they multiply.
             factors = factors * np.asarray(step["scale"], dtype=float)
     for i, axis in enumerate(axes):
         factors[i] *= _MM.get(axis.get("unit", ""), 1.0)
+    # Time and channel come first, so space is the last three axes.
     return array, (float(factors[-3]), float(factors[-2]), float(factors[-1]))
 
 

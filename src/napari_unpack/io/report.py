@@ -107,6 +107,7 @@ SIDE = 112
 BAG = (600, 960)
 """Height and width of the image of the bag, pixels."""
 
+# What is in the air counts as landed: a page shows no moment.
 WORDS = {
     ObjectState.PACKED: "in the bag",
     ObjectState.FLYING_OUT: "taken out",
@@ -163,6 +164,7 @@ def save_objects_page(
     target = checked_target(path, ".html", ".htm")
     report = progress or no_progress
     report(0.0, "Drawing the bag")
+    # A copy may be drawn on a worker thread while the user goes on.
     shown = copy_session(session, packed=False)
     # Framing moves the objects beside the bag, so the scene is described after it.
     camera = frame_bag(shown, BAG)
@@ -215,13 +217,16 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
 def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
     objects, boxes = session.objects, session.boxes
     spacing = np.asarray(session.spacing)
+    # Steps up to now: those undone are still in the bag.
     left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
     for k, i in enumerate(session.ids):
         facts = objects.loc[i]
         progress(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
         row = boxes.index(i)
         edges = sorted((boxes.upper[row] - boxes.lower[row]) * spacing, reverse=True)
+        # The colour alone, without the dimming it may have in the scene.
         red, green, blue = (round(255 * float(v)) for v in session.solo_tints(i)[i, :3])
+        # Names come from users and files.
         name = escape(str(facts["name"]))
         swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
         sure = float(facts.get("confidence", math.nan))
@@ -231,6 +236,7 @@ def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
             + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
             + _number(left.get(i), str(left.get(i, "")))
             + _number(facts["volume_mm3"], _amount(float(facts["volume_mm3"]) / 1000))
+            # Sorted by the longest edge, though all three are shown.
             + _number(edges[0], " × ".join(f"{edge:.0f}" for edge in edges))
             + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
             + _number(sure, "–" if math.isnan(sure) else percent(sure))
@@ -239,6 +245,7 @@ def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
 
 
 def _number(value: Any, words: str) -> str:
+    # The page sorts what has no number last, in both orders.
     known = value is not None and math.isfinite(value)
     return f'<td class="n" data-value="{format(value, ".9g") if known else ""}">{words}</td>'
 
@@ -251,6 +258,7 @@ def _image(session: Session, object_id: int, backend: str) -> str:
     placement = session.state.placements.get(object_id) or session.bag.placement(
         session.camera, object_id, 0, (object_id,), session.unpack_direction
     )
+    # As the user turned it in the end, not as it came to its slot.
     held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
     # Fitted to the longest side in any turn, so that a page does not jump when one is turned.
@@ -283,5 +291,6 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
     """
     target = Path(path)
     with written_atomically(target) as temporary:
+        # Six digits are more than any measure has; one line end on every system.
         objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
     return target

@@ -71,6 +71,7 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
         If it is not 3D, is empty, or does not hold real numbers; `source` names it.
     """
     array = np.asarray(array)
+    # Time and channel of length 1, which many tools write; a thin volume keeps its own axes.
     while array.ndim > 3 and 1 in array.shape:
         array = array.squeeze(axis=array.shape.index(1))
     if array.ndim != 3:
@@ -80,8 +81,10 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
         )
     if array.size == 0:
         raise ValueError(f"{source} must not be empty, got shape {array.shape}")
+    # Complex numbers, text and objects have no density.
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{source} must hold real numbers, got {array.dtype}")
+    # numba compiles for the machine's byte order alone.
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
@@ -102,12 +105,14 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     """
     array = checked_volume_array(array, source)
     if array.dtype.kind == "f":
+        # NaN and infinity fail the comparison below, with a better message.
         with np.errstate(invalid="ignore"):
             whole = array.astype(np.int64)
         if not np.array_equal(whole, array):
             raise ValueError(f"{source} must hold object IDs (whole numbers), got {array.dtype}")
         array = whole
     if array.dtype.kind == "b":
+        # A mask is one object.
         array = array.astype(np.uint8)
     if array.min() < 0:
         raise ValueError(f"{source} must not hold negative IDs, got {array.min()}")

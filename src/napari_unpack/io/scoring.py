@@ -68,6 +68,7 @@ def score_report(
         If the labels cannot be compared or the table lacks a column.
     """
     totals = score(truth, found)
+    # A number that is new to `score` is printed without a meaning rather than left out.
     words = {**dict.fromkeys(totals, ""), **MEANINGS}
     lines = [f"{name:<20}{totals[name]:>8.4f}  {words[name]}".rstrip() for name in words]
     if objects is None and not boundary:
@@ -77,6 +78,7 @@ def score_report(
     each = score_objects(truth, found, spacing, boundary, sheets)
     summary = score_by(each, groups)
     if objects is None:
+        # Without a table there are no kinds to tell apart.
         summary = summary.loc[["all"]]
     return "\n".join([*lines, "", table_text(summary)])
 

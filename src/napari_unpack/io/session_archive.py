@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.io.atomic import folder_written_atomically, written_atomically
 
+# 16 MB: progress moves and cancelling works, yet zlib has enough to work on.
 SLAB = 1 << 24
 """Bytes written or read at once."""
 
@@ -94,9 +95,11 @@ def write_array(stream: IO[bytes], array: NDArray[Any], told: Told) -> ArrayFact
     method = zipfile.ZIP_DEFLATED
     with (
         zipfile.ZipFile(stream, "w", method, compresslevel=QUICK) as archive,
+        # The size is not known beforehand, and volumes exceed 4 GB.
         archive.open("array.npy", "w", force_zip64=True) as member,
     ):
         header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
+        # The form of np.savez, so that numpy alone can read a session's arrays.
         npy.write_array_header_1_0(member, header)  # type: ignore[no-untyped-call]
         for slab in _slabs(array):
             told(done / max(array.nbytes, 1))
@@ -130,14 +133,17 @@ def read_array(stream: IO[bytes], facts: ArrayFacts, name: str, told: Told) -> N
         if version != (1, 0):
             raise ValueError(f"{name} has an array of an unknown form {version}")
         shape, fortran, dtype = npy.read_array_header_1_0(member)  # type: ignore[no-untyped-call]
+        # Before memory is taken: a forged header may ask for any amount.
         if tuple(shape) != facts.shape or dtype.str != facts.dtype or fortran:
             raise ValueError(
                 f"{name} holds {tuple(shape)} of {dtype.str}, but the session says "
                 f"{facts.shape} of {facts.dtype}"
             )
+        # Object arrays hold pickles, which run code.
         if dtype.kind not in "biuf":
             raise ValueError(f"{name} must hold real numbers, got {dtype}")
         array = np.empty(shape, dtype)
+        # Also before reading: a short member would leave part of the array unset.
         if archive.getinfo("array.npy").file_size != member.tell() + array.nbytes:
             raise ValueError(f"{name} is not whole")
         digest, done = hashlib.sha256(), 0
@@ -157,6 +163,7 @@ def read_array(stream: IO[bytes], facts: ArrayFacts, name: str, told: Told) -> N
 
 def _slabs(array: NDArray[Any]) -> Any:
     """Yield the bytes of an array in C order."""
+    # Whole planes: a slice of a contiguous array costs no copy but its bytes.
     planes = max(1, SLAB // max(array[:1].nbytes, 1))
     for start in range(0, len(array), planes):
         yield np.ascontiguousarray(array[start : start + planes]).tobytes()
@@ -205,6 +212,7 @@ class _ZipSource:
         self._archive = archive
         names = archive.namelist()
         for name in names:
+            # Anything else, such as a path out of the folder, means that it is none of ours.
             if name not in MEMBERS:
                 raise ValueError(f"{path} is no session, or not whole: it holds {name!r}")
         if len(set(names)) != len(names):
@@ -245,6 +253,7 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
     if is_zip(path):
         with (
             written_atomically(path) as temporary,
+            # Stored: its members are compressed already.
             zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive,
         ):
             yield _ZipSink(archive)
@@ -283,6 +292,7 @@ def holds_session(path: Path) -> bool:
     try:
         if path.is_dir():
             return (path / MANIFEST).is_file()
+        # A broken one is a session too: opening it says what is wrong.
         if path.suffix.lower() == ".unpack":
             return True
         with zipfile.ZipFile(path) as archive:

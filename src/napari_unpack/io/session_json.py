@@ -37,6 +37,7 @@ from napari_unpack.session.validation import (
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 
+# Columns that the plugin reads; others are a user's own and may hold anything.
 _NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
 
 
@@ -78,6 +79,7 @@ def label_data_from(
         own, given_ids = checked_labels(labels, volume.shape)
     else:
         given_ids = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
+        # IDs must come out as they were, so labels are not numbered anew.
         compact, present = compact_labels(np.asarray(labels))
         order = np.argsort(given_ids, kind="stable")
         place = np.searchsorted(given_ids[order], present).clip(max=len(given_ids) - 1)
@@ -85,10 +87,12 @@ def label_data_from(
         if len(given_ids) > MOST_ID + 1 or not np.array_equal(given_ids[ids], present):
             raise ValueError("session.objects.given_ids must be those of the labels")
         own, _ = checked_labels(ids.astype(np.uint16)[compact], volume.shape)
+    # Measured again: a file is not believed where it can be checked.
     boxes = label_boxes(own)
     facts = object_table(volume, own, boxes, spacing, table)[list(table.columns)]
     if not np.array_equal(table.index, boxes.ids):
         raise ValueError("session.objects.ids must be those of the labels")
+    # IDs of deleted objects are not given again, so the largest is kept apart.
     slots, largest = fields.integer("slots", len(boxes.ids)), fields.integer("largest_id")
     if max(slots, largest) > MOST_ID:
         raise ValueError("session.objects.slots and largest_id must be at most 65535")
@@ -113,6 +117,7 @@ def _facts(fields: Fields) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    # JSON has neither NaN nor infinity.
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, bool | int | float | str) or value is None:
@@ -229,6 +234,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
         If it cannot be, naming the field.
     """
     known = data.known
+    # What a file does not name gets the hue of a new session.
     hues = {i: golden_hue(i) for i in data.ids}
     for i, hue in fields.by_id("hues", known).items():
         if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
@@ -237,11 +243,13 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
     names = {i: str(name) for i, name in fields.by_id("names", known).items()}
     most = data.most_objects
     placements = dict(_read_placement(part, known, most) for part in fields.parts("out"))
+    # Two in one slot would hide each other.
     slots = [placement.slot for placement in placements.values()]
     if len(set(slots)) != len(slots):
         raise ValueError("session.situation.out must give every object a slot of its own")
     hidden = frozenset(fields.ids("hidden", known))
     inspected = fields.integer("inspected") if fields.has("inspected") else None
+    # A hidden object cannot be inspected: there would be nothing to see.
     if inspected is not None and inspected not in known - hidden:
         raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
     return SessionState(
@@ -319,6 +327,7 @@ def _read_undone(
     for k, _ in enumerate(fields.items("ahead")):
         departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
         placements = dict(_read_placement(part, known, slots) for part in departure.parts("ahead"))
+        # Redo would take an object out twice.
         if seen.intersection(placements):
             raise ValueError("session.situation.ahead must name nobody who is out already")
         seen.update(placements)
@@ -337,6 +346,7 @@ def _read_queue(fields: Fields, rules: UnpackingRules, known: frozenset[int]) ->
         fields.ids("restored", known),
         fields.flag("least_occluded"),
         frozenset(fields.ids("packed", known)),
+        # A queue made by other rules is kept, but marked as stale.
         rules.terms if fields.flag("by_these_rules") else (),
     )
 
@@ -373,6 +383,7 @@ def decorations_from(fields: Fields) -> Decorations:
     count = len(fields.items("colors"))
     if count not in (1, 2):
         raise ValueError(f"colors must be one or two, got {count}")
+    # Rounding of saved floats may leave them a little outside.
     colors = np.clip(fields.array("colors", (count, 4)), 0.0, 1.0)
     picture = _decoded(fields.text("picture")) if fields.has("picture") else None
     ground = Background(
@@ -448,6 +459,7 @@ def view_from(fields: Fields) -> View:
 
 def _stretch(fields: Fields) -> NDArray[np.float64]:
     stretch = fields.array("stretch", (3, 3))
+    # A mirroring affine has a negative determinant, and its stretch is negative definite.
     upright = stretch * np.sign(np.linalg.det(stretch))
     lengths = np.linalg.eigvalsh(upright)
     same = np.allclose(stretch, stretch.T, atol=1e-6)
@@ -563,6 +575,7 @@ def _rules_from(fields: Fields) -> UnpackingRules:
 
 def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
     look = fields.part("look")
+    # Checked as numbers first: JSON of other writers may say 600.0.
     height, width = (int(n) for n in fields.array("canvas_size", (2,)))
     # Older files do not say some things: what they lack is as in a new session.
     told: dict[str, Any] = {}

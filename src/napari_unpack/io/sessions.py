@@ -25,8 +25,10 @@ from napari_unpack.io.session_archive import (
 )
 from napari_unpack.tasks import Progress
 
+# A version changes when older programs could not read it; fields that may be missing do not.
 FORMAT = "napari-unpack session"
 VERSION = 1
+# 256 MB: far above any table of objects, far below what would exhaust the memory.
 LARGEST_MANIFEST = 1 << 28
 PICTURE = (240, 320)
 
@@ -94,6 +96,7 @@ def save_session(
     }
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     files = {"volume": volume_path, "labels": labels_path}
+    # Shares of the progress: the volume compresses worst and takes longest.
     ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
     try:
         with opened_for_writing(target) as sink:
@@ -105,6 +108,7 @@ def save_session(
                         facts = write_array(stream, array, told)
                     where = {"file": f"{name}.npz"}
                 else:
+                    # Measured even where it is not copied in, so that a changed file is noticed.
                     facts = ArrayFacts.of(array)
                     where = {"reference": _reference(Path(file), target, name, facts)}
                 manifest[name] = where | {
@@ -113,11 +117,13 @@ def save_session(
                     "sha256": facts.sha256,
                 }
             tell(0.9, "Saving the state")
+            # Small and before the manifest, which makes a folder a session: it comes last.
             with sink.open("picture.png") as stream:
                 stream.write(_picture(session))
             with sink.open(MANIFEST) as stream:
                 stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
     except OSError as error:
+        # These say all there is to say; the system's own errors lack what became of the old file.
         if error.errno is None or isinstance(error, FileNotFoundError):
             raise
         reason = f"could not save {target}: {error.strerror}; what was there before is unchanged"
@@ -223,6 +229,7 @@ def _manifest(store: Source, source: Path) -> Fields:
     if MANIFEST not in store.names:
         raise ValueError(f"{source} is no session: it lacks {MANIFEST}")
     with store.open(MANIFEST) as stream:
+        # One more than allowed tells that it is too large, without reading it all.
         text = stream.read(LARGEST_MANIFEST + 1)
     if len(text) > LARGEST_MANIFEST:
         raise ValueError(f"{source} is no session: its {MANIFEST} is too large")
@@ -257,11 +264,13 @@ def _array(
     shape = tuple(int(n) for n in fields.array("shape", (3,)))
     facts = ArrayFacts(shape, fields.text("dtype"), fields.text("sha256"))
     if given is not None:
+        # Byte order and width may differ from those saved; the content is checked below.
         array = np.asarray(given).astype(facts.dtype, copy=False)
         facts.check(array, f"the {name} given")
         return array
     if fields.has("file"):
         member = fields.text("file")
+        # A fixed name: a session may not point to a file of its choice.
         if member != f"{name}.npz":
             raise ValueError(f"{source} must keep its {name} as '{name}.npz', got {member!r}")
         if member not in store.names:
@@ -277,6 +286,7 @@ def _seekable(stream: IO[bytes]) -> IO[bytes]:
 
 def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDArray[Any]:
     """Read an array from the file a session refers to."""
+    # Both kinds of separators, wherever the session was made.
     outside = ".." in (*PurePosixPath(reference).parts, *PureWindowsPath(reference).parts)
     if outside or not reference:
         raise ValueError(
@@ -297,10 +307,12 @@ def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDA
 
 def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:
     """Return how a session refers to a file, which must hold the array."""
+    # Read back at once: a reference to another volume would be found only on opening.
     file = file.expanduser().resolve()
     array = _loaded(file, name)
     facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
     home = target.absolute().parent.resolve()
+    # Relative where it can be, so that a folder can be moved with its session.
     return file.relative_to(home).as_posix() if file.is_relative_to(home) else str(file)
 
 
@@ -317,6 +329,7 @@ def _picture(session: Any) -> bytes:
     from napari_unpack.io.images import straight_bytes
     from napari_unpack.rendering.compose import scene_image
 
+    # On the processor: saving may run on a thread without a GL context.
     image = scene_image(session.scene(), session.camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
 

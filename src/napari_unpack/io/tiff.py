@@ -13,6 +13,7 @@ from napari_unpack.io.atomic import written_atomically
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "micron": 1e-3, "nm": 1e-6}
+# ImageJ writes the micro sign escaped.
 _MM |= {"\\u00b5m": 1e-3, "inch": 25.4, "in": 25.4}
 
 
@@ -65,6 +66,7 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     """
     import tifffile
 
+    # Before anything is written: tifffile would say it in terms of ImageJ's header.
     if array.dtype not in (np.uint8, np.uint16, np.float32):
         raise ValueError(
             f"a TIFF stack must be uint8, uint16 or float32, got {array.dtype}; write .npz or .mha"
@@ -74,12 +76,14 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
             temporary,
             array,
             imagej=True,
+            # TIFF counts pixels a unit, x first; the distance of slices is ImageJ's own field.
             resolution=(1 / spacing[2], 1 / spacing[1]),
             metadata={"axes": "ZYX", "spacing": spacing[0], "unit": "mm"},
         )
 
 
 def _imagej(file: Any) -> Spacing | None:
+    # Without a unit the numbers mean nothing: ImageJ writes 1 pixel then.
     notes = file.imagej_metadata
     scale = _MM.get((notes or {}).get("unit", ""))
     if notes is None or scale is None:

@@ -15,6 +15,7 @@ from napari_unpack.io.scan import (
     checked_volume_array,
 )
 
+# Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
 ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
 TIFF_SUFFIXES = (".tif", ".tiff")
 DICOM_SUFFIXES = (".dcm", ".dicom", ".dcs", ".dicos", ".ima")
@@ -125,6 +126,7 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     _write(file, scan.volume, scan.spacing)
     if scan.labels is None:
         return [file]
+    # These formats hold one volume a file.
     beside = file.with_name(f"{stem_of(file)}.labels{suffix}")
     _write(beside, scan.labels, scan.spacing)
     return [file, beside]
@@ -140,6 +142,7 @@ def _existing(path: str | Path) -> Path:
 def _read(file: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing]:
     suffix = suffix_of(file)
     if file.is_dir():
+        # Imported late: each loads a package that other formats do not need.
         from napari_unpack.io.dicom import read_dicom
         from napari_unpack.io.ome_zarr import read_zarr
 
@@ -168,6 +171,7 @@ def _reader(suffix: str, file: Path) -> Any:
         from napari_unpack.io.tiff import read_tiff
 
         return read_tiff
+    # Scanners write files without a suffix; the mark tells them.
     if suffix in DICOM_SUFFIXES or _has_dicom_preamble(file):
         from napari_unpack.io.dicom import read_dicom
 

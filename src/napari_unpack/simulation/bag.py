@@ -103,6 +103,7 @@ def simulate_bag(
     size, mm = _checked(seed, shape, count, spacing)
     if fidelity not in ("image", "projection"):
         raise ValueError(f"fidelity must be 'image' or 'projection', got {fidelity!r}")
+    # One generator for the whole bag: a draw added anywhere changes every bag of every seed.
     rng = np.random.default_rng(seed)
     report = progress or (lambda fraction, text: None)
     report(0.0, "Choosing what to pack")
@@ -112,21 +113,25 @@ def simulate_bag(
     for done, order in enumerate(orders):
         report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
         packing.add(order, rng)
+    # The plan counted on contents that may have found no room, so small things make up for them.
     in_vain = 0
     while len(packing.records) < count and in_vain < VAIN_TRIES:
         in_vain += not packing.add(trifle(rng, size, mm), rng)
+    # Densities are added up, and the room kept things out of the fabric.
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
     z, y, x = (float(s) for s in mm)
     chosen = scanner or (ProjectionScanner() if fidelity == "projection" else Scanner())
     volume = chosen.scan(packing.density, rng, (z, y, x))
     report(1.0, "The bag is packed")
+    # Only now: the walls kept things in the room while they nestled.
     labels = packing.opened()
     return Bag(volume, labels, (z, y, x), _table(packing.records, labels))
 
 
 def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:
     voxels = np.bincount(labels.ravel(), minlength=len(records) + 1)[1:]
+    # Containers stand before their contents, so a parent's depth is known when it is needed.
     depth = [0]
     for record in records:
         depth.append(depth[record.parent] + 1 if record.parent else 0)
@@ -156,6 +161,7 @@ def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:
 def _checked(
     seed: int, shape: Sequence[int], count: int, spacing: Sequence[float]
 ) -> tuple[tuple[int, int, int], NDArray[np.float64]]:
+    # True is an int to Python, but as a seed it is a slip.
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     size = np.asarray(shape)

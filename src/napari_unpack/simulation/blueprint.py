@@ -46,6 +46,8 @@ class Blueprint:
     room: tuple[float, float, float] | None = None
 
 
+# Generator, longest extent and thinnest wall: a builder that drew from elsewhere could not be
+# called again at a smaller size and give the same thing.
 Builder = Callable[[np.random.Generator, float, float], Blueprint]
 
 

@@ -13,6 +13,7 @@ from napari_unpack.simulation.materials import MATERIAL_INDEX
 
 ROW = 23
 """Numbers of a step: verb, solid, fillet, place (3), rotation (9), numbers (6), two radii."""
+# The order matters: `program` and the kernel tell shaping from painting by `<= CLIP`.
 START, JOIN, CUT, CLIP, PAINT, CARVE = 0, 1, 2, 3, 4, 5
 PLAIN, KNIT, LAYERS, CRUMPLED, RINGS, ROLLED, GRAINS = 0, 1, 2, 3, 4, 5, 6
 
@@ -62,6 +63,7 @@ def box(hz: float, hy: float, hx: float, rounding: float = 0.0) -> Solid:
     rounding : float
         Radius of the edges, mm.
     """
+    # A rounding wider than the box would turn its distance inside out.
     return Solid(solid.BOX, (hz, hy, hx, min(rounding, hz, hy, hx)), (hz, hy, hx))
 
 
@@ -130,6 +132,7 @@ def helix(ring: float, tube: float, pitch: float, turns: float) -> Solid:
 def slab(normal: ArrayLike) -> Solid:
     """Return the half-space below a plane through the solid's origin; for cutting only."""
     z, y, x = np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
+    # No reach: it is never joined, so it widens no box.
     return Solid(solid.SLAB, (float(z), float(y), float(x)), (0.0, 0.0, 0.0))
 
 
@@ -352,6 +355,7 @@ class Clay:
     def program(self) -> NDArray[np.float64]:
         """Return the rows written so far, (N, ROW) float64."""
         program = np.array(self.rows)
+        # Fillets pull the surface out, and two can meet: twice the widest is safe to skip at.
         shaping = program[:, 0] <= CLIP
         starts = np.flatnonzero(program[:, 0] == START)
         for first, last in zip(starts, [*starts[1:], len(program)], strict=True):
@@ -365,10 +369,13 @@ class Clay:
         row = np.zeros(ROW)
         row[0], row[1], row[2] = verb, form.code, soft
         row[3:6] = place
+        # Transposed: the kernel turns points into the solid's frame, not the solid into the world.
         row[6:15] = rotation.T.ravel()
         row[15 : 15 + len(form.numbers)] = form.numbers
+        # A half-space reaches everywhere, so it is never too far to matter.
         row[21] = np.linalg.norm(form.reach) if form.code != solid.SLAB else np.inf
         self.rows.append(row)
+        # Cutting and clipping only take away: the box stays right without them.
         if verb in (START, JOIN):
             # Corners of the turned solid: fillets stay within the box of what they join.
             for signs in product((-1.0, 1.0), repeat=3):

@@ -113,15 +113,18 @@ def _place(
     # A place to try, and how high what lies there is, seen at a few points.
     open_columns = np.argwhere(stack.height > BLOCKED)
     low, high = open_columns.min(axis=0), open_columns.max(axis=0)
+    # Within the box of open columns: elsewhere the lid or the rounded edge is in the way.
     z, x = rng.uniform(low, high)
     # People lay clothes square to the bag, nearly.
     angle = rng.choice([0.0, 90.0, 180.0, 270.0]) + rng.normal(0.0, 9.0)
+    # Every third column: a garment covers hundreds, and twenty places are looked at.
     step = 3
     zz, xx = np.mgrid[0 : stack.height.shape[0] : step, 0 : stack.height.shape[1] : step]
     covered = _outline(cloth, (zz - z) * spacing[0], (xx - x) * spacing[2], angle) < 0
     rows = stack.height[::step, ::step][covered]
     if len(rows) == 0 or rows.min() <= BLOCKED:
         return np.inf, (z, x, angle)
+    # A low place is good; an uneven one would leave hollows below the cloth.
     rise = float(stack.height.max() - rows.mean())
     return rise + 0.4 * float(rows.std()), (z, x, angle)
 
@@ -143,9 +146,11 @@ def _lay(
     covered, edge, ground = covered[box], edge[box], stack.height[box]
     if ground[covered].min() <= BLOCKED:
         return None
+    # Columns outside the room count as the floor, or the cloth would be pulled up the wall.
     floor = int(ground[covered].max())
     under = _sag(np.where(ground > BLOCKED, ground, floor).astype(np.float64), cloth, spacing)
     thick = _relief(rng, cloth, edge, dz[box], dx[box], angle) / spacing[1]
+    # Never into what lies there: labels must not overlap by a voxel.
     under = np.minimum(under, ground)
     over = under - thick
     if (over < stack.ceiling[box])[covered].any():
@@ -167,11 +172,13 @@ def _lay(
 def _sag(ground: Plane, cloth: Cloth, spacing: NDArray[np.float64]) -> Plane:
     # What cloth does to the ground: it bridges narrow gaps and rounds off edges, resting on
     # the highest points.
+    # A quarter of its length is what stiff folded cloth spans; odd, so that it is centred.
     span = [max(int(0.26 * cloth.length / spacing[axis]) | 1, 3) for axis in (0, 2)]
     bridged = ndimage.grey_opening(ground, size=span, mode="nearest")
     sigma = [0.06 * cloth.length / spacing[axis] for axis in (0, 2)]
     smooth: Plane = ndimage.gaussian_filter(bridged, sigma, mode="nearest")
     under = np.minimum(smooth, ground)
+    # Down again by whole rows, so that it touches what it lies on.
     return under + np.floor((ground - under).min())
 
 
@@ -180,6 +187,7 @@ def _relief(
 ) -> Plane:
     # Thickness in mm: rounded hems, folds that run across, ribs that run along.
     u, v = _along(dz, dx, angle)
+    # Round within 0.7 of the thickness of the edge: a folded hem is no cliff.
     deep = np.clip(-edge / (0.7 * cloth.thickness), 0.0, 1.0)
     profile = np.sqrt(np.maximum(1.0 - (1.0 - deep) ** 2, 0.0))
     a, b, c = rng.uniform(0, 2 * np.pi, 3)
@@ -194,6 +202,7 @@ def _relief(
     if cloth.kind == "trousers":
         seam = np.exp(-(((np.abs(v) - 0.1 * size) / (0.012 * size)) ** 2))
         relief += 0.12 * seam
+    # Folds may not thin it to nothing: it would break into pieces.
     return cloth.thickness * profile * np.maximum(relief, 0.35)
 
 
@@ -201,8 +210,10 @@ def _weave(
     rng: np.random.Generator, cloth: Cloth, share: Plane, spacing: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     # Layers with loose cloth between them, and the yarn's own unevenness.
+    # Three layers through the thickness, as folded clothes show.
     layers = np.cos(2 * np.pi * 3.0 * share)
     yarn = rng.standard_normal(share.shape, dtype=np.float32)
+    # The same in mm along every axis, or the yarn would show the voxel's shape.
     yarn = ndimage.gaussian_filter(yarn, 0.8 / (spacing / spacing.min()))
     yarn /= max(float(yarn.std()), 1e-6)
     return np.clip(1.0 - 0.18 * layers + 0.12 * yarn, 0.3, 1.7).astype(np.float32)
@@ -217,6 +228,7 @@ def _outline(cloth: Cloth, dz: Plane, dx: Plane, angle: float) -> Plane:
     # Signed distance (mm) from the garment's outline as it lies, u along it, v across.
     u, v = _along(dz, dx, angle)
     size = cloth.length
+    # Garments are symmetric: one sleeve or leg is made, and mirrored.
     w = np.abs(v)
     if cloth.kind == "sweater":
         body = _rounded(u - 0.03 * size, v, 0.42 * size, 0.20 * size, 0.06 * size)

@@ -42,9 +42,11 @@ def _bottle(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     )
     clay.join(cylinder(0.052 * L, 0.1 * L), (0, 0, -0.34 * L), soft=0.02 * L)
     if not glass:
+        # Glass cannot be pressed into grip rings; plastic bottles have them.
         for x in (0.08, 0.2, 0.32):
             clay.cut(arc(r + 0.012 * L, 0.026 * L), (0, 0, x * L), STANDING, soft=0.02 * L)
         clay.cut(ball(0.1 * L), (0, 0, 0.565 * L), soft=0.02 * L)
+    # Air first, drink over it up to its level: later paint covers earlier.
     clay.paint("glass" if glass else "PET").paint("air", inset=wall)
     clay.paint(drink, inset=wall, fill=rng.uniform(0.55, 0.85))
     clay.start(ribs(0.068 * L, 0.055 * L, 0.012 * L, 0.03 * L, 0.004 * L), (0, 0, -0.44 * L))
@@ -79,6 +81,7 @@ def _spray_can(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(ellipsoid(r * 0.75, r * 0.75, 0.05 * L), (0, 0, 0.5 * L))
     clay.paint("aluminium").paint("air", inset=wall)
     clay.paint("ethanol", inset=wall, fill=rng.uniform(0.4, 0.75))
+    # The seams stand out from the body, as on every can.
     for x in (-0.19, 0.475):
         clay.start(arc(r, 0.018 * L), (0, 0, x * L), STANDING).paint("aluminium")
     clay.start(cylinder(0.075 * L, 0.09 * L, 0.03 * L), (0, 0, -0.37 * L))
@@ -111,11 +114,14 @@ def _tin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
 def _mug(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a mug with a handle, open and empty."""
     r = L * rng.uniform(0.33, 0.36)
+    # A rim thinner than the thinnest wall would break into holes on the grid.
     half, rim = 0.42 * L, max(0.045 * L, wall)
     clay = Clay()
     clay.start(arc(0.22 * L, max(0.05 * L, wall), np.pi, flat=1.0), (0.3 * L, 0, 0))
+    # Before the body is joined: the handle may not reach into the hollow.
     clay.cut(cylinder(r - rim, half * 2))
     clay.join(cylinder(r, half, 0.03 * L), soft=0.03 * L).paint("ceramic")
+    # Carved, not painted with air: an open hollow is not the mug's, other things may lie in it.
     clay.start(cylinder(r - rim, half, 0.06 * L), (0, 0, -rim * 1.4)).carve()
     return Blueprint("mug", "mug", "ceramic", clay, (turned("x", 35.0), FLAT, UPRIGHT))
 
@@ -186,6 +192,7 @@ def _pouch(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
 def _coin(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a coin with a raised rim."""
     clay = Clay()
+    # Coins in a pouch are small against the voxels: thinner ones would vanish.
     thick = max(0.07 * L, 0.9 * wall)
     clay.start(cylinder(0.5 * L, thick, 0.2 * thick), turn=STANDING).paint("brass")
     for side in (-1, 1):
@@ -249,6 +256,7 @@ def _book(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.cut(round_cone(board, board, hx), (-hz + 0.07 * L, side * hy, 0))
         clay.paint("cardboard")
     clay.start(cylinder(1.25 * hy, hx), (-hz + 0.75 * hy, 0, 0))
+    # Only the outer strip of the cylinder is the spine.
     clay.clip(box(0.45 * hy, hy, hx), (-hz + 0.05 * hy, 0, 0)).paint("cardboard")
     inset = 0.028 * L
     clay.start(box(hz - inset, hy - 2 * board + 0.2 * wall, hx - inset), (inset * 0.4, 0, 0))
@@ -279,6 +287,7 @@ def _apple(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(round_cone(0.02 * L, 0.16 * r, 0.2 * r), (0, -0.92 * r, 0), STANDING, soft=0.35 * r)
     clay.cut(ball(0.12 * r), (0, 1.02 * r, 0), soft=0.2 * r)
     clay.paint("fruit")
+    # The core is a closed hollow, so it belongs to the apple.
     clay.start(ellipsoid(0.16 * r, 0.3 * r, 0.16 * r)).paint("air")
     stem = max(0.03 * L, 0.7 * wall)
     clay.start(round_cone(stem, stem, 0.14 * L), (0, -0.9 * r, 0), STANDING).paint("wood")
@@ -294,6 +303,7 @@ def _hairbrush(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.cut(ball(0.02 * L), (0, 0.03 * L, 0.45 * L))
     clay.paint("wood", texture=RINGS, grain=6, depth=0.12)
     clay.start(ellipsoid(0.1 * L, 0.035 * L, 0.19 * L), (0, 0.0, -0.25 * L)).paint("rubber")
+    # The clip makes an oval field of a square grid of pins.
     clay.start(bristles(0.085 * L, 0.16 * L, 0.042 * L, pin, 0.07 * L), (0, -0.045 * L, -0.25 * L))
     clay.clip(ellipsoid(0.095 * L, 0.3 * L, 0.18 * L), (0, 0, -0.25 * L)).paint("nylon")
     return Blueprint("hairbrush", "hairbrush", "wood", clay, (FLAT, SIDE))
@@ -317,6 +327,7 @@ def _umbrella(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
 
 
 KINDS = (
+    # Extents are shares of the bag's, so that a bag of any size holds the same things.
     Kind("bottle", _bottle, (0.40, 0.50), 1.6),
     Kind("spray can", _spray_can, (0.32, 0.38), 0.9),
     Kind("tin", _tin, (0.20, 0.26), 1.0),

@@ -43,6 +43,7 @@ def _phone(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(box(0.1 * L, 0.03 * L, 0.11 * L, 0.025 * L), (-0.11 * L, -hy, -0.35 * L))
     clay.paint("aluminium")
     for z, x in ((-0.155, -0.4), (-0.155, -0.3), (-0.07, -0.35)):
+        # The lenses stand out of the back, which therefore is no flat side to lie on.
         clay.start(cylinder(0.035 * L, 0.022 * L), (z * L, -hy - 0.02 * L, x * L), STANDING)
         clay.paint("glass")
     return Blueprint("phone", "phone", "ABS", clay, (FLAT,))
@@ -66,6 +67,7 @@ def _camera(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     clay.start(cylinder(0.055 * L, 0.03 * L, 0.01 * L), (-0.27 * L, 0.1 * L, -0.33 * L), ACROSS)
     clay.join(cylinder(0.07 * L, 0.035 * L, 0.01 * L), (-0.27 * L, 0.1 * L, 0.34 * L), ACROSS)
     clay.paint("aluminium")
+    # It points up: the camera lies on its back.
     barrel = turned("z", 90.0)
     clay.start(
         ribs(0.225 * L, 0.17 * L, 0.02 * L, 0.09 * L, 0.012 * L),
@@ -83,10 +85,13 @@ def _camera(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
 def _cable(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a coiled cable with a tie and a plug."""
     tube, turns = max(0.034 * L, 1.3 * wall), float(rng.integers(3, 6))
+    # The tube included, the coil is as wide as was asked for.
     ring = 0.42 * L - tube
     clay = Clay()
     clay.start(helix(ring, tube, 2.05 * tube, turns)).paint("PVC")
+    # Copper inside plastic: dense core, soft rim, which segmentation must keep together.
     clay.paint("copper strands", inset=0.62 * tube)
+    # The tie goes round all turns, so that the coil is one piece.
     stack = (turns + 1) * tube
     clay.start(box(0.05 * L, stack + 0.6 * tube, 2.2 * tube, 0.6 * tube), (0, 0, ring))
     clay.paint("nylon")
@@ -214,6 +219,7 @@ def _teddy(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.join(leg, (side * 0.15 * L, -0.02 * L, 0.3 * L), turn, soft=0.03 * L)
         foot = ellipsoid(0.09 * L, 0.12 * L, 0.065 * L)
         clay.join(foot, (side * 0.18 * L, -0.07 * L, 0.42 * L), soft=0.02 * L)
+    # All limbs are one lump before it is painted: the bear is one object, with fillets between.
     clay.paint("plush", texture=CRUMPLED, grain=5, depth=0.18)
     for side in (-1, 1):
         clay.start(ball(0.022 * L), (side * 0.065 * L, -0.145 * L, -0.295 * L)).paint("ABS")
@@ -277,6 +283,7 @@ def _duck(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for side in (-1, 1):
         wing = ellipsoid(0.06 * L, 0.13 * L, 0.22 * L)
         clay.join(wing, (side * 0.29 * L, 0.1 * L, 0.12 * L), turned("z", 18.0), soft=0.03 * L)
+    # A flat underside, on which it rests.
     clay.cut(box(0.5 * L, 0.1 * L, 0.6 * L), (0, 0.48 * L, 0), soft=0.03 * L)
     clay.paint("PVC").paint("air", inset=1.2 * wall)
     clay.start(ellipsoid(0.13 * L, 0.035 * L, 0.12 * L), (0, -0.19 * L, -0.42 * L))
@@ -330,6 +337,7 @@ def _sports_ball(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for side in (-1, 1):
         clay.cut(arc(0.78 * r, seam), (side * 0.62 * r, 0, 0), turned("x", 90.0))
     clay.paint("rubber").paint("air", inset=1.8 * wall)
+    # A ball has no side to lie on: any turn will do, and the seams show it.
     tilt = turned("z", rng.uniform(0, 60)) @ turned("x", rng.uniform(0, 60))
     return Blueprint("ball", "ball", "rubber", clay, (tilt,))
 
@@ -355,6 +363,7 @@ def _scissors(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         turn = turned("y", side * opening)
         y = side * thick * 0.9
 
+        # Defaults bind this round's turn: a plain closure would see the last one.
         def place(z: float, x: float, turn: np.ndarray = turn, y: float = y) -> np.ndarray:
             return np.array([0, y, 0.05 * L]) + turn @ np.array([z * L, 0.0, x * L])
 
@@ -379,6 +388,7 @@ def _keys(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     thick = max(0.026 * L, 0.75 * wall)
     clay = Clay()
     clay.start(arc(0.15 * L, max(0.022 * L, 0.8 * wall)), (0, 0, -0.34 * L)).paint("steel")
+    # Opposite ways and one above the other: keys on a ring fan out, and may not overlap.
     angles = rng.uniform(12, 26) * np.array([-1.0, 1.0])
     for angle, y in zip(angles, (-1.05 * thick, 1.05 * thick), strict=True):
         turn = turned("y", float(angle))
@@ -402,6 +412,7 @@ def _cutlery(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     handle = loft((0.018 * L, thick), (0.05 * L, thick), 0.33 * L, 0.3 * thick)
     if rng.random() < 0.5:
         clay.start(ellipsoid(0.095 * L, 0.06 * L, 0.15 * L), (0, -0.01 * L, -0.34 * L))
+        # The same shape, shifted: a bowl of even thickness.
         clay.cut(ellipsoid(0.095 * L, 0.06 * L, 0.15 * L), (0, -0.01 * L - 2 * thick, -0.34 * L))
         clay.clip(box(0.2 * L, 0.05 * L, 0.3 * L), (0, 0.03 * L, -0.34 * L))
         name = "spoon"
@@ -455,6 +466,7 @@ def _clothes_hanger(rng: np.random.Generator, L: float, wall: float) -> Blueprin
 
 def _boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a laced boot, its open shaft empty: welt, heel, tread and laces."""
+    # The leather must stay closed where the hollow comes near the surface.
     skin = max(0.028 * L, 1.4 * wall)
     clay = Clay()
     clay.start(round_cone(0.135 * L, 0.12 * L, 0.25 * L), (0, 0.29 * L, 0.03 * L), turned("z", 3.0))
@@ -484,6 +496,7 @@ def _boot(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
 
 def _shoe(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     """Model a running shoe: thick sole, toe cap, tongue, laces and an open collar."""
+    # See the boot: less would open holes between outside and hollow.
     skin = max(0.024 * L, 1.4 * wall)
     clay = Clay()
     clay.start(round_cone(0.14 * L, 0.115 * L, 0.31 * L), (0, 0.0, 0.02 * L), turned("z", 4.0))
@@ -530,6 +543,7 @@ def _rolled_towel(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
     for x in (-0.2, 0.22):
         clay.cut(arc(1.05 * r, 0.02 * L), (0, 0, x * L), STANDING, soft=0.04 * L)
     for side in (-1, 1):
+        # No pitch: the coil marks the end of the roll and does not go into it.
         coil = helix(0.55 * r, 0.018 * L, 1e-3, 1.0)
         clay.cut(coil, (0, 0, side * 0.49 * L), STANDING)
         clay.cut(arc(0.25 * r, 0.018 * L), (0, 0, side * 0.49 * L), STANDING)
@@ -548,6 +562,7 @@ def _belt(rng: np.random.Generator, L: float, wall: float) -> Blueprint:
         clay.cut(cylinder(ring - 2 * thick, 2 * half), turn=STANDING)
         clay.paint("leather")
         if i < 2:
+            # Joins one ring to the next, or the belt would be three objects.
             step = box(0.06 * L, half * 0.98, thick)
             clay.start(step, (0.03 * L, 0, ring - 0.065 * L), turned("y", 35.0)).paint("leather")
     clay.start(

@@ -59,6 +59,7 @@ _TABLE = (
     Material("aluminium", 3221, 2.70),
     Material("copper strands", 5200, 2.00),
     Material("steel sheet", 5600, 1.4),
+    # Clipped: solid metal lies above 32000 at 70 keV, and no format here holds more.
     Material("steel", 32000, 7.87),
     Material("brass", 32000, 8.50),
 )

@@ -77,6 +77,7 @@ def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list
         return []
     hz, hy, hx = container.room
     if container.kind == "pouch":
+        # Less than half as wide as the pouch, so that several lie flat beside each other.
         lengths = min(0.9 * hz, 0.55 * hx) * rng.uniform(0.85, 1.0, count)
         builders = [BUILDERS["coin"]] * count
     else:
@@ -84,6 +85,7 @@ def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list
         # Beyond two or three things, the cube root of the crowd shrinks each, so that all fit.
         crowd = min(1.0, (2.5 / count) ** (1 / 3))
         lengths = np.array([KEPT_IN_CARTONS[i][1] for i in chosen]) * 2 * hx * crowd
+        # Things up to 0.6 as high as long fit under the lid, which is 2 hy high.
         lengths = np.minimum(lengths, 3.2 * hy)
         builders = [BUILDERS[KEPT_IN_CARTONS[i][0]] for i in chosen]
     return [
@@ -115,6 +117,7 @@ def room_of(
         Voxel size, mm.
     """
     half = np.abs(rotation) @ np.array(container.room) / spacing
+    # Whole voxels inside the room, or antialiased edges of both would meet.
     low = np.ceil(middle - half).astype(int) + 1
     high = np.floor(middle + half).astype(int)
     height = np.full((shape[0], shape[2]), BLOCKED, np.int32)

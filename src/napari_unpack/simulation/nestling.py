@@ -38,6 +38,7 @@ def walled(labels: NDArray[np.uint16], room: Stack) -> None:
 def surface(inside: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Return the voxels of a thing that have a neighbour outside it, (N, 3) int32."""
     padded = np.pad(inside, 1)
+    # Only the skin can meet anything, and it is a small part of the voxels.
     core = padded[1:-1, 1:-1, 1:-1].copy()
     for axis in range(3):
         for step in (0, 2):
@@ -66,8 +67,10 @@ def nestle(labels: NDArray[np.uint16], skin: NDArray[np.int32], rest: Rest) -> R
     """
     z, y, x = rest.z, rest.y, rest.x
     for _ in range(ROUNDS):
+        # Down before sideways: a thing that hangs would lean on what it later falls below.
         y = _fall(labels, skin, z, y, x)
         free = _gaps(labels, skin, z, y, x)
+        # Gaps of 0 touch already; REACH means no neighbour, and the bag's wall is none to lean on.
         ways = [(steps, way) for way, steps in enumerate(free) if 0 < steps < REACH]
         if not ways:
             break
@@ -86,6 +89,7 @@ def _met(labels, skin, z, y, x):  # type: ignore[no-untyped-def]
             return 1
         if a >= labels.shape[0] or b >= labels.shape[1] or c >= labels.shape[2]:
             return 1
+        # Only things attract: pushed against the shell, all would crowd at the rim.
         if labels[a, b, c]:
             return 1 if labels[a, b, c] == WALL else 2
     return 0

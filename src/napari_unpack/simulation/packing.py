@@ -126,6 +126,7 @@ class Packing:
                 placed = self._drop(smaller, rng)
             if placed:
                 return True
+            # Smaller until it fits: a count that was asked for matters more than a size.
             share *= SHRINK
         return False
 
@@ -135,7 +136,9 @@ class Packing:
         laid = drape(rng, cloth, self.stack, self.spacing)
         if laid is None or laid.inside.sum() < FEWEST_VOXELS:
             return False
+        # Its place is decided already; the cost is not looked at.
         rest = Rest(*laid.corner, cost=0.0)
+        # Both must know of it: `nestle` reads the labels, the next search the stack.
         self._put(laid.inside, laid.density, rest, len(self.records) + 1)
         self.stack.load(Profile.of(laid.inside), rest)
         self.records.append(Record(cloth.kind, cloth.name, cloth.material, 0, laid.grams))
@@ -143,6 +146,7 @@ class Packing:
 
     def _drop(self, order: Order, rng: np.random.Generator) -> bool:
         assert order.kind.build is not None
+        # Its own generator: at a smaller size it is the same thing, whatever was tried before.
         own = np.random.default_rng(order.seed)
         thing = order.kind.build(own, order.length, self.wall)
         # Every way tried costs a raster of the whole thing, so only the two best are.
@@ -155,6 +159,7 @@ class Packing:
             rest = self.stack.near(profile, spot.z * pool, spot.x * pool, pool + 1)
             if rest is None:
                 continue
+            # Neither lifts it, and neither lets it into another thing.
             rest = self.stack.settle(profile, rest)
             rest = nestle(self.labels, surface(raster.inside), rest)
             self.stack.load(profile, rest)
@@ -195,6 +200,7 @@ class Packing:
             thing = content.model(share, self.wall)
             found = []
             for degrees in rng.uniform(0, 360, 3):
+                # At rest as usual, turned about the vertical alone: the room is low.
                 turn = turned("y", float(degrees)) @ thing.rests[0]
                 part = self._raster(thing, turn)
                 spot = room.best(Profile.of(part.inside))
@@ -226,6 +232,7 @@ class Packing:
         rest: Rest,
         label: int,
     ) -> None:
+        # The box of a raster is a voxel wider than the thing, and may stick out of the volume.
         first = np.array([rest.z, rest.y, rest.x])
         low = np.maximum(first, 0)
         high = np.minimum(first + inside.shape, self.labels.shape)
@@ -245,11 +252,13 @@ def _ways_to_lie(thing: Blueprint, rng: np.random.Generator) -> list[Rotation]:
     """Return the rotations to try: each way of resting, turned about the vertical."""
     ways = []
     for index, rest in enumerate(thing.rests):
+        # The first way of resting is the usual one, and gets all four quarters.
         quarters = rng.permutation(4)[: 4 if index == 0 else 2]
         for quarter in quarters:
             if thing.square:
                 ways.append(turned("y", 90.0 * quarter) @ rest)
                 continue
+            # Nobody packs to the degree: 14 about the vertical, 9 as a tilt on what lies below.
             yaw = 90.0 * quarter + rng.normal(0.0, 14.0)
             ways.append(turned("y", float(yaw)) @ rest)
             tilt = turned("z", float(rng.normal(0, 9.0))) @ turned("x", float(rng.normal(0, 9.0)))

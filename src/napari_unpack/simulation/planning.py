@@ -82,6 +82,7 @@ def plan(
     # Sizes follow the bag, so that few things fill it as well as many.
     volumes = np.array([_volume(order) for order in orders])
     wanted = FILLED * float(np.prod(np.array(shape) * spacing))
+    # Each thing's own limit, in shares of its length.
     limits = LONGEST * extent / np.array([order.length for order in orders])
     scale = _scale(volumes, limits, wanted)
     sized = [
@@ -106,6 +107,7 @@ def trifle(
     shape, spacing : see `plan`
         Of the bag.
     """
+    # Up to 0.34 of the bag: what is left is gaps, and a container would want contents again.
     small = [kind for kind in KINDS if kind.lengths[1] <= 0.34 and kind.name not in HOLDERS]
     kind = small[int(rng.integers(len(small)))]
     extent = float(np.max(np.array(shape) * spacing))
@@ -115,6 +117,7 @@ def trifle(
 
 def _scale(volumes: NDArray[np.float64], limits: NDArray[np.float64], wanted: float) -> float:
     # Things grow together until they fill the bag or are as large as a thing may be.
+    # Bisection: the volume grows with the scale, but not as its cube once limits are reached.
     low, high = 0.05, MOST_GROWN
     for _ in range(30):
         scale = (low + high) / 2
@@ -134,6 +137,7 @@ def _choose(rng: np.random.Generator, count: int, extent: float) -> list[Order]:
         often[index] *= AGAIN
         kind = KINDS[index]
         inside = 0
+        # Only with enough left that the contents do not use up the count.
         if kind.name == "carton" and left > 3:
             inside = int(rng.integers(1, 4))
         if kind.name == "pouch" and left > 4:

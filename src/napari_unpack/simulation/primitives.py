@@ -102,6 +102,7 @@ def _ellipsoid(rz, ry, rx, z, y, x):  # type: ignore[no-untyped-def]
     near = math.sqrt(a * a + b * b + c * c)
     a, b, c = a / rz, b / ry, c / rx
     slope = math.sqrt(a * a + b * b + c * c)
+    # At the centre the slope vanishes with the distance, and 0 / 0 says nothing.
     if slope < 1e-12:
         return -min(rz, ry, rx)
     return near * (near - 1.0) / slope
@@ -111,6 +112,7 @@ def _ellipsoid(rz, ry, rx, z, y, x):  # type: ignore[no-untyped-def]
 def _round_cone(r1, r2, half, radius, x):  # type: ignore[no-untyped-def]
     # Two balls and the cone that touches both, in the plane of axis and point.
     length = 2.0 * half
+    # Where one ball holds the other there is no cone; the limit keeps the root real.
     sine = min(max((r1 - r2) / max(length, 1e-9), -0.999), 0.999)
     cosine = math.sqrt(1.0 - sine * sine)
     along = x + half
@@ -125,6 +127,7 @@ def _round_cone(r1, r2, half, radius, x):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _arc(p, z, y, x):  # type: ignore[no-untyped-def]
     angle = math.atan2(z, x)
+    # Beyond its ends an arc is as far as the ball at its end.
     nearest = min(max(angle, -p[2]), p[2])
     share = nearest / p[2]
     tube = p[1] * (1.0 - p[3] * share * share)
@@ -139,6 +142,7 @@ def _helix(p, z, y, x):  # type: ignore[no-untyped-def]
     ring, tube, pitch, turns = p[0], p[1], p[2], p[3]
     angle = math.atan2(z, x) / (2.0 * math.pi)
     height = y / pitch + turns / 2.0 - angle
+    # Only turns that exist at this angle, or the coil would go on for ever.
     turn = min(max(round(height), math.ceil(-angle)), math.floor(turns - angle))
     return math.hypot(math.hypot(z, x) - ring, (height - turn) * pitch) - tube
 
@@ -148,6 +152,7 @@ def _bristles(p, z, y, x):  # type: ignore[no-untyped-def]
     pitch = p[2]
     rows = math.floor(p[0] / pitch)
     cols = math.floor(p[1] / pitch)
+    # The nearest pin of the grid is the only one that counts.
     dz = z - pitch * min(max(round(z / pitch), -rows), rows)
     dx = x - pitch * min(max(round(x / pitch), -cols), cols)
     dy = max(abs(y) - p[4], 0.0)
@@ -161,6 +166,7 @@ def _pleats(p, z, y, x):  # type: ignore[no-untyped-def]
     angle = math.atan2(z, y)
     # Swept folds: every pleat is wrapped the same way round the stick.
     wave = abs(math.sin(0.5 * p[3] * (angle + 0.35 * share)))
+    # The waves are steeper than 1: 0.85 keeps marching from stepping through a fold.
     return _capped(math.hypot(z, y) - radius - p[4] * (wave - 0.6), abs(x) - p[2], 0.0) * 0.85
 
 
@@ -169,4 +175,5 @@ def _loft(p, z, y, x):  # type: ignore[no-untyped-def]
     share = min(max(0.5 + 0.5 * x / p[4], 0.0), 1.0)
     rz = p[0] + (p[2] - p[0]) * share
     ry = p[1] + (p[3] - p[1]) * share
+    # An ellipse as an ellipsoid so long that its x radius never is the least.
     return _capped(_ellipsoid(rz, ry, 1e3, z, y, 0.0), abs(x) - p[4], p[5])

@@ -165,10 +165,12 @@ def _fill_levels(
     partial = np.flatnonzero((program[:, 0] == PAINT) & (program[:, 3] < 1.0))
     if len(partial) == 0:
         return levels
+    # 32 samples an edge place a liquid's level to 3 % of the height.
     axes = [np.linspace(a, b, 32) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     for row in partial:
         depth = _lump_distances(program[: row + 1], points @ rotation)
+        # World heights, as y grows down: the level stays horizontal however the thing lies.
         heights = points[depth + program[row, 2] < 0, 1]
         if len(heights):
             levels[row] = np.quantile(heights, 1.0 - program[row, 3])
@@ -248,6 +250,7 @@ def _noise(z, y, x):  # type: ignore[no-untyped-def]
     for i in range(2):
         for j in range(2):
             for k in range(2):
+                # Primes of Teschner's spatial hash: noise without a table, alike everywhere.
                 h = int(a + i) * 73856093 ^ int(b + j) * 19349663 ^ int(c + k) * 83492791
                 h = (h ^ (h >> 13)) * 1274126177 & 0x7FFFFFFF
                 w = abs(1 - i - (z - a)) * abs(1 - j - (y - b)) * abs(1 - k - (x - c))
@@ -329,7 +332,9 @@ def _voxel(program, levels, edge, values, densities, height, z, y, x):  # type: 
             lump = _lump(program, row, lump, spare, z, y, x)
             continue
         d = lump + r[2]
+        # Paint adds to the object, carving takes away from it, in the order of the program.
         whole = min(whole, d) if verb == PAINT else max(whole, -d)
+        # A voxel's share, from the distance of its centre: exact for a face along the grid.
         cover = min(max(0.5 - d / edge, 0.0), 1.0)
         if levels[row] > -FAR:
             cover *= min(max(0.5 + (height - levels[row]) / edge, 0.0), 1.0)
@@ -338,6 +343,7 @@ def _voxel(program, levels, edge, values, densities, height, z, y, x):  # type: 
         new = values[int(r[1])]
         if verb == PAINT and r[4] > 0.0:
             new *= 1.0 + r[6] * _texture(int(r[4]), r[5], z, y, x)
+        # Mixed, not added: later paint covers what was there.
         value += cover * (new - value)
         weight += cover * (densities[int(r[1])] - weight)
     return whole, value, weight

@@ -97,9 +97,12 @@ class Scanner:
         one pass gives both the point spread and the noise's correlation.
         """
         np.clip(density, 0, HIGHEST, out=density)
+        # Before blur and noise: the scanner blurs what it reconstructs, errors included.
         add_streaks(density, self.streaks, self.starvation, rng)
         kernel = gaussian(self.blur / FWHM_PER_SIGMA)
+        # A pass scales white noise by the root of the kernel's sum of squares; there are three.
         gain = self.noise / float((kernel**2).sum()) ** 1.5
+        # Slice by slice: noise of the whole volume at once would double the memory.
         for z in range(density.shape[0]):
             density[z] += gain * rng.standard_normal(density.shape[1:], dtype=np.float32)
         for axis in range(3):

@@ -59,7 +59,9 @@ class Shell:
 
     def room(self, shape: tuple[int, int, int]) -> Stack:
         """Return the empty room inside."""
+        # Half a voxel more: voxel centres of things may not lie on the fabric's inner face.
         half = np.array(self.half) - self.thickness - 0.5
+        # Fabric of one thickness has inner edges rounded by as much less.
         r = max(self.rounding - self.thickness, 0.5)
         z = np.maximum(np.abs(np.arange(shape[0]) - self.center[0]) - half[0] + r, 0.0)[:, None]
         x = np.maximum(np.abs(np.arange(shape[2]) - self.center[2]) - half[2] + r, 0.0)[None, :]
@@ -81,6 +83,7 @@ class Shell:
 @njit(cache=True, nogil=True)
 def _paint(density, center, half, r, thick, table, fabric, piping, zipper, skin, core):  # type: ignore[no-untyped-def]
     depth, height, width = density.shape
+    # The zip runs high on the side, where bags open.
     seam = center[1] - 0.42 * half[1]
     cord = 0.9 * thick
     for z in range(depth):
@@ -88,6 +91,7 @@ def _paint(density, center, half, r, thick, table, fabric, piping, zipper, skin,
         for y in range(height):
             if y > table:
                 below = y - table
+                # Two voxels of skin above, two below; foam between, as in carbon tables.
                 plate = skin if below < 2.0 or y > height - 3 else core
                 for x in range(width):
                     density[z, y, x] += plate
@@ -104,6 +108,7 @@ def _paint(density, center, half, r, thick, table, fabric, piping, zipper, skin,
                 round_side = math.hypot(max(az, 0.0), max(ax, 0.0)) - r
                 wall = round_side > -1.5 * thick
                 if wall and abs(y - seam) < cord:
+                    # Teeth two voxels wide: the finest that the grid still shows.
                     tooth = (z + x) % 4 < 2
                     value = zipper if tooth else piping
                 elif wall and abs(abs(y - center[1]) - half[1] + 0.6 * r) < cord:

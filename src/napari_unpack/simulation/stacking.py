@@ -87,6 +87,7 @@ class Stack:
             return padded.reshape(padded.shape[0] // pool, pool, padded.shape[1] // pool, pool)
 
         low = blocks(self.height, BLOCKED).min(axis=(1, 3))
+        # The least room of a block on both sides: what fits coarsely fits finely.
         lid = blocks(self.ceiling, 1 << 20).max(axis=(1, 3))
         return Stack(np.ascontiguousarray(low), np.ascontiguousarray(lid))
 
@@ -145,6 +146,7 @@ class Stack:
         """
         z, x = profile.under.shape
         window = self.height[rest.z : rest.z + z, rest.x : rest.x + x]
+        # Columns of its box that a thing leaves empty stay open to others.
         used = profile.under > BLOCKED
         window[used] = np.minimum(window[used], rest.y + profile.over[used])
 
@@ -165,6 +167,7 @@ def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-un
     saving = 0.5 * thickness + 4.0
     for z in range(z0, min(z1, height.shape[0] - depth + 1)):
         for x in range(x0, min(x1, height.shape[1] - width + 1)):
+            # Higher than any gap, so that the first column decides.
             y = 1 << 20
             total = 0.0
             lost = False
@@ -175,6 +178,7 @@ def _search(height, ceiling, under, over, z0, z1, x0, x1):  # type: ignore[no-un
                         total += gap
                         y = min(y, gap)
                 # No later column can make this place better than the best: stop early.
+                # A blocked column gives a gap far below half of BLOCKED, and ends it at once.
                 if y < BLOCKED // 2 or deepest - y - middle - saving >= best:
                     lost = True
                     break
@@ -233,6 +237,7 @@ def _sheltered(height, rim, z, level, x):  # type: ignore[no-untyped-def]
     count = 0
     for n in range(rim.shape[0]):
         i, k = z + rim[n, 0], x + rim[n, 1]
+        # The bag's wall shelters too: things go into corners.
         outside = i < 0 or k < 0 or i >= height.shape[0] or k >= height.shape[1]
         if outside or height[i, k] <= level:
             count += 1

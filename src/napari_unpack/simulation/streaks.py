@@ -45,6 +45,7 @@ def add_streaks(
     if strength <= 0.0:
         return
     height, width = density.shape[1:]
+    # Rays stay within an axial slice, and so do the streaks of its metal.
     slices = np.flatnonzero(density.max(axis=(1, 2)) > metal)
     done: dict[int, NDArray[np.float32]] = {}
     for z in slices:
@@ -80,6 +81,7 @@ def _error(
     back = np.zeros_like(dense)
     _back_project(error.astype(np.float32), back)
     back *= strength * math.pi / views
+    # Metal itself is clipped far above; only what is around it shows the error.
     back[dense > 0.2] = 0.0
     return np.asarray(ndimage.zoom(back, 2, order=1, mode="nearest", grid_mode=True), np.float32)
 
@@ -90,6 +92,7 @@ def _ramp(reach: int) -> NDArray[np.float64]:
     odd = n % 2 == 1
     kernel = np.zeros(len(n))
     kernel[odd] = -1.0 / (np.pi * n[odd]) ** 2
+    # The samples of Ram-Lak at a pitch of 1 (Kak & Slaney 1988, eq. 3.61).
     kernel[n == 0] = 0.25
     return np.convolve(kernel, [0.25, 0.5, 0.25], mode="same")
 
@@ -100,9 +103,11 @@ def _project(dense, sinogram):  # type: ignore[no-untyped-def]
     middle_y, middle_x = (dense.shape[0] - 1) / 2, (dense.shape[1] - 1) / 2
     for y in range(dense.shape[0]):
         for x in range(dense.shape[1]):
+            # Metal is rare: only its pixels are projected, each into two cells.
             if dense[y, x] == 0.0:
                 continue
             for view in range(views):
+                # Half a step off the axes, whose views would put all of an edge into one cell.
                 angle = math.pi * (view + 0.5) / views
                 s = (x - middle_x) * math.cos(angle) + (y - middle_y) * math.sin(angle)
                 at = s + (reach - 1) / 2

@@ -50,6 +50,7 @@ class ParallelBeam:
         """
         pitch = min(spacing)
         diagonal = math.hypot(shape[0] * spacing[0], shape[1] * spacing[1])
+        # Odd, so that one cell looks through the middle; the spare ones let interpolation read on.
         detectors = 2 * math.ceil(diagonal / pitch / 2) + 3
         return cls(views or math.ceil(math.pi / 2 * detectors), detectors, pitch, spacing)
 
@@ -92,6 +93,7 @@ class ParallelBeam:
         size = 1 << (2 * self.detectors - 1).bit_length()
         n = np.fft.fftfreq(size, 1 / size)
         kernel = np.zeros(size)
+        # Sampled in space, the ramp keeps its small value at 0: a plain ramp would lose the mean.
         kernel[0] = 0.25
         odd = n % 2 != 0
         kernel[odd] = -1.0 / (np.pi * n[odd]) ** 2
@@ -109,6 +111,7 @@ def _project(plane, sinogram, pitch, dy, dx):  # type: ignore[no-untyped-def]
     height, width = plane.shape
     views, detectors = sinogram.shape
     middle_y, middle_x = (height - 1) / 2, (width - 1) / 2
+    # The inner sum runs along memory either way.
     columns = np.ascontiguousarray(plane.T)
     for view in range(views):
         angle = math.pi * (view + 0.5) / views
@@ -147,6 +150,7 @@ def _back_project(filtered, plane, pitch, dy, dx):  # type: ignore[no-untyped-de
     height, width = plane.shape
     views, detectors = filtered.shape
     middle_y, middle_x = (height - 1) / 2, (width - 1) / 2
+    # In float64: hundreds of views of either sign nearly cancel where there is air.
     sums = np.zeros((height, width))
     for view in range(views):
         angle = math.pi * (view + 0.5) / views

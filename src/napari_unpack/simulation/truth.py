@@ -26,6 +26,7 @@ def contacts(labels: Labels) -> dict[tuple[int, int], int]:
         moved = np.moveaxis(labels, axis, 0)
         a, b = moved[:-1], moved[1:]
         touch = (a != b) & (a != 0) & (b != 0)
+        # Both orders of a pair count as one.
         pairs = np.sort(np.stack([a[touch], b[touch]], axis=1).astype(np.int64), axis=1)
         kinds, counts = np.unique(pairs, axis=0, return_counts=True)
         for (low, high), faces in zip(kinds.tolist(), counts.tolist(), strict=True):
@@ -68,6 +69,7 @@ def removable(labels: Labels, axis: int, sign: int) -> set[int]:
     if sign not in (1, -1):
         raise ValueError(f"sign must be 1 or -1, got {sign!r}")
     planes = np.moveaxis(labels, axis, 0)
+    # From the exit inwards: what was met before is what stands in the way.
     if sign > 0:
         planes = planes[::-1]
     # Two different IDs are enough: whichever object comes next, one of them is not its own.
