@@ -79,9 +79,11 @@ class ManualWorkers:
     def waiting(self, owner: Scheduler) -> list[Job]:
         return [job for job in self._waiting if job.owner is owner]
 
-    def drop(self, job: Job) -> None:
-        if job in self._waiting:
+    def drop(self, job: Job) -> bool:
+        waits = job in self._waiting
+        if waits:
             self._waiting.remove(job)
+        return waits
 
     def wait_while(self, waits: Callable[[], bool]) -> None:
         while waits():

@@ -167,6 +167,31 @@ def test_a_closed_scope_gets_nothing_and_the_others_go_on(manual) -> None:
     assert found == [other] * 3
 
 
+def test_a_task_that_runs_on_for_a_closed_scope_holds_nothing_up(scheduler, qtbot) -> None:
+    found, began, end = [], threading.Event(), threading.Event()
+    before, after = scheduler.scope(), scheduler.scope()
+    before.submit(Task("a", lambda _: (began.set(), end.wait(20))), Worker.QUERY, found.append)
+    assert began.wait(10)
+    before.close()
+    after.submit(constant("a", 2), Worker.QUERY, found.append)
+    try:
+        qtbot.waitUntil(lambda: found == [2], timeout=10_000)
+    finally:
+        end.set()
+
+
+def test_a_task_that_begins_while_it_is_cancelled_is_delivered_once(manual) -> None:
+    results, errors = [], []
+    manual.submit(constant("a", 1), Worker.LONG, results.append, failed=errors.append)
+    waiting = manual.workers.waiting(manual)
+    manual.workers.start(Worker.LONG, "a")
+    # As it was when a thread took the task between the look and the cancelling.
+    manual.workers.waiting = lambda _: waiting
+    manual.cancel("a")
+    manual.workers.finish(Worker.LONG)
+    assert (results, errors) == ([1], [])
+
+
 def test_a_debounce_waits_for_the_last_and_a_throttle_for_the_first(manual) -> None:
     calls = []
     for k in range(3):

@@ -31,6 +31,10 @@ FRAME_MS = 16
 PROGRESS_SECONDS = 1 / 30
 
 
+# For those who come after a closed owner whose task runs on: few ever close so fast.
+SPARE_THREADS = 4
+
+
 class Worker(Enum):
     """Where a task runs, and on how many threads."""
 
@@ -159,7 +163,7 @@ class _Workers(Protocol):
 
     def waiting(self, owner: Scheduler) -> list[Job]: ...
 
-    def drop(self, job: Job) -> None: ...
+    def drop(self, job: Job) -> bool: ...
 
     def wait_while(self, waits: Callable[[], bool]) -> None: ...
 
@@ -196,7 +200,8 @@ class ThreadWorkers:
     def __init__(self) -> None:
         self._pools = {
             worker: _Pool(
-                worker.threads, ThreadPoolExecutor(worker.threads, f"unpack-{worker.name}")
+                worker.threads,
+                ThreadPoolExecutor(worker.threads + SPARE_THREADS, f"unpack-{worker.name}"),
             )
             for worker in Worker
         }
@@ -226,12 +231,15 @@ class ThreadWorkers:
         with self._lock:
             return [j for p in self._pools.values() for j in p.waiting if j.owner is owner]
 
-    def drop(self, job: Job) -> None:
-        """Forget a job that waits."""
+    def drop(self, job: Job) -> bool:
+        """Forget a job that waits; return whether it did."""
         with self._lock:
             waiting = self._pools[job.worker].waiting
-            if job in waiting:
+            # A thread may have begun it since the caller looked.
+            waits = job in waiting
+            if waits:
                 waiting.remove(job)
+            return waits
 
     def wait_while(self, waits: Callable[[], bool]) -> None:
         """Go on drawing while something holds, without mouse and keyboard."""
@@ -262,7 +270,10 @@ class ThreadWorkers:
 
     def _start(self, pool: _Pool) -> None:
         # Under the lock. Two tasks of one slot would race for what they both replace.
-        while len(pool.running) < pool.threads and not self._closed:
+        while not self._closed:
+            # What runs for a closed owner is of no use: the next bag must not wait for it.
+            if sum(not job.owner.closed for job in pool.running) >= pool.threads:
+                return
             taken = {(job.owner, job.slot) for job in pool.running}
             job = next((j for j in pool.waiting if (j.owner, j.slot) not in taken), None)
             if job is None:
@@ -463,13 +474,11 @@ class Scheduler:
 
     def cancel(self, slot: Hashable) -> None:
         """Forget what waits in a slot, and ask what runs in it to stop at its next report."""
-        waiting = self._workers.waiting(self)
         for job in self._workers.jobs(self):
             if job.slot == slot:
                 # Other tasks never look: what they return is delivered as ever.
                 job.stopping.set()
-                if job in waiting:
-                    self._workers.drop(job)
+                if self._workers.drop(job):
                     self.deliver(job, TaskResult(error=Cancelled()))
 
     def deliver(self, job: Job, result: TaskResult[Any]) -> None:
