@@ -129,3 +129,12 @@ def test_while_slow_previews_of_a_turn_are_cast_nothing_is_refined(
     assert scheduler.has("packed", Worker.REFINE)
     scheduler.finish_tasks()
     assert renderer.settled
+
+
+def test_the_bricks_of_the_volume_are_made_once_for_images_picks_and_the_card(
+    still, session
+) -> None:
+    renderer, *_ = still
+    ready = session.scene().subvolumes.whole()
+    assert renderer.subvolume(session.scene()) is ready
+    assert renderer.known_subvolume() is ready

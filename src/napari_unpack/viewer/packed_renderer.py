@@ -13,7 +13,7 @@ from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import packed_image
 from napari_unpack.rendering.scene import Scene
-from napari_unpack.rendering.subvolumes import Subvolume, SubvolumeCache
+from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.canvas_backend import CanvasBackend
@@ -93,7 +93,7 @@ class PackedRenderer:
         self._rays = float(FEWEST_RAYS)
         # The revision at which an object changed that the image does not show yet.
         self._changed: dict[int, int] = {}
-        self._cache: SubvolumeCache | None = None
+        self._whole: Subvolume | None = None
         scheduler.on_idle(IdlePhase.IMAGE, self._on_idle)
         # Where the machine is slow, redraws are further apart than a camera takes to rest.
         scheduler.hold_idle("preview", lambda: scheduler.has("packed", Worker.PREVIEW))
@@ -112,19 +112,13 @@ class PackedRenderer:
 
     def subvolume(self, scene: Scene) -> Subvolume:
         """Return the whole volume as the kernels want it; for worker threads too."""
-        cache = self._cache
-        if cache is None or cache.labels is not scene.labels:
-            fresh = SubvolumeCache(scene.volume, scene.labels, scene.boxes, scene.spacing)
-            # After an edit of labels only the bricks of its box are made anew.
-            if cache is not None and cache.volume is fresh.volume:
-                fresh.taking_over(cache)
-            fresh.whole()
-            self._cache = cache = fresh
-        return cache.whole()
+        self._whole = whole = scene.subvolumes.whole()
+        return whole
 
     def known_subvolume(self) -> Subvolume:
         """Return the whole volume as last made ready, which may be of labels just repaired."""
-        return self.subvolume(self._session.scene()) if self._cache is None else self._cache.whole()
+        # The mouse must not wait until repaired labels are ready.
+        return self._whole or self.subvolume(self._session.scene())
 
     def set_view(self, frame: Frame) -> None:
         """Take note of what the canvas shows now."""
