@@ -84,3 +84,21 @@ def test_another_direction_says_nothing_of_the_last_answer(asking, session) -> N
     scheduler.finish_tasks()
     assert known[-1] == {i for group in session.queries.unpackable_groups() for i in group}
     assert asked(scheduler, OCCLUSION) == 2
+
+
+def test_hues_of_a_view_come_also_after_the_camera_went_and_came_back(asking, session) -> None:
+    queries, scheduler, _ = asking
+    before, here = session.hues, session.camera
+    queries.moved()
+    scheduler.advance(1000)
+    scheduler.workers.start(Worker.BACKGROUND, "hues")
+    # There and back while they are worked out: they are kept, but not shown in the movement.
+    queries.moved()
+    scheduler.workers.finish(Worker.BACKGROUND)
+    assert session.hues == before
+    assert session.camera is here
+    scheduler.finish_tasks()
+    scheduler.advance(1000)
+    scheduler.finish_tasks()
+    assert session.hues == session.queries.hues()
+    assert session.hues != before

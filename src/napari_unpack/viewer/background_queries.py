@@ -18,7 +18,10 @@ from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
 if TYPE_CHECKING:
+    from napari_unpack.geometry.view import Camera
+    from napari_unpack.rendering.scene import Scene
     from napari_unpack.session import Session
+    from napari_unpack.session.placement import Bag
 
 # Slot of the question what can leave; commands that need the answer wait for it.
 OCCLUSION = "occlusion"
@@ -104,10 +107,15 @@ class BackgroundQueries:
         else:
             done = partial(self._store_occlusion, occlusion)
             self._scheduler.submit(occlusion, Worker.QUERY, done, slot=OCCLUSION)
-        hues = queries.hues_task() if self._recolors() else None
-        if hues is not None:
-            done = partial(self._store_hues, revision, hues)
-            self._scheduler.submit(hues, Worker.BACKGROUND, done, slot="hues")
+        if not self._recolors():
+            return
+        hues = queries.hues_task()
+        if hues is None:
+            # Known since the camera was here before, perhaps gone on before they were shown.
+            self._session.recolor(undoable=False)
+            return
+        done = partial(self._store_hues, revision, hues)
+        self._scheduler.submit(hues, Worker.BACKGROUND, done, slot="hues")
 
     def _store_occlusion(self, task: Task[Any], result: Any) -> None:
         self._storing = True
@@ -145,22 +153,27 @@ class BackgroundQueries:
         """
         fresh = [i for i in self._session.queue.ids[:PREFETCHED] if i not in self._prefetched]
         self._prefetched.update(fresh)
+        session = self._session
+        bag, scene, camera = session.bag, session.scene(), session.camera
         for object_id in fresh:
-            run = partial(prefetch, self._session, object_id)
+            run = partial(prefetch, bag, scene, camera, object_id)
             task = Task(("prefetch", object_id), lambda _, run=run: run())  # type: ignore[misc]
             self._scheduler.submit(task, Worker.BACKGROUND, lambda _: None)
 
 
-def prefetch(session: Session, object_id: int) -> None:
+def prefetch(bag: Bag, scene: Scene, camera: Camera, object_id: int) -> None:
     """Cast small images of an object and keep what that needs; for worker threads.
 
     Parameters
     ----------
-    session : Session
+    bag : Bag
+        Keeps the object's tightest box.
+    scene : Scene
+        Keeps what was cut out of the volume.
+    camera : Camera
     object_id : int
     """
-    camera, scene = session.camera, session.scene()
-    session.bag.oriented(object_id, camera.stretch)
+    bag.oriented(object_id, camera.stretch)
     pose = Pose(np.zeros(3), camera.rotation, stretch=camera.stretch)
     object_image(scene, object_id, pose, camera, PREFETCH_SIZE, 1.25, "cpu")
     pixels_per_mm = 24.0 / camera.height

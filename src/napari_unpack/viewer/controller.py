@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from napari.layers import Layer
 from psygnal import Signal, SignalGroup
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     import napari
 
     from napari_unpack.session import Session
+    from napari_unpack.session.state import Group
 
 RIGHT_HANDED = ("towards", "down", "right")
 
@@ -273,19 +274,21 @@ class SessionController:
 
     # Commands.
 
-    def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Any:
+    def unpack(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Fly unpackable objects out, or these; see `Session.unpack`."""
         self.renderer.end_inspection()
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
         find_unpackable(self.session, self.scheduler, wanted, self.events.searching.emit)
         return self.session.unpack(wanted)
 
-    def restore(self, n_or_ids: int | Iterable[int] = 1) -> Any:
+    def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
         """Fly objects back, or these; see `Session.restore`."""
         self.renderer.end_inspection()
         return self.session.restore(n_or_ids)
 
-    def reveal(self, object_id: int, direction: Any = None) -> Any:
+    def reveal(
+        self, object_id: int, direction: str | Sequence[float] | Vector | None = None
+    ) -> Group:
         """Fly out what frees a buried object, and it as well.
 
         Parameters

@@ -21,7 +21,9 @@ from napari_unpack.viewer.ghost import Ghost
 from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
 if TYPE_CHECKING:
+    from napari_unpack.rendering.scene import Scene
     from napari_unpack.session import Session
+    from napari_unpack.session.ray_queries import RayQueries
 
 # Between the full image (120 ms) and the queries (250 ms), which take the processor longer.
 OUTLINES_MS = 160
@@ -156,8 +158,9 @@ class OutlineRenderer:
         inks = outlined.inks(packed, groups, 0 if least is None else least[0])
         buried = outlined.buried if outlined.buried in packed else 0
         if inks or buried:
+            scene, rays = session.scene(), session.ray_queries
             self._scheduler.submit(
-                Task("outlines", lambda _: draw_outlines(session, packed, inks, buried, frame)),
+                Task("outlines", lambda _: draw_outlines(scene, rays, inks, buried, frame)),
                 Worker.BACKGROUND,
                 lambda image: self._finish(image, revision),
             )
@@ -169,15 +172,15 @@ class OutlineRenderer:
 
 
 def draw_outlines(
-    session: Session, packed: frozenset[int], inks: Mapping[int, Ink], buried: int, frame: Frame
+    scene: Scene, rays: RayQueries, inks: Mapping[int, Ink], buried: int, frame: Frame
 ) -> RenderedImage | None:
     """Draw outlines for what a canvas shows; for worker threads.
 
     Parameters
     ----------
-    session : Session
-    packed : frozenset of int
-        What is in the bag.
+    scene : Scene
+    rays : RayQueries
+        Of the scene's labels.
     inks : {id: Ink}
     buried : int
         Seen through all others; 0 for none.
@@ -186,14 +189,15 @@ def draw_outlines(
     """
 
     def front(ids: frozenset[int]) -> NDArray[np.int32]:
-        visible = np.zeros(len(session.packed_tints()), np.bool_)
+        visible = np.zeros(len(scene.packed_tints), np.bool_)
         visible[list(ids)] = True
-        layers: NDArray[np.int32] = session.ray_queries.object_ids(
-            frame.camera, visible, frame.size, 1, session.clipping, session.backend
+        # Threads have no GL context.
+        layers: NDArray[np.int32] = rays.object_ids(
+            frame.camera, visible, frame.size, 1, scene.clipping, "cpu"
         )
         return layers[0]
 
-    rgba = outlined(front(packed), inks)
+    rgba = outlined(front(scene.packed), inks)
     if buried:
         through = outlined(front(frozenset({buried})), {buried: BURIED})
         rgba = through + (1.0 - through[..., 3:]) * rgba
