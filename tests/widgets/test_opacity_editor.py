@@ -41,16 +41,16 @@ def test_a_dragged_point_moves_and_says_so(qtbot: QtBot, editor: OpacityEditor) 
 def test_the_chosen_point_is_named_in_plain_numbers_until_another_curve_is_shown(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
-    assert editor.words == ""
+    assert editor.label_text == ""
     metal = [(0.0, 0.0), (9000.0, 0.0), (12340.0, 0.9)]
     editor.show_curve(metal, (0.0, 16000.0))
     qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
     qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
-    assert editor.words == "density 12340, opacity 0.9"
+    assert editor.label_text == "density 12340, opacity 0.9"
     editor.show_curve([*metal[:2], (12000.0, 0.8)], (0.0, 16000.0))
-    assert editor.words == "density 12000, opacity 0.8"
+    assert editor.label_text == "density 12000, opacity 0.8"
     editor.show_curve(CURVE, (0.0, 16000.0))
-    assert editor.words == ""
+    assert editor.label_text == ""
 
 
 def test_a_point_cannot_pass_its_neighbours(qtbot: QtBot, editor: OpacityEditor) -> None:

@@ -12,6 +12,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
+from manual_scheduler import ManualScheduler
 from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
@@ -199,13 +200,13 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
     several = Labels([labels, labels[::2, ::2, ::2]], name="pyramid")
     told: list[str] = []
     asked: list[Any] = []
-    painted = LabelSync(session, [layer, several], asked.append, told.append)
+    painted = LabelSync(session, ManualScheduler(), [layer, several], asked.append, told.append)
     layer.paint((12, 20, 16), CUBE)
     layer.paint((12, 20, 18), CUBE)
     (said,) = told
     assert layer.name in said
     assert "in memory" in said
-    assert not painted.waiting
+    assert not painted.pending
     assert asked == []
     painted.close()
 
