@@ -18,6 +18,7 @@ from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
+from napari_unpack.rendering.object_style import ObjectStyle
 
 SIZE = (72, 96)
 
@@ -140,6 +141,20 @@ def test_large_ids_and_an_inspection_come_back(tmp_path):
     assert [found.label_of(i) for i in found.ids] == [i * 10**9 for i in range(1, 10)]
     assert found.states[4].value == "inspected"
     assert everything(found) == everything(s)
+
+
+def test_what_is_kept_of_deleted_objects_for_undo_does_not_stop_a_session_from_opening(tmp_path):
+    session = used()
+    session.restore(list(session.state.placements))
+    session.set_style(5, ObjectStyle(cut=(np.zeros(3), np.array([0.0, 0.0, 1.0]))))
+    session.set_style(6, ObjectStyle(cut=(np.zeros(3), np.array([0.0, 0.0, 1.0]))))
+    session.locked_hues = frozenset({5, 6})
+    session.show()
+    session.delete(5)
+    found = nu.open_session(nu.save_session(session, tmp_path / "bag.unpack"))
+    assert set(found.state.styles) == found.locked_hues == {6}
+    session.undo()
+    assert set(session.state.styles) == {5, 6}
 
 
 def test_a_session_may_refer_to_its_files(session, tmp_path):

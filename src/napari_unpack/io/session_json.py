@@ -197,7 +197,10 @@ def state_record(session: Session) -> dict[str, Any]:
     queue = now.queue
     return {
         "transfer_function": densities_record(now.transfer_function),
-        "studies": styles_record(now.styles),
+        "studies": styles_record(
+            # Of objects merged or deleted since too, for undo: on opening they would be refused.
+            {i: style for i, style in now.styles.items() if i in session.label_data.known}
+        ),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
         "out": [_placement(i, placement) for i, placement in now.placements.items()],
@@ -504,7 +507,7 @@ def record_of(session: Session) -> dict[str, Any]:
         "look": {
             "tint_mode": view.tint_mode,
             "show_unlabelled": view.show_unlabelled,
-            "locked_hues": sorted(view.locked_hues),
+            "locked_hues": sorted(view.locked_hues & session.label_data.known),
             "hue_margin": view.hue_margin,
             "colored": view.recolored,
             "clipping": view.clipping.tolist(),
