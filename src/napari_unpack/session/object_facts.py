@@ -52,13 +52,15 @@ def facts_of(session: Session, object_id: int) -> Facts:
     KeyError
         If there is no such object.
     """
-    window = session.boxes.slices(object_id, margin=1)
-    labels = session.labels[window]
+    # Read once: labels and boxes of different revisions do not fit each other.
+    bag = session.bag
+    window = bag.boxes.slices(object_id, margin=1)
+    labels = bag.labels[window]
     mine = labels == object_id
     densities = np.asarray(session.volume[window])[mine].astype(np.float64)
     densities = densities[np.isfinite(densities)]
     row = session.objects.loc[object_id]
-    long, middle, short = (float(v) for v in session.bag.oriented(object_id).size)
+    long, middle, short = (float(v) for v in bag.oriented(object_id).size)
     return Facts(
         str(row["name"]),
         (long, middle, short),
