@@ -29,12 +29,21 @@ class ResultCache:
         covers : callable
             Given a known key and the wanted one, tells whether its result serves.
         """
-        kind = self._kinds.get(type(wanted), {})
-        found = kind.get(wanted)
-        if found is not None or covers is eq:
+        with self._lock:
+            kind = self._kinds.get(type(wanted), {})
+            key: Hashable = wanted
+            if wanted not in kind and covers is not eq:
+                key = next((known for known in reversed(kind) if covers(known, wanted)), wanted)
+            if key not in kind:
+                return None
+            # What is asked for again and again must outlive what was asked for once.
+            found = kind[key] = kind.pop(key)
             return found
-        key = next((known for known in reversed(tuple(kind)) if covers(known, wanted)), None)
-        return None if key is None else kind.get(key)
+
+    def take(self, wanted: Hashable) -> Any:
+        """Return the result under a key and keep it no longer; None where there is none."""
+        with self._lock:
+            return self._kinds.get(type(wanted), {}).pop(wanted, None)
 
     def keep(
         self,

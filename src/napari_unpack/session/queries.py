@@ -123,12 +123,22 @@ class Queries:
         if result is None:
             return False
         learnt = result.learnt if isinstance(result, RevealResult) else ()
+        if learnt:
+            # They have keys of their own, and must not live on with the plan as well.
+            result = replace(result, learnt=())
         for key, found in (*learnt, (task.key, result)):
-            self._keep(key, found)
+            if not (isinstance(key, OcclusionKey) and self._is_late(key)):
+                self._keep(key, found)
         serves = self._serves(task.key)
         if serves and isinstance(task.key, OcclusionKey):
             self._stored()
         return serves
+
+    def _is_late(self, key: OcclusionKey) -> bool:
+        """Tell whether a better result than one under this key was found meanwhile."""
+        now = self._occlusion_key()
+        known = self._known_occlusion(now) if key.same_question(now) else None
+        return known is not None and not now.packed <= key.packed <= known.packed
 
     def _keep(self, key: Hashable, found: object) -> None:
         match key:
@@ -136,8 +146,8 @@ class Queries:
                 # The fewer are packed, the more of the result is swept and not left to rays, so
                 # the latest is the finer one, also after some of it have come back.
                 self._cache.keep(key, found, replaces=OcclusionKey.same_question)
-            case LabelsKey():
-                # Labels are large arrays: those of one step are enough.
+            case LabelsKey() | SurveyKey():
+                # Volumes, and 26 tables of all pairs of objects: one of each is large enough.
                 self._cache.keep(key, found, most=1)
             case _:
                 self._cache.keep(key, found)
@@ -503,7 +513,7 @@ class Queries:
         """Return what blocks what along 26 directions; casts rays where that is not known."""
         task = self.survey_task()
         if task is not None:
-            self._cache.keep(task.key, task.run(no_progress))
+            self._keep(task.key, task.run(no_progress))
         return self._known_survey() or DirectionSurvey((), 0.0)
 
     def survey_task(self) -> Task[DirectionSurvey] | None:
@@ -574,11 +584,16 @@ class Queries:
             z, y, x = (float(v) for v in direction)
             wanted = replace(key.near, direction=(z, y, x))
             found = self._known_occlusion(wanted)
-            return wanted, look(wanted) if found is None else found
+            if found is None:
+                return wanted, look(wanted)
+            # It may be of more objects: under the key of fewer it would pass for asked afresh.
+            return replace(wanted, packed=found.packed), found
 
         def run(progress: Progress) -> RevealResult:
             survey = find(progress) if known is None else known
-            return find_reveal_plan(key, (survey_key, survey), looked)
+            found = find_reveal_plan(key, (survey_key, survey), looked)
+            # A known survey stands under its own key: under this one it would serve fewer.
+            return found if known is None else replace(found, learnt=found.learnt[1:])
 
         return Task(key, run)
 
@@ -660,7 +675,8 @@ class Queries:
     def labels_at(self, edit: Edit | None) -> LabelData:
         """Return the labels after an edit."""
         data = self._session.label_data
-        known: LabelData | None = self._cache.find(LabelsKey(data.revision, edit))
+        # Kept any longer it would keep a whole volume alive after the next edit.
+        known: LabelData | None = self._cache.take(LabelsKey(data.revision, edit))
         return data.at(edit) if known is None else known
 
     def labels_task(self, way: Literal["undo", "redo"]) -> Task[LabelData] | None:

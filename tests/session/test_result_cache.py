@@ -1,0 +1,78 @@
+"""Results by key: which are kept, and under which key what was found on the way stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from bags import AxisRays, session_of, stack_of_plates
+
+from napari_unpack.session import Session
+from napari_unpack.session.cache import MOST_RESULTS, ResultCache
+from napari_unpack.tasks import no_progress
+
+
+def test_what_was_used_longest_ago_goes_first():
+    cache = ResultCache()
+    for key in range(MOST_RESULTS):
+        cache.keep(key, str(key))
+    assert cache.find(0) == "0"
+    cache.keep(MOST_RESULTS, "new")
+    assert cache.find(0) == "0"
+    assert cache.find(1) is None
+    assert cache.take(0) == "0"
+    assert cache.find(0) is None
+    assert cache.take(0) is None
+
+
+def test_a_result_for_more_objects_does_not_pass_for_one_asked_afresh():
+    session = session_of(stack_of_plates())
+    queries, rays = session.queries, session.ray_queries
+    assert isinstance(rays, AxisRays)
+    session.direction = "-z"
+    everything = queries.packed
+    queries.occlusion()
+    queries.survey()
+    session.unpack(1)
+    session.reveal_plan(3)
+    asked = rays.asked
+    # What was known for all five still serves after the one has come back.
+    session.restore()
+    assert queries.occlusion().packed == everything
+    assert queries.survey_task() is None
+    assert rays.asked == asked
+    session.unpack(1)
+    assert queries.occlusion(afresh=True).packed == everything - {1}
+
+
+def test_a_result_that_comes_late_does_not_take_the_place_of_a_better_one():
+    session = session_of(stack_of_plates())
+    queries, rays = session.queries, session.ray_queries
+    assert isinstance(rays, AxisRays)
+    session.direction = "-z"
+    session.hide(1)
+    task = queries.occlusion_task()
+    assert task is not None
+    late = task.run(no_progress)
+    session.show(1)
+    known = queries.occlusion()
+    asked = rays.asked
+    assert not queries.store(task, late)
+    assert queries.occlusion() is known
+    assert rays.asked == asked
+
+
+def test_labels_worked_out_ahead_are_not_kept_after_their_step():
+    labels = stack_of_plates()
+    session = Session(np.where(labels > 0, 1000.0, 0.0).astype(np.float32), labels)
+    session.merge([1, 2])
+    session.merge([3, 4])
+    session.undo()
+    session.undo()
+    session.redo()
+    queries = session.queries
+    task = queries.labels_task("redo")
+    assert task is not None
+    assert queries.store(task, task.run(no_progress))
+    assert queries.labels_task("redo") is None
+    found = queries.labels_at(task.key.edit)
+    assert found.revision == session.label_data.revision + 1
+    assert queries.labels_task("redo") is not None
