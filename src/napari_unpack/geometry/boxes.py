@@ -166,6 +166,7 @@ def label_boxes(labels: NDArray[np.integer]) -> LabelBoxes:
 @njit(cache=True, nogil=True)
 def _scan(labels, top):  # type: ignore[no-untyped-def]
     counts = np.zeros(top + 1, np.int64)
+    # Rows of IDs that do not occur keep it, and are dropped with their counts of 0.
     lower = np.full((top + 1, 3), np.iinfo(np.int64).max)
     upper = np.zeros((top + 1, 3), np.int64)
     for z in range(labels.shape[0]):

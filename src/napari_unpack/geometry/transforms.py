@@ -78,6 +78,7 @@ class Pose:
         """Return the (4, 4) map from the packed bag's world mm to pivot space."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.scale * self.rotation @ self.stretch
+        # Turned about the box centre, which therefore comes to lie at `center`.
         matrix[:3, 3] = self.center - matrix[:3, :3] @ np.asarray(box_center, dtype=np.float64)
         return matrix
 

@@ -182,6 +182,7 @@ class Camera:
 
     def in_world(self, pivot_vectors: ArrayLike) -> NDArray[np.float64]:
         """Return the world vectors that (..., 3) vectors of pivot space are."""
+        # A rotation's inverse is its transpose: rows times it are columns times that.
         vectors = np.asarray(pivot_vectors, dtype=np.float64) @ self.rotation
         return vectors @ np.linalg.inv(self.stretch)
 
@@ -234,6 +235,7 @@ class Camera:
             Row and column; pixel centres are at integers, row 0 is at the top.
         """
         p = np.asarray(pivot_points, dtype=np.float64)
+        # The distance is infinite without perspective, which leaves the scale as it is.
         scale = size[0] / self.height / (1.0 - p[..., 0] / self.distance)
         middle = (np.asarray(size, dtype=np.float64) - 1) / 2
         return middle + p[..., 1:] * scale[..., None]

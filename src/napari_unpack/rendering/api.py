@@ -137,6 +137,7 @@ def object_id_layers(
     ids = cast(shown, int(layers)) if peeling == "pixel" else _peeled(cast, shown, int(layers))
     if given.names is None:
         return ids
+    # int32 is what kernels give; only IDs that do not fit it cost twice the memory.
     wide = np.int32 if given.names[-1] <= np.iinfo(np.int32).max else np.int64
     return np.take(given.names.astype(wide), ids)
 
@@ -231,6 +232,7 @@ def render(
     boxes = label_boxes(given.array) if around.box else None
     if boxes is not None and len(boxes.ids):
         middle = (boxes.lower.min(axis=0) + boxes.upper.max(axis=0) - 1) / 2 * mm
+        # Patches are put together by depth: that of the box is its middle.
         plane = -float(transform_points(camera.pivot_from_world(), middle)[0])
         bag = ImagePatch(image, depth, 0, 0, plane)
         image = compose(pixels, [bag, box_patch(boxes, mm, camera, pixels, around)])
@@ -277,6 +279,7 @@ def pick(
     -----
     docs/paper.md, R13: the largest contribution wins; stepping deeper walks down the list.
     """
+    # An unknown name is refused as everywhere, but no GL context is made for one ray.
     chosen(backend if backend not in ("auto", "gl") else "cpu")
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
     density = checked_volume(volume, given.array.shape)
@@ -452,6 +455,7 @@ def _counted(
         return counts
     found = label_boxes(given.array)
     area = np.zeros(given.size)
+    # In pixels, as hits are counted in rays.
     area[found.ids] = found.front_areas(mm, camera.direction) / (camera.height / pixels[0]) ** 2
     return replace(counts, front_area=area)
 
@@ -487,6 +491,7 @@ def _renamed(counts: OcclusionCounts, given: Labels) -> OcclusionCounts:
     names = given.names
     length = int(names[-1]) + 1
 
+    # Tables by ID: memory grows with the largest, as the docstring says.
     def spread(table: NDArray[np.int64]) -> NDArray[np.int64]:
         out = np.zeros(length, table.dtype)
         out[names] = table

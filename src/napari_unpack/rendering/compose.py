@@ -218,6 +218,7 @@ def scene_image(
     """
     cache = scene.subvolumes
     packed = packed_appearance(scene, shading, 1.0, backend)
+    # Flights and sprites are not in the key: the bag stands while they move.
     key = ("packed", packed.key, _camera_key(camera), size)
     patches = [cache.keep(key, lambda: packed_image(scene, camera, size, 1.0, backend, shading))]
     around = scene.decorations if decorations is None else decorations
@@ -225,6 +226,7 @@ def scene_image(
         patches.append(box_patch(scene.boxes, scene.spacing, camera, size, around))
     inspected = scene.inspected
     for object_id, pose in scene.poses.items():
+        # What flies or is inspected is drawn below, at another pose.
         if object_id not in scene.flights and object_id not in inspected:
             patches.append(_placed_sprite(scene, object_id, pose, camera, size, backend, shading))
     if time is not None:
@@ -248,6 +250,7 @@ def scene_image(
 def _inspected_pose(scene: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:
     spacing = scene.spacing
     diameter = 2 * scene.boxes.radius(object_id, spacing, camera.stretch)
+    # Of the shorter side, so that it fits an upright image too.
     height = camera.height * min(1.0, size[1] / size[0])
     waiting = scene.poses.get(object_id)
     rotation = camera.rotation if waiting is None else waiting.rotation
@@ -271,6 +274,7 @@ def _placed_sprite(
     subvolume = scene.subvolumes.of_object(object_id)
     appearance = appearance_alone(scene, object_id, subvolume, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
+    # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
     key = ("sprite", appearance.key, *held, round(resolution, 6))
     patch: ImagePatch = scene.subvolumes.keep(
         key,

@@ -152,6 +152,7 @@ class Scene:
     @cached_property
     def packed_tints(self) -> NDArray[np.float32]:
         """(M, 4) float32 tints, zero but for what is packed; read-only."""
+        # Sorted, so that equal sets give equal tables whatever their history.
         shown = {i: self.hues[i] for i in sorted(self.packed)}
         return packed_tints(shown, self._max_id, self.tint_mode, self.show_unlabelled)
 
@@ -160,6 +161,7 @@ class Scene:
         known = self._tints_alone.get(object_id)
         if known is None:
             opacity = None
+            # With an opacity of its own a person has decided how it looks: nothing is made legible.
             if self.style(object_id).transfer_function is None:
                 density = self.mean_densities[object_id]
                 opacity = float(self.transfer_function.opacity_at(density))
@@ -199,8 +201,10 @@ class Scene:
 
     def difference(self, shown: Scene) -> SceneDifference:
         """Return what differs for the packed bag from a scene that is shown."""
+        # By content: arrays of the same planes may be different objects.
         cut = not np.array_equal(self.clipping, shown.clipping)
         return SceneDifference(
+            # By identity: an edit makes new labels, and comparing voxels would take long.
             labels=self.label_data.labels is not shown.label_data.labels,
             appearance=cut
             or self.transfer_function != shown.transfer_function

@@ -141,6 +141,7 @@ def divisions(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> tuple[
     if not inside.any():
         return 1, 1, 1
     most = _most_parts(np.ptp(np.nonzero(inside), axis=1) + 1, spacing)
+    # The finest that fits into the memory allowed.
     for parts in range(most, 1, -1):
         z, y, x = (max(1, round(parts * edge)) for edge in spacing / spacing.min())
         if inside.size * z * y * x <= MOST_VOXELS:
@@ -175,6 +176,7 @@ def between(array: Array, axis: int, parts: int) -> Array:
         Which axis, and into how many parts its voxels are divided.
     """
     count = array.shape[axis]
+    # Cubics need two points.
     if count == 1:
         return np.repeat(array, parts, axis)
     cubics = PchipInterpolator(np.arange(count), array, axis)
@@ -191,6 +193,7 @@ def smoothed(array: Array, axis: int, parts: int) -> Array:
         Which axis, and into how many parts its voxels are divided.
     """
     count = array.shape[axis]
+    # Four knots beyond either end, where coverage is 0: edges at the box fade too.
     knots = np.arange(-4, count + 4) + 0.0
     weights = BSpline.design_matrix(_parts(count, parts), knots, 3)[:, 2 : count + 2].toarray()
     spread = np.tensordot(weights.astype(np.float32), array, (1, axis))

@@ -121,6 +121,7 @@ def checked_labels(labels: ArrayLike) -> Labels:
         return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)
     if top > np.iinfo(np.int64).max:
         raise ValueError(f"labels must be below 2**63, got {top}; renumber them")
+    # IDs above the kernels' range are numbered anew, and named again in every result.
     fitting, names = compact_labels(array)
     return Labels(fitting, len(names), names)
 
@@ -159,6 +160,7 @@ def checked_volume(
     if array.dtype in (np.bool_, np.uint8, np.uint16):
         return np.ascontiguousarray(array, dtype=np.uint16)
     density = np.ascontiguousarray(array, dtype=np.float32)
+    # The usual volume is taken as it is; a NaN fails both comparisons.
     with np.errstate(invalid="ignore"):
         if density.min() >= -MOST_DENSITY and density.max() <= MOST_DENSITY:
             return density

@@ -93,6 +93,7 @@ def contingency(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArr
     table = coo_matrix((np.ones(len(rows), np.int64), (rows, columns))).toarray()
     held = table.any(axis=1), table.any(axis=0)
     for names in held:
+        # Background has a row and a column even where it does not occur.
         names[0] = True
     # Selected columns lie in another order in memory, in which sums would be rounded differently.
     return np.ascontiguousarray(table[held[0]][:, held[1]])
@@ -135,6 +136,7 @@ def _objects(table: NDArray[np.int64]) -> dict[str, float]:
 
 
 def _information(table: NDArray[np.int64]) -> dict[str, float]:
+    # Background of the truth is left out: found voxels there are counted apart.
     inside = table[1:].astype(np.float64)
     joint = inside / inside.sum()
     rows, columns = joint.sum(1), joint.sum(0)

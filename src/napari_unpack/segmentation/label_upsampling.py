@@ -78,7 +78,9 @@ def grid_labels(
         Where the foreground begins at full resolution.
     """
     name = int(labels.max()) + 1
+    # In float64 volumes densities may be of any size; kernels work in float32.
     unit = max(levels.high - levels.air, 1e-30)
+    # The edge repeated, so that cells at the rim have neighbours of their own kind.
     framed = np.pad(np.where(left_out & (labels == 0), np.int32(name), labels), 1, mode="edge")
     return GridLabels(
         framed,
@@ -154,6 +156,7 @@ def refined(
     inner = within(box, outer)
     clean = np.empty(tuple(s.stop - s.start for s in box), np.int32)
     _drop_single(labels, np.array([s.start for s in inner]), clean)
+    # Only now: at borders it had to hold its own against the objects.
     clean[clean == grid.left_out] = 0
     return clean, unexplained
 
@@ -385,7 +388,9 @@ def named_things(
     if len(pairs):
         touched, times = np.unique(pairs, axis=0, return_counts=True)
         for (piece, label), _ in sorted(
-            zip(touched.tolist(), times.tolist(), strict=True), key=lambda row: (row[1], -row[0][1])
+            # Rising, so that the label touched most is written last; of equals the lowest.
+            zip(touched.tolist(), times.tolist(), strict=True),
+            key=lambda row: (row[1], -row[0][1]),
         ):
             owner[piece] = label
     return owner[pieces]

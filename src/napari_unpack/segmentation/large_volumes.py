@@ -96,9 +96,11 @@ def segment_large(
     rough = grid_labels(labels, grid.density, left_out, grid.factors, levels)
     if out is None:
         out = np.zeros(source.shape, np.int32)
+    # Before the long work, and again when thin things have added labels.
     _check_room(out, int(labels.max()))
     places = list(blocks(source.shape, grid.factors, block))
     unexplained = np.zeros(labels.shape, np.int32)
+    # A generator: only the blocks in work are in memory.
     jobs = (lambda place=place: refined(source, rough, *place) for place in places)
     for n, (box, cells), (found, rest) in _paired(places, jobs):
         with source.lock:
@@ -113,6 +115,7 @@ def segment_large(
     sums = _measured(source, out, places, int(labels.max()), spacing)
     confidence = confidences(labels, grid.density, grid.spacing, oracle)
     names = ranks(sums.totals[:, 0])
+    # Another pass over a store, which is often needless.
     if (names != np.arange(len(names))).any():
         _rename(source, out, places, names)
     table = sums.table(spacing, confidence)
@@ -175,6 +178,7 @@ def _measured(
     total = ObjectSums.empty(top)
     jobs = (lambda box=box: one(box) for box, _ in places)
     for _, _, sums in _paired(places, jobs):
+        # In the order of blocks: sums of floats depend on it, and must not on threads.
         total.totals[:] += sums.totals
         total.area[:] += sums.area
     return total
@@ -203,5 +207,6 @@ def _paired(
                 waiting += [threads.submit(job) for job in islice(jobs, 1)]
                 yield n, place, result
         finally:
+            # The user cancelled, or a block failed: what waits must not run on.
             for future in waiting:
                 future.cancel()

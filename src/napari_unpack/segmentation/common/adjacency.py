@@ -47,6 +47,7 @@ class Neighbours:
             return replace(self, area=area, other=other).most_touched()
         touched = np.diff(self.start)
         owner = np.repeat(np.arange(len(touched)), touched)
+        # The last of each owner's rows is its largest; of equal areas the lower name stands last.
         order = np.lexsort((-self.other, self.area, owner))
         best = np.zeros(len(touched), np.int64)
         best[touched > 0] = self.other[order][self.start[1:][touched > 0] - 1]
@@ -79,9 +80,11 @@ def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     faces = np.prod(spacing) / np.array(spacing)
     number, surface, voxels = _surfaces(labels, count, faces)
     keys, axes = _between(labels, count, number)
+    # Sorting, not a table of pairs: among thousands of fragments hardly any two touch.
     names, where = np.unique(keys, return_inverse=True)
     area = np.bincount(where, faces[axes], len(names)).astype(np.float64)
     one, two = np.divmod(names, count)
+    # Both directions, so that a row holds all neighbours of its label.
     ends, others = np.concatenate([one, two]), np.concatenate([two, one])
     order = np.lexsort((others, ends))
     start = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=count))])

@@ -93,6 +93,7 @@ def blocks(
     box, reduced : tuple of slice
         The block in the volume and in the reduced grid, in C order.
     """
+    # Rounded up: the last cell may stick out of the volume.
     grid = [-(-n // f) for n, f in zip(shape, factors, strict=True)]
     size, cell = list(grid), int(np.prod(factors))
     while cell * int(np.prod(size, dtype=np.int64)) > most and max(size) > 1:

@@ -24,6 +24,7 @@ def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
     # would make a thin plate flat.
     corners = hull_points(None, mask, np.zeros(3), spacing)
     filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
+    # Hull and voxels round differently: a box may come out a little above 1.
     return min(filled, 1.0)
 
 
@@ -74,6 +75,7 @@ def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.f
     (K, 3) ndarray of float64
         At most `count` of the points. Their hull has all of a box, and 95 % of a ball.
     """
+    # No more points than directions: there is nothing to gain.
     if len(points) <= count:
         return points
     # Every turn by the golden angle, which spreads directions evenly over the sphere.

@@ -51,6 +51,7 @@ def log_density(
     """
     lifted = np.zeros(mask.shape, np.float32)
     values = density[mask].astype(np.float32)
+    # What was not measured is air, or log1p would spread NaN over a whole basin.
     values = np.nan_to_num(values, nan=scale.air)
     lifted[mask] = np.log1p(np.maximum(values - scale.air, 0) / scale.knee)
     return lifted
@@ -85,6 +86,7 @@ def density_regions(
     floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
+    # Flooded in 255 levels: an array of buckets takes linear time, where a heap of floats sorts.
     basins = flood(regional_minima(levels, mask), mask, levels)
     if hosts is not None:
         basins = intersected_labels(basins, hosts)
@@ -298,6 +300,7 @@ def _adjacency(
         two = np.moveaxis(basins, axis, 0)[1:]
         touch = (one != two) & (one > 0) & (two > 0)
         a, b = one[touch].astype(np.int64), two[touch].astype(np.int64)
+        # One int64 a pair sorts faster than rows of two.
         keys.append(np.minimum(a, b) * (count + 1) + np.maximum(a, b))
         steep = np.moveaxis(gradient, axis, 0)
         slopes.append(np.maximum(steep[:-1][touch], steep[1:][touch]))
@@ -318,6 +321,7 @@ def _find(owner, k):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise):  # type: ignore[no-untyped-def]
     """Merge pairs, flattest first, whose means differ by less than a limit and their noise."""
+    # The order is that of the start: sorting again after every merge would cost its square.
     means = sums / np.maximum(sizes, 1)
     difference = np.abs(means[pairs[:, 0]] - means[pairs[:, 1]])
     for k in np.argsort(difference + slopes):
@@ -336,6 +340,7 @@ def _absorb_small(pairs, faces, owner, sizes, sums, smallest):  # type: ignore[n
     """Merge small basins with the neighbour of the least difference for the faces shared."""
     # In three steps, so that specks join each other before they join something large.
     for limit in (smallest / 8, smallest / 2, smallest / 1):
+        # A chain of specks at least halves with every round.
         for _ in range(8):
             best = np.full(len(owner), -1)
             least = np.full(len(owner), np.inf)

@@ -28,6 +28,7 @@ def flood(
     """
     # Linear in the voxels. Equal costs are flooded first come, first served, so that plateaus are
     # shared half-way between their seeds.
+    # A frame of -1: no voxel has to be asked whether it lies at the border.
     shape = [n + 2 for n in mask.shape]
     labels = np.full(shape, -1, np.int32)
     inner = labels[1:-1, 1:-1, 1:-1]
@@ -46,6 +47,7 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
     head = np.full(256, -1, np.int64)
     # One first-in, first-out list of voxels for each height.
     tail = np.full(256, -1, np.int64)
+    # int32: 2^31 voxels are more than is ever flooded at once, and this is the largest array here.
     after = np.full(len(labels), -1, np.int32)
     steps = np.array([-strides[0], strides[0], -strides[1], strides[1], -strides[2], strides[2]])
     lowest = np.int64(256)

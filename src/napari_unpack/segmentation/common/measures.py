@@ -246,9 +246,11 @@ def chamfer_depth(
     Returns
     -------
     (Z, Y, X) ndarray of float32
-        mm, 0 outside. At most 13 % above the Euclidean distance for cubic voxels, in an eighth
-        of its time.
+        mm, 0 outside. At most 13 % above the Euclidean distance for cubic voxels.
     """
+    # `edt.edt` is exact and no slower, but the shipped oracle was trained on these depths: with
+    # others its features, and so every confidence, would shift.
+    # Half of the 26 neighbours: the second sweep looks the other way.
     steps = np.array(
         [
             (a, b, c)
@@ -258,6 +260,7 @@ def chamfer_depth(
             if (a, b, c) < (0, 0, 0)
         ]
     )
+    # In float32, as the distances are: sums must compare equal in both sweeps.
     lengths = np.linalg.norm(steps * np.array(spacing), axis=1).astype(np.float32)
     out = np.zeros([n + 2 for n in mask.shape], np.float32)
     strides = np.array([out.shape[1] * out.shape[2], out.shape[2], 1])

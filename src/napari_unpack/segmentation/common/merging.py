@@ -37,6 +37,7 @@ def absorb_small(
     order = np.argsort(volume[1:], kind="stable") + 1
     for name in order[(volume[order] < smallest) & ~spared[order]].tolist():
         other = int(most[name])
+        # Two small ones may choose each other: the second then has nothing left and is dropped.
         owner[name] = other if _root(owner, other) != name else 0
     return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
 

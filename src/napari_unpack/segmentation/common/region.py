@@ -133,6 +133,7 @@ def bounding_box(mask: NDArray[np.bool_]) -> Box:
     for axis in range(3):
         others = tuple(a for a in range(3) if a != axis)
         hit = np.flatnonzero(mask.any(axis=others))
+        # Three projections, not argwhere: memory stays that of the mask.
         slices.append(slice(int(hit[0]), int(hit[-1]) + 1))
     return slices[0], slices[1], slices[2]
 

@@ -78,6 +78,7 @@ def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     """Return the type that numba works on for an array's type: no bool, float16 or long double."""
     if dtype.kind == "b":
         return np.dtype(np.uint8)
+    # numba knows neither; float32 holds all of float16, float64 most of long double.
     if dtype.kind == "f" and dtype.itemsize not in (4, 8):
         return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
     return dtype.newbyteorder("=")
@@ -159,6 +160,7 @@ def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
     """
     array = np.asarray(labels)
     if array.dtype.kind == "b":
+        # A mask is one object; as integers of the same memory.
         array = array.view(np.uint8)
     if array.dtype.kind not in "ui":
         raise TypeError(f"{name} must hold integers, got dtype {array.dtype}")

@@ -45,6 +45,7 @@ class Mixture:
         for weight, mean, covariance in zip(
             self.weights, self.means, self.covariances, strict=True
         ):
+            # By its root: no inverse, and the determinant is the product of the diagonal.
             root, size = np.linalg.cholesky(covariance), len(mean)
             distance = np.square(np.linalg.solve(root, (points - mean).T)).sum(axis=0)
             peak = gammaln((DEGREES_OF_FREEDOM + size) / 2) - gammaln(DEGREES_OF_FREEDOM / 2)
@@ -86,6 +87,7 @@ def fit_mixture(points: NDArray[np.float64], seed: int, most: int = 10) -> Mixtu
     # Full covariances.
     from sklearn.mixture import GaussianMixture
 
+    # Full covariances of fewer points would fit their noise.
     count = max(1, min(most, len(points) // (2 * points.shape[1])))
     models = [
         GaussianMixture(

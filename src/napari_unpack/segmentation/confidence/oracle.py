@@ -97,6 +97,7 @@ class Oracle:
         likelihood = self.good.log_density(points)
         if self.bad is not None:
             ratio = likelihood - self.bad.log_density(points)
+            # Beyond 40 a confidence is as good as 0 or 1, and far beyond exp would overflow.
             exponent = np.clip(self.logistic[0] * ratio + self.logistic[1], -40, 40)
             return np.asarray(1 / (1 + np.exp(-exponent)))
         inside = np.interp(likelihood, self.quantiles, np.linspace(0.01, 1, len(self.quantiles)))
@@ -133,6 +134,7 @@ class Oracle:
         try:
             with np.load(path) as file:
                 found = {name: file[name] for name in file.files}
+        # It is an OSError too, but says another thing than a damaged file.
         except FileNotFoundError:
             raise
         except (*_UNREADABLE, zipfile.BadZipFile, zlib.error) as error:
@@ -252,6 +254,7 @@ def _principal(rows: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     variances, vectors = np.linalg.eigh(np.cov(rows.T))
     order = np.argsort(variances)[::-1]
     explained = np.cumsum(variances[order]) / variances.sum()
+    # The first components that explain the share: what is left is noise of single bags.
     axes = vectors[:, order[: int(np.searchsorted(explained, share)) + 1]].T
     # The sign of an eigenvector is arbitrary; fixing it keeps training reproducible.
     signs = np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])
@@ -263,6 +266,7 @@ def _calibrate(good: NDArray[np.float64], bad: NDArray[np.float64]) -> NDArray[n
     """Return the logistic regression of good (1) and bad (0), equally weighted, on the ratio."""
     from scipy.optimize import minimize
 
+    # A few extreme ratios would bend the slope for all others.
     low, high = np.quantile(np.concatenate([good, bad]), [0.02, 0.98])
     one, two = np.clip(good, low, high), np.clip(bad, low, high)
 

@@ -73,6 +73,7 @@ def split_parts(
     mask, levels = find_foreground(density, spacing, foreground.method)
     section = measured_section(density)
     if section is not None:
+        # Beyond the scanner's circle nothing was measured, though the file has numbers there.
         mask &= section
     if foreground.supports:
         mask &= ~find_supports(mask, spacing)
@@ -89,6 +90,7 @@ def split_parts(
     found = split_recursively(components, oracle, limits.smallest, report)
     parts = _label(found, density.shape)
     if foreground.shell:
+        # After the cuts: the shell touches most objects, and before them it is one with these.
         skin = find_shell(parts, spacing)
         parts[skin[parts]] = 0
     return parts, scale

@@ -61,6 +61,7 @@ class Lattice:
         # beta collapses to cuts around single noisy voxels: the scale follows the noise, the tail
         # is long, and the floor keeps the system well conditioned.
         where = np.flatnonzero(mask)
+        # One plane more along each axis stands for "no neighbour" at the far side.
         index = np.full([n + 1 for n in mask.shape], -1, np.int32)
         index[:-1, :-1, :-1][mask] = np.arange(len(where), dtype=np.int32)
         after = np.stack(
@@ -130,6 +131,7 @@ class Lattice:
         cut : (N,) ndarray of float64
             mm^2.
         """
+        # Stable: nodes of one potential stay in the order of memory, on every machine.
         order = np.argsort(potential, kind="stable")
         plain = self.areas * self.areas / self.voxel
         weight = self.areas * (self.conductance / plain if weighted else np.ones((1, 3)))
@@ -185,6 +187,7 @@ def _solve(after, conductance, held, start, source, tolerance, most):  # type: i
         along = 0.0
         for node in range(count):
             along += direction[node] * product[node]
+        # Rounding has used up the direction: going on would climb.
         if along <= 0:
             break
         step, before, energy = energy / along, energy, 0.0
@@ -203,6 +206,7 @@ def _cuts(after, weight, order):  # type: ignore[no-untyped-def]
     rank = np.empty(len(order), np.int64)
     for k in range(len(order)):
         rank[order[k]] = k
+    # A face is cut between the ranks of its two nodes: one running sum gives all prefixes.
     change = np.zeros(len(order), np.float64)
     for node in range(len(order)):
         for axis in range(3):

@@ -62,12 +62,14 @@ def coarsened(
     factor = 1
     while voxels / factor**3 > most:
         factor *= 2
+    # Densities of others in the same block must not enter its mean.
     values = np.where(mask, np.nan_to_num(density.astype(np.float32)), np.float32(0))
     if factor == 1:
         return ReducedRegion(1, mask, spacing, depth, values)
     count = _blocks(mask.astype(np.float32), factor).sum(axis=(1, 3, 5))
     total = _blocks(values, factor).sum(axis=(1, 3, 5))
     deepest = np.ascontiguousarray(_blocks(depth, factor).max(axis=(1, 3, 5)))
+    # Every block that holds any of it, or thin bridges would break; specks at corners go.
     small = cc3d.largest_k(count > 0, k=1, connectivity=6) > 0
     mean = (total / np.maximum(count, 1)).astype(np.float32)
     a, b, c = spacing
@@ -112,6 +114,7 @@ def carried_back(
         full = np.where(present[full], forgotten, full)
     height = 1 - depth / max(float(depth.max()), 1e-6)
     if edges is not None:
+        # Density steps say more of where two objects meet than depth does.
         height = 0.3 * height + 0.7 * edges
     return flood(full, mask, np.clip(255 * height, 0, 255).astype(np.uint8))
 

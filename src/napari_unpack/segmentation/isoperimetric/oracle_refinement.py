@@ -54,6 +54,7 @@ def join_touching(
     boxes = label_boxes(labels)
     inner = touching_area_matrix(labels, spacing)
     surface = inner.sum(axis=1)
+    # Background counts as surface above, and is nothing to merge with.
     inner[0] = inner[:, 0] = 0
     nodes: dict[int, Node] = {}
     for name in boxes.ids.tolist():
@@ -88,6 +89,7 @@ def join_touching(
         inner[two] = 0
         inner[:, two] = 0
         inner[one, one] = 0
+        # Only unions with what has just changed must be rated again.
         unions = {pair: u for pair, u in unions.items() if not {one, two} & set(pair)}
     out = np.zeros_like(labels)
     chosen = [leaf for node in nodes.values() for leaf in selected(node, CutRule(-margin))]

@@ -106,6 +106,7 @@ def _sides(
     far = tuple(v // small.factor for v in end)
     seeds = np.zeros(mask.shape, np.int32)
     seeds[start], seeds[end] = 1, 2
+    # In one block, or in a speck that the blocks lost: steps from both voxels must do.
     if near == far or not (small.mask[near] and small.mask[far]):
         return flood(seeds, mask)
     lattice = Lattice.of(small.mask, small.spacing, small.density)
@@ -118,6 +119,7 @@ def _sides(
     k = int(np.argmin(isoperimetric_ratio(cut, lattice.voxel)[:-1]))
     blocks = two_sides(lattice.where[order], k, small.mask.shape)
     sides = carried_back(blocks, small.factor, mask, depth)
+    # Whatever the flood made of them: each clicked voxel is on its own side.
     sides[start], sides[end] = 1, 2
     return _connected(sides, start, end)
 

@@ -68,6 +68,7 @@ def mean_affinity_linkage(
 
     def consider(a: int, b: int) -> None:
         total, number, faces = near[a][b]
+        # Long reaches alone see through what lies between: only what touches is merged.
         if not faces:
             return
         excess = total / number - threshold.at(min(cells[a], cells[b]))
@@ -90,6 +91,7 @@ def mean_affinity_linkage(
         # Entries of the heap are not updated; one that a merge has changed is out of date.
         if entry is None or entry[1] != number or cells[a] + cells[b] != both:
             continue
+        # The one with more neighbours stays: the work is that of the shorter list.
         if len(near[a]) < len(near[b]):
             a, b = b, a
         owner[b] = a

@@ -155,6 +155,7 @@ def describe(  # type: ignore[no-untyped-def]
     here = values[z, y, x]
     lifted = _bin_of(here, knee)
     for n in range(count):
+        # Nothing of it inside near here: half a vote for what it is as a whole.
         if weights[n] < 0.5:
             counts[n, 3] += 0.5 * means[names[n]]
             weights[n] += 0.5
@@ -268,7 +269,7 @@ class BorderEvidence:
         scale : DensityScale
             How densities are compared.
         following, noise
-            See `Scene`.
+            See `BorderEvidence`.
         """
         air = float(np.float32(scale.air))
         values = density.astype(np.float32)
@@ -278,6 +279,7 @@ class BorderEvidence:
         sizes = np.maximum(np.bincount(labels.reshape(-1)), 1).astype(np.float64)
         means = np.bincount(labels.reshape(-1), values.reshape(-1), len(sizes)) / sizes
         counts = _histograms(labels, values, find_inside(labels), scale.knee, len(sizes))
+        # Noise spreads densities over neighbouring bins anyway; small objects fill few.
         counts = gaussian_filter1d(counts, 1.0, axis=1)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1e-9)
         logs = np.log(shares + LEAST_SHARE)
@@ -308,7 +310,8 @@ def draw_borders(
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects, 0 background. Not changed.
-    scene : Scene
+    evidence : BorderEvidence
+        Of these labels.
     classifier : PairClassifier, optional
         Over `BORDER_FEATURES`, of three layers; by default the one that ships
         with the package.
@@ -325,6 +328,7 @@ def draw_borders(
     trained = classifier or default_border_classifier()
     layers = [np.ascontiguousarray(w, np.float32) for w in trained.weights]
     offsets = [np.ascontiguousarray(o, np.float32) for o in trained.offsets]
+    # In float32, as the weights are: one type, so that the loops are compiled once.
     center = trained.center.astype(np.float32)
     scale = trained.scale.astype(np.float32)
     given = (*evidence.facts(), center, scale, *layers, *offsets)
@@ -405,6 +409,7 @@ def _logit(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignor
     """Return `PairClassifier.probability` of one row before the logistic: loops beat BLAS here."""
     one[:] = o0
     for k in range(len(row)):
+        # As in training: a feature far off what was learned must not decide alone.
         value = min(max((row[k] - center[k]) / scale[k], -6.0), 6.0)
         for n in range(len(one)):
             one[n] += value * w0[k, n]

@@ -206,6 +206,7 @@ def _moved(labels, values, inside, following, noise, blurred, even):  # type: ig
                 if mine == 0 or inside[z, y, x]:
                     continue
                 count, bare = _count_votes(labels, following, 0.0, z, y, x, names, votes)
+                # Only dense things have a halo above the foreground's level.
                 bare &= blurred[mine]
                 if count == 1 and not bare:
                     continue
@@ -218,7 +219,9 @@ def _moved(labels, values, inside, following, noise, blurred, even):  # type: ig
                 low, high = means.min(), means.max()
                 spread = noise + TEXTURE * max(low, 0.0) + 1e-6
                 step = high - low
+                # Half the square of the step over its spread: a log-likelihood, as votes add up.
                 loud = min(DENSITY_VOTES, (step / spread) ** 2 / 2)
+                # Noise beyond both means says no more than the mean itself.
                 value = min(max(values[z, y, x], low), high)
                 best = 0
                 for n in range(count):

@@ -81,9 +81,11 @@ class BoundaryNetwork:
 
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
+        # The arena would keep the memory of a tile for as long as the network lives.
         options.enable_cpu_mem_arena = False
         # Threads that wait would otherwise take processor time from other work.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        # Errors come as exceptions; the library's own log would only repeat them on the terminal.
         options.log_severity_level = 4
         try:
             session = onnxruntime.InferenceSession(
@@ -159,6 +161,7 @@ def _tiles(
     axes = []
     for count in cells:
         number = -(-count // most)
+        # Tiles of even length: a narrow last one would cost a margin of its own.
         core = -(-count // number)
         core = -(-core // STRIDE) * STRIDE
         axis = []
@@ -166,6 +169,7 @@ def _tiles(
             last = min(first + core, count)
             low = max(first - MARGIN, 0)
             high = min(last + MARGIN, count)
+            # A multiple of the stride, or halving would lose the last cells.
             high = low + -(-(high - low) // STRIDE) * STRIDE
             axis.append((slice(low, high), slice(first, last)))
         axes.append(axis)
@@ -179,6 +183,7 @@ def _packed(
 ) -> NDArray[np.float32]:
     """Return (1, 8, z, y, x): log density of the voxels of cells, air beyond the volume."""
     block = density[tuple(slice(2 * s.start, 2 * s.stop) for s in seen)]
+    # Infinities above are metal, those below and NaN are air.
     values = np.nan_to_num(block.astype(np.float32), nan=scale.air, posinf=1e30, neginf=scale.air)
     lifted = np.log1p(np.maximum(values - scale.air, 0) / scale.knee)
     whole = np.zeros([2 * (s.stop - s.start) for s in seen], np.float32)
