@@ -359,6 +359,20 @@ def test_cancelling_leaves_the_old_session_and_a_folder_of_others_is_not_touched
     shutil.rmtree(again)
 
 
+def test_the_picture_in_a_file_is_of_the_moment_it_was_saved_at(tmp_path):
+    session = used()
+    still = nu.save_session(session, tmp_path / "still")
+
+    def go_on(fraction, text):
+        if fraction > 0:
+            session.go_to(0)
+
+    moving = nu.save_session(session, tmp_path / "moving", progress=go_on)
+    assert session.step == 0
+    assert (still / "picture.png").read_bytes() == (moving / "picture.png").read_bytes()
+    assert nu.open_session(moving).step == 3
+
+
 def test_saving_says_how_far_it_is(session, tmp_path):
     told = []
     nu.save_session(session, tmp_path / "s.unpack", progress=lambda f, t: told.append(f))

@@ -7,7 +7,7 @@ import json
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,11 @@ from napari_unpack.io.session_archive import (
 )
 from napari_unpack.tasks import Progress
 
+if TYPE_CHECKING:
+    from napari_unpack.geometry.view import Camera
+    from napari_unpack.rendering.scene import Scene
+    from napari_unpack.session import Session
+
 # A version changes when older programs could not read it; fields that may be missing do not.
 FORMAT = "napari-unpack session"
 VERSION = 1
@@ -34,7 +39,7 @@ PICTURE = (240, 320)
 
 
 def save_session(
-    session: Any,
+    session: Session,
     path: str | Path,
     copy: bool = True,
     volume_path: str | Path | None = None,
@@ -95,6 +100,8 @@ def save_session(
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
     }
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
+    # All that is written is of one moment: writing takes long, and a session may go on meanwhile.
+    scene, camera = session.scene(), session.camera
     files = {"volume": volume_path, "labels": labels_path}
     # Shares of the progress: the volume compresses worst and takes longest.
     ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
@@ -119,7 +126,7 @@ def save_session(
             tell(0.9, "Saving the state")
             # Small and before the manifest, which makes a folder a session: it comes last.
             with sink.open("picture.png") as stream:
-                stream.write(_picture(session))
+                stream.write(_picture(scene, camera))
             with sink.open(MANIFEST) as stream:
                 stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
     except OSError as error:
@@ -137,7 +144,7 @@ def open_session(
     volume: NDArray[Any] | None = None,
     labels: NDArray[Any] | None = None,
     progress: Progress | None = None,
-) -> Any:
+) -> Session:
     """Open a session where it was left.
 
     Parameters
@@ -322,7 +329,7 @@ def _loaded(file: Path, name: str) -> NDArray[Any]:
     return load_volume(file).volume if name == "volume" else load_labels(file)[0]
 
 
-def _picture(session: Any) -> bytes:
+def _picture(scene: Scene, camera: Camera) -> bytes:
     """Return a small picture of the bag as PNG, for people who look into the file."""
     import imageio.v3 as iio
 
@@ -330,7 +337,7 @@ def _picture(session: Any) -> bytes:
     from napari_unpack.rendering.compose import scene_image
 
     # On the processor: saving may run on a thread without a GL context.
-    image = scene_image(session.scene(), session.camera, PICTURE, backend="cpu")
+    image = scene_image(scene, camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
 
 
