@@ -91,12 +91,7 @@ def _simulate(
     # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
     bag = simulate_bag(
-        seed=seed,
-        shape=shape,
-        count=count,
-        spacing=spacing,
-        progress=Ticker(),
-        fidelity=fidelity,
+        seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker(), fidelity=fidelity
     )
     z, y, x = (float(v) for v in bag.spacing)
     # Names go into the file, so that the viewer and `table` show what things are.

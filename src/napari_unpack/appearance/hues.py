@@ -84,10 +84,7 @@ def golden_hue(object_id: int) -> float:
 
 
 def keep_hues(
-    graph: nx.Graph,
-    previous: Mapping[int, float],
-    separation: float,
-    locked: Collection[int] = (),
+    graph: nx.Graph, previous: Mapping[int, float], separation: float, locked: Collection[int] = ()
 ) -> dict[int, float] | None:
     """Change as few hues as can be found until all neighbours are apart.
 
@@ -176,11 +173,7 @@ def _free_hue(around: list[float], wish: float, separation: float) -> float | No
 
 
 def _least_harm(
-    graph: nx.Graph,
-    node: int,
-    hues: Mapping[int, float],
-    separation: float,
-    fixed: Collection[int],
+    graph: nx.Graph, node: int, hues: Mapping[int, float], separation: float, fixed: Collection[int]
 ) -> tuple[float, list[int]]:
     others = sorted(other for other in graph[node] if other in hues)
 
@@ -265,10 +258,6 @@ def arc_hues(graph: nx.Graph, classes: list[list[int]], margin: float = 0.0) -> 
         From `color_classes`; class k gets the arc [k / C, (k + 1) / C).
     margin : float
         Fraction of every arc left empty.
-
-    Returns
-    -------
-    dict of int to float
 
     Notes
     -----

@@ -108,9 +108,7 @@ def checked_layers(ids: ArrayLike, distance: float, layers: int | None) -> NDArr
     return stack[:layers]
 
 
-def _compacted(
-    stack: NDArray[np.integer],
-) -> tuple[NDArray[np.int32], NDArray[np.integer] | None]:
+def _compacted(stack: NDArray[np.integer]) -> tuple[NDArray[np.int32], NDArray[np.integer] | None]:
     """Return the stack for the kernels, whose tables have a row an ID, and the IDs' names."""
     if stack.size == 0 or int(stack.max()) < MOST_IDS:
         return np.ascontiguousarray(stack, dtype=np.int32), None

@@ -105,10 +105,7 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 
 
 def tints_of(
-    hues: Mapping[int, float],
-    max_id: int,
-    hidden: Collection[int] = (),
-    mode: Mode = "perceptual",
+    hues: Mapping[int, float], max_id: int, hidden: Collection[int] = (), mode: Mode = "perceptual"
 ) -> NDArray[np.float32]:
     """Make the table of tints a ray caster multiplies on.
 

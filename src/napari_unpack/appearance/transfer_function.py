@@ -280,9 +280,7 @@ def _checked_points(points: Iterable[Sequence[float]]) -> tuple[Point, ...]:
     return tuple(checked)
 
 
-def _checked_colors(
-    colors: Iterable[tuple[float, Sequence[float]]],
-) -> tuple[Color, ...]:
+def _checked_colors(colors: Iterable[tuple[float, Sequence[float]]]) -> tuple[Color, ...]:
     checked: list[Color] = []
     for density, color in colors:
         rgb = tuple(float(c) for c in color)

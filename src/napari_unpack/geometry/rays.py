@@ -74,10 +74,7 @@ class Rays:
 
 
 def cast_rays(
-    camera: Camera,
-    size: tuple[int, int],
-    voxel_from_world: ArrayLike,
-    step: float,
+    camera: Camera, size: tuple[int, int], voxel_from_world: ArrayLike, step: float
 ) -> Rays:
     """Make the rays of a camera's image through a volume.
 

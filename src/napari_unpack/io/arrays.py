@@ -86,10 +86,7 @@ def write_npz(path: Path, scan: Scan) -> None:
     scan : Scan
         What to write.
     """
-    arrays: dict[str, NDArray[Any]] = {
-        "volume": scan.volume,
-        "spacing": np.asarray(scan.spacing),
-    }
+    arrays: dict[str, NDArray[Any]] = {"volume": scan.volume, "spacing": np.asarray(scan.spacing)}
     if scan.labels is not None:
         arrays["labels"] = scan.labels
     if scan.names:

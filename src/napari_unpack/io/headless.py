@@ -107,10 +107,6 @@ def copy_session(session: Session, packed: bool = True) -> Session:
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
     packed : bool
         With everything packed; False takes over what is unpacked and how it is turned as well.
-
-    Returns
-    -------
-    Session
     """
     from napari_unpack.session import ObjectState, Session
     from napari_unpack.session.commands import inspect

@@ -55,11 +55,6 @@ def save_png(image: NDArray[Any], path: str | Path) -> Path:
     path : str or Path
         The file, .png; its folder must exist.
 
-    Returns
-    -------
-    Path
-        What was written.
-
     Raises
     ------
     ValueError

@@ -223,11 +223,6 @@ def movie(
     turn_seconds : float
         What one turn of the turntable takes.
 
-    Returns
-    -------
-    Path
-        What was written.
-
     Raises
     ------
     ValueError

@@ -151,11 +151,6 @@ def save_objects_page(
     backend : {"auto", "cpu", "gl"}
         Which implementation renders.
 
-    Returns
-    -------
-    Path
-        What was written.
-
     Raises
     ------
     ValueError
@@ -283,11 +278,6 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
         Indexed by ID, such as `Segmentation.objects` or `Session.objects`.
     path : str or Path
         The file; its folder must exist.
-
-    Returns
-    -------
-    Path
-        What was written.
     """
     target = Path(path)
     with written_atomically(target) as temporary:

@@ -58,10 +58,6 @@ def score_report(
     boundary : bool
         Whether boundary distances stand in that table.
 
-    Returns
-    -------
-    str
-
     Raises
     ------
     ValueError

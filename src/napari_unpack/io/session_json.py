@@ -28,12 +28,7 @@ from napari_unpack.session.events import LogEntry
 from napari_unpack.session.labels import LabelData, object_table
 from napari_unpack.session.session import Session
 from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
-from napari_unpack.session.validation import (
-    MOST_ID,
-    checked_labels,
-    checked_planes,
-    checked_volume,
-)
+from napari_unpack.session.validation import MOST_ID, checked_labels, checked_planes, checked_volume
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 

@@ -66,11 +66,6 @@ def save_session(
     standing : (4, 4) array_like, optional
         How the session's world stands in that of a viewer, mm, for `standing_of`.
 
-    Returns
-    -------
-    Path
-        What was written.
-
     Raises
     ------
     ValueError
@@ -261,12 +256,7 @@ def _no_constant(name: str) -> Any:
 
 
 def _array(
-    store: Source,
-    fields: Fields,
-    source: Path,
-    name: str,
-    given: NDArray[Any] | None,
-    told: Told,
+    store: Source, fields: Fields, source: Path, name: str, given: NDArray[Any] | None, told: Told
 ) -> NDArray[Any]:
     shape = tuple(int(n) for n in fields.array("shape", (3,)))
     facts = ArrayFacts(shape, fields.text("dtype"), fields.text("sha256"))

@@ -8,12 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
-from napari_unpack.io.scan import (
-    Scan,
-    Spacing,
-    checked_label_array,
-    checked_volume_array,
-)
+from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_volume_array
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
 ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
@@ -42,10 +37,6 @@ def load_volume(path: str | Path) -> Scan:
     path : str or Path
         .npz (`volume`, and optionally `labels`, `spacing` and `names`), .npy, NIfTI, MetaImage,
         NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
-
-    Returns
-    -------
-    Scan
 
     Raises
     ------
@@ -101,11 +92,6 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     path : str or Path
         .npz holds all of it; .nii, .nii.gz, .mha, .nrrd and .tif hold the volume, and the
         labels go into a file of their own beside it, `NAME.labels.SUFFIX`.
-
-    Returns
-    -------
-    list of Path
-        What was written.
 
     Raises
     ------

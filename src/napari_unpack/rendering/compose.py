@@ -277,8 +277,7 @@ def _placed_sprite(
     # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
     key = ("sprite", appearance.key, *held, round(resolution, 6))
     patch: ImagePatch = scene.subvolumes.keep(
-        key,
-        lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading),
+        key, lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading)
     )
     row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
     return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])

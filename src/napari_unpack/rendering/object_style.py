@@ -37,11 +37,7 @@ class ObjectStyle:
 
 
 def cut_open(
-    boxes: LabelBoxes,
-    object_id: int,
-    spacing: NDArray[np.float64],
-    towards: Vector,
-    depth: float,
+    boxes: LabelBoxes, object_id: int, spacing: NDArray[np.float64], towards: Vector, depth: float
 ) -> tuple[Vector, Vector]:
     """Return the cut that takes the nearest part of an object away.
 

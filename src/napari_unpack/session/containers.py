@@ -219,10 +219,6 @@ class OpenedBefore:
         session, object_id, rotation
             As for `open_container`; a bag that is known lies as it was left.
 
-        Returns
-        -------
-        Session
-
         Raises
         ------
         ValueError

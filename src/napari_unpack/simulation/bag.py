@@ -85,10 +85,6 @@ def simulate_bag(
         Whether blur, noise and streaks are added to the picture, in seconds, or come of
         photons counted along rays, which takes several times as long. A scanner given decides.
 
-    Returns
-    -------
-    Bag
-
     Raises
     ------
     ValueError

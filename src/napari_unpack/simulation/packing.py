@@ -226,11 +226,7 @@ class Packing:
         return rasterize(thing.clay, rotation, self.spacing)
 
     def _put(
-        self,
-        inside: NDArray[np.bool_],
-        density: NDArray[np.float32],
-        rest: Rest,
-        label: int,
+        self, inside: NDArray[np.bool_], density: NDArray[np.float32], rest: Rest, label: int
     ) -> None:
         # The box of a raster is a voxel wider than the thing, and may stick out of the volume.
         first = np.array([rest.z, rest.y, rest.x])

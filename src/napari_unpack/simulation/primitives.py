@@ -46,10 +46,6 @@ def solid_distance(code, p, z, y, x):  # type: ignore[no-untyped-def]
         Its numbers, mm and radians.
     z, y, x : float
         The point in the solid's frame, mm.
-
-    Returns
-    -------
-    float
     """
     if code == ELLIPSOID:
         return _ellipsoid(p[0], p[1], p[2], z, y, x)

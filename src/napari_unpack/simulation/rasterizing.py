@@ -65,11 +65,7 @@ def _bounds(
     return middle - half, middle + half
 
 
-def rasterize(
-    clay: Clay,
-    rotation: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-) -> Raster:
+def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64]) -> Raster:
     """Paint an object, turned, into voxels of a given size.
 
     Parameters
@@ -110,10 +106,7 @@ def rasterize(
 
 
 def silhouette(
-    clay: Clay,
-    rotation: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    pool: int,
+    clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64], pool: int
 ) -> Profile:
     """Return what an object looks like from below and above, in columns of pool x pool voxels.
 

@@ -74,10 +74,6 @@ def unpackable_ids(
     tolerance : float
         Ratio in [0, 1) that still counts as unpackable, for noisy scans.
 
-    Returns
-    -------
-    tuple of int
-
     Raises
     ------
     ValueError

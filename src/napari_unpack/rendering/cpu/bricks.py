@@ -76,10 +76,7 @@ class Bricks:
         return cls(low, high, starts, ids)
 
     def occupied(
-        self,
-        table: NDArray[np.float32],
-        domain: tuple[float, float],
-        tints: NDArray[np.float32],
+        self, table: NDArray[np.float32], domain: tuple[float, float], tints: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Tell which bricks may hold a sample that is not fully transparent.
 

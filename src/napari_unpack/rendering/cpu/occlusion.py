@@ -56,10 +56,7 @@ def occlusion_counts(
 
 
 def occlusion_runs(
-    labels: NDArray[np.uint16],
-    rays: Rays,
-    visible: NDArray[np.bool_],
-    bricks: Bricks | None = None,
+    labels: NDArray[np.uint16], rays: Rays, visible: NDArray[np.bool_], bricks: Bricks | None = None
 ) -> Runs:
     """List what every ray meets, to be counted now and when some have left.
 

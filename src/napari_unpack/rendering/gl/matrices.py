@@ -5,12 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from vispy.visuals.transforms import (
-    ChainTransform,
-    MatrixTransform,
-    NullTransform,
-    STTransform,
-)
+from vispy.visuals.transforms import ChainTransform, MatrixTransform, NullTransform, STTransform
 from vispy.visuals.transforms.base_transform import InverseTransform
 
 from napari_unpack.geometry.axes import Matrix

@@ -101,10 +101,7 @@ class OcclusionQueries:
             self._program,
             ray_uniforms(rays, textures)
             | plane_uniforms(None)
-            | {
-                "u_first": first.textures[0],
-                "u_size": (float(rays.size[1]), float(rays.size[0])),
-            },
+            | {"u_first": first.textures[0], "u_size": (float(rays.size[1]), float(rays.size[0]))},
         )
         context = current_context()
         queries = np.atleast_1d(np.asarray(GL.glGenQueries(max(2 * len(ids), 1)), np.uint32))

@@ -43,10 +43,7 @@ def absorb_small(
 
 
 def absorb_fringes(
-    labels: NDArray[np.int32],
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    ragged: float = 2.4,
+    labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, ragged: float = 2.4
 ) -> NDArray[np.int32]:
     """Give the voxels of labels that are all surface, around something denser, to neighbours.
 

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.mumford_shah import mumford_shah
-from napari_unpack.segmentation.foreground.thresholds import (
-    Levels,
-    above_levels,
-    find_levels,
-    peel,
-)
+from napari_unpack.segmentation.foreground.thresholds import Levels, above_levels, find_levels, peel
 
 # Names of methods; a number is a fixed density.
 FOREGROUND_METHODS = ("hysteresis", "otsu", "mumford-shah")

@@ -136,10 +136,7 @@ def density_candidates(prepared: PreparedRegion) -> Proposals:
 
 
 def _grown(
-    kinds: NDArray[np.int32],
-    mask: NDArray[np.bool_],
-    fewest: int,
-    settle: NDArray[np.floating],
+    kinds: NDArray[np.int32], mask: NDArray[np.bool_], fewest: int, settle: NDArray[np.floating]
 ) -> NDArray[np.int32]:
     """Take the large components of every kind, and flood the rest of the mask from them."""
     pieces, count = cc3d.connected_components(kinds, connectivity=6, return_N=True)

@@ -8,10 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.density_regions import (
-    DensityScale,
-    density_regions,
-)
+from napari_unpack.segmentation.common.density_regions import DensityScale, density_regions
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
