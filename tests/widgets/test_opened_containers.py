@@ -66,6 +66,8 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     held = workspace.controller.rotation_of(1).copy()
     press(qtbot, panel.unpack.inspection.open)
     assert workspace.is_inside
+    # What was chosen for the bag holds for its contents.
+    assert not workspace.controller.recolor_at_rest
     inner = workspace.session
     assert inner is not outer
     # It lies as it was held, its wall off what is in it.

@@ -1,5 +1,6 @@
 """The panel before anything happened, and what it says when something cannot be done."""
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +9,9 @@ import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 
+from napari_unpack.layers import compat
+from napari_unpack.session import Session
+from napari_unpack.tasks import Progress
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import SMALL, add_bag, controller_with, open_panel, pile_of_balls, press
 
@@ -176,6 +180,38 @@ def test_a_refusal_leaves_the_open_controller_alone(
     assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == [*names, "bad"]
     panel.end()
+
+
+def test_a_session_that_cannot_be_opened_is_not_shown(
+    panel: UnpackingWidget, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compat, "problem", lambda: "No layer of ours can be drawn.")
+    with pytest.raises(RuntimeError, match="No layer of ours"):
+        panel.workspace.open(Session(*pile_of_balls()))
+    assert panel.workspace.controller is None
+
+
+def test_closing_the_viewer_stops_long_work_of_the_panel(viewer: Any, qtbot: QtBot) -> None:
+    panel = open_panel(viewer, qtbot)
+    scheduler, stopped = panel.workspace.scheduler, threading.Event()
+    began = threading.Event()
+
+    def endless(progress: Progress) -> None:
+        try:
+            while True:
+                progress(0.5, "Cutting")
+                began.set()
+        finally:
+            stopped.set()
+
+    panel.segment.progress.begin(endless)
+    assert began.wait(20)
+    with qtbot.captureExceptions() as errors:
+        viewer.close()
+        qtbot.waitUntil(stopped.is_set, timeout=20000)
+        qtbot.wait(50)
+    assert errors == []
+    assert scheduler.closed
 
 
 def test_cancelling_leaves_everything_as_it_was(

@@ -2,10 +2,9 @@
 """Every private napari and vispy name of the project, and what to do when one has moved.
 
 napari draws a layer with the visual registered for its class and shows the controls registered
-for its class. Both registries are private, so the
-three image layers are put into them here and nowhere else. Where a registry is missing,
-`supported()` is False, `problem()` says why in a sentence, and the plugin falls back to napari's
-own layers.
+for its class. Both registries are private, so the three image layers are put into them here and
+nowhere else. Where a registry is missing, `problem()` says so in a sentence, and no session is
+opened in the viewer.
 """
 
 from __future__ import annotations

@@ -104,6 +104,9 @@ class UnpackingWidget(QWidget):
         self._arrange()
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
+        scheduler = self.workspace.scheduler
+        # `Viewer.close` deletes the panel before it could end; long work would run on.
+        self.destroyed.connect(lambda *_: scheduler.close())
 
     def _arrange(self) -> None:
         inside = QWidget()

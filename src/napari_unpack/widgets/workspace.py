@@ -140,7 +140,12 @@ class Workspace(QObject):
         self.controller = controller
         # Before it opens, which already changes the view.
         self._listen(controller)
-        controller.open()
+        try:
+            controller.open()
+        except BaseException:
+            # Half a session would take the place of one that can be shown.
+            self.close()
+            raise
         self._camera = camera
         self.frame()
         self.switched.emit()
@@ -210,6 +215,7 @@ class Workspace(QObject):
             before.sources if sources is None else sources,
             seconds=before.seconds,
             backend=before.backend,
+            recolor_at_rest=before.recolor_at_rest,
             outer_session=outer[0].session if outer else None,
         )
         # Closing the bag before has emptied the stack.
