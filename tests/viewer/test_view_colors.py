@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from napari.layers import Labels
 
-from napari_unpack.viewer.view_colors import question
+from napari_unpack.tasks import no_progress
+from napari_unpack.viewer.view_colors import color_task, layer_view
 from napari_unpack.widgets.contributions import distinct_colors, restore_colors
 from viewer_fixtures import phantom
 
@@ -85,7 +86,7 @@ def test_objects_in_front_of_each_other_differ_in_3d_under_any_affine(viewer, qt
     viewer.reset_view()
     viewer.scene.camera.angles = (10, 35, 20)
     viewer.screenshot(flash=False)
-    seen = question(viewer, layer)
+    seen = layer_view(viewer, layer)
     colored(viewer, qtbot)
     from napari_unpack.rendering import cast_ids
 
@@ -114,7 +115,7 @@ def test_the_camera_is_the_one_the_viewer_draws_with(viewer, orientation):
     viewer.reset_view()
     viewer.scene.camera.angles = (0, 60, 0)
     picture = viewer.screenshot(flash=False)[..., :3].max(axis=2) > 30
-    seen = question(viewer, layer)
+    seen = layer_view(viewer, layer)
     from napari_unpack.rendering import cast_ids
 
     ids = cast_ids(
@@ -134,7 +135,7 @@ def test_65535_labels_take_no_second_of_the_window(viewer):
     labels = np.append(np.arange(1, 65536, dtype=np.uint16), 0).reshape(64, 32, 32)
     layer = viewer.add_labels(labels)
     viewer.dims.set_point(0, 3)
-    colors = question(viewer, layer).answer()
+    colors = color_task(viewer, layer).run(no_progress)
     # napari compiles its own mapping of IDs when a colormap is set for the first time.
     layer.colormap = colors
     start = time.perf_counter()

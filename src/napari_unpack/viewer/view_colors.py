@@ -1,6 +1,6 @@
 """Distinct colours for a view of any Labels layer: what is seen, what interferes, hues.
 
-The view is written down on the main thread; its colours are worked out on any.
+The view is taken down on the main thread; its colours are worked out on any.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from napari_unpack.layers.label_colormap import MOST_ROWS, LabelColormap, label_
 from napari_unpack.layers.placement import unit_ratios, units_of
 from napari_unpack.rendering import cast_ids
 from napari_unpack.rendering.validation import checked_labels
+from napari_unpack.tasks import Task
 
 if TYPE_CHECKING:
     import napari
@@ -40,8 +41,7 @@ GREY = (0.55, 0.55, 0.55, 1.0)
 _BEFORE: WeakKeyDictionary[Labels, LabelColormap] = WeakKeyDictionary()
 
 
-# Workers of napari write down what they are given: a representation of a volume takes minutes.
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class VolumeView:
     """A three-dimensional view of labels.
 
@@ -62,7 +62,7 @@ class VolumeView:
     camera: Camera
     size: tuple[int, int]
 
-    def answer(self) -> LabelColormap:
+    def colormap(self) -> LabelColormap:
         """Return the colormap; may run on any thread."""
         given = checked_labels(_without_negatives(self.labels))
         spacing = np.linalg.norm(self.world_from_voxel[:3, :3], axis=0)
@@ -82,7 +82,7 @@ class VolumeView:
         return colormap_for(seen, DISTANCE * scale, _present(self.labels))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class SliceView:
     """A slice of labels.
 
@@ -97,7 +97,7 @@ class SliceView:
     labels: NDArray[Any]
     pixel: tuple[float, float]
 
-    def answer(self) -> LabelColormap:
+    def colormap(self) -> LabelColormap:
         """Return the colormap; may run on any thread.
 
         Notes
@@ -116,8 +116,20 @@ class SliceView:
         return colormap_for(image, distance, _present(self.labels))
 
 
-def question(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
-    """Ask what a viewer shows of a Labels layer.
+def color_task(viewer: napari.Viewer, layer: Labels) -> Task[LabelColormap]:
+    """Return the task that works out colours for what a viewer shows of a layer now.
+
+    Parameters
+    ----------
+    viewer, layer
+        As for `layer_view`, which raises for this too.
+    """
+    view = layer_view(viewer, layer)
+    return Task(layer, lambda _: view.colormap())
+
+
+def layer_view(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
+    """Return what a viewer shows of a Labels layer now.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from napari.layers import Labels
 
-from napari_unpack.tasks import Progress, Task
+from napari_unpack.tasks import Progress
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.notifications import errors_shown, inform
 
@@ -43,13 +43,13 @@ def distinct_colors(viewer: napari.Viewer) -> Scheduler | None:
     """
     from napari.utils import progress
 
-    from napari_unpack.viewer.view_colors import put_on, question
+    from napari_unpack.viewer.view_colors import color_task, put_on
 
     layer = _labels_layer(viewer)
     if layer is None:
         return None
     with errors_shown():
-        asked = question(viewer, layer)
+        task = color_task(viewer, layer)
         # This command has no panel, so it shows its progress in napari's activity dock.
         bar, scheduler = progress(total=0, desc="Distinct colours"), Scheduler()
 
@@ -67,7 +67,7 @@ def distinct_colors(viewer: napari.Viewer) -> Scheduler | None:
             end()
             inform(f"No colours could be chosen: {error}")
 
-        scheduler.submit(Task(layer, lambda _: asked.answer()), Worker.LONG, done, failed=failed)
+        scheduler.submit(task, Worker.LONG, done, failed=failed)
         return scheduler
     return None
 
