@@ -80,7 +80,6 @@ def open_input(
     view : (float, float, float), optional
         Direction of looking, z y x; from above where neither it nor a saved session says.
     backend : {"auto", "cpu", "gl"}
-        Which implementation renders.
 
     Raises
     ------

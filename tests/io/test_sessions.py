@@ -69,7 +69,7 @@ def everything(s):
     placements = {
         i: (
             (b.slot, b.rotation.tolist(), b.group, np.asarray(b.direction).tolist()),
-            (b.picture_mm, b.within, b.turned_mm),
+            (b.image_mm, b.within, b.turned_mm),
         )
         for i, b in s.state.placements.items()
     }

@@ -86,7 +86,7 @@ def test_a_moved_sprite_keeps_its_share_of_the_way_to_the_edge(unpacked: Session
         height, width = unpacked.slots.window_mm
         assert unpacked.poses[2].center == pytest.approx([0.0, -0.4 * height, 0.45 * width])
         assert unpacked.poses[2].scale == pytest.approx(
-            unpacked.slots.scale(*unpacked.state.placements[2].picture_mm)
+            unpacked.slots.scale(*unpacked.state.placements[2].image_mm)
         )
     unpacked.canvas_size = SHAPES[0]
     assert unpacked.poses[2].center == pytest.approx(center)

@@ -14,7 +14,7 @@ from napari_unpack.unpacking import (
     named,
     oriented_box,
     outline,
-    picture_size,
+    image_extent,
     towards_viewer,
 )
 
@@ -97,7 +97,7 @@ def test_the_broad_side_faces_the_viewer_and_the_turn_is_the_smallest():
     assert np.linalg.det(turn) == pytest.approx(1.0)
     # Right in the image stays right: x was right before.
     np.testing.assert_allclose(turn[2], seen[2], atol=1e-6)
-    width, height = picture_size(turned_box((40, 2, 60), np.eye(3)), turn, (0, 0, 0))
+    width, height = image_extent(turned_box((40, 2, 60), np.eye(3)), turn, (0, 0, 0))
     assert (width, height) == pytest.approx((60, 40), rel=1e-2)
 
 

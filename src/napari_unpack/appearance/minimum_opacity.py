@@ -28,9 +28,7 @@ def visible_alone(
     ----------
     object_id : int
     labels : (Z, Y, X) ndarray of uint16
-        Object IDs.
     volume : (Z, Y, X) ndarray
-        Density.
     boxes : LabelBoxes
         Of these labels, voxels.
     mean_density : float

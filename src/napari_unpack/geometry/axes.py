@@ -78,8 +78,7 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
 
     Parameters
     ----------
-    spacing : (3,) array_like
-        Millimetres, z y x.
+    spacing : (3,) array_like, mm z y x
     name : str
         What to call it in the error.
 

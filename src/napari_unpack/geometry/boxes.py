@@ -51,7 +51,6 @@ class LabelBoxes:
         Parameters
         ----------
         object_id : int
-            One of `ids`.
         margin : int
             Voxels on every side.
         """
@@ -66,9 +65,7 @@ class LabelBoxes:
         Parameters
         ----------
         object_id : int
-            One of `ids`.
-        spacing : (3,) ndarray of float64
-            Voxel size, mm, z y x.
+        spacing : (3,) ndarray of float64, mm z y x
         """
         row = self.index(object_id)
         # Boxes are half-open and voxel centres are at integers.
@@ -80,9 +77,7 @@ class LabelBoxes:
         Parameters
         ----------
         object_id : int
-            One of `ids`.
-        spacing : (3,) ndarray of float64
-            Voxel size, mm, z y x.
+        spacing : (3,) ndarray of float64, mm z y x
         """
         row = self.index(object_id)
         # The outer faces of voxels lie half a voxel beyond their centres.
@@ -96,8 +91,7 @@ class LabelBoxes:
         Parameters
         ----------
         object_id : int
-        spacing : (3,) ndarray of float64
-            Voxel size in mm, z y x.
+        spacing : (3,) ndarray of float64, mm z y x
         stretch : (3, 3) ndarray of float64
             Of the world in which it is measured; see `Camera.stretch`.
         """
@@ -112,8 +106,7 @@ class LabelBoxes:
 
         Parameters
         ----------
-        spacing : (3,) ndarray of float64
-            Voxel size in mm, z y x.
+        spacing : (3,) ndarray of float64, mm z y x
         direction : (3,) ndarray of float64
             Direction of looking, world, of length 1.
 

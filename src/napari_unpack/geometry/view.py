@@ -79,8 +79,7 @@ class View:
         ----------
         shape : (3,) tuple of int
             Voxels along z, y, x.
-        spacing : (3,) array_like
-            Voxel size in mm, z y x.
+        spacing : (3,) array_like, mm z y x
         stretch : (3, 3) ndarray of float64, optional
             The camera's; by default none.
         """

@@ -29,8 +29,7 @@ def read_dicom(path: Path) -> tuple[NDArray[Any], Spacing]:
     -------
     volume : (Z, Y, X) ndarray of uint16, or float32
         CT number (HU) + 1000, clipped to [0, 32000]. What is not CT: rescaled as the file says.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------

@@ -35,7 +35,6 @@ def open_scan(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels.
     backend : {"auto", "cpu", "gl"}
-        Which implementation renders.
 
     Returns
     -------

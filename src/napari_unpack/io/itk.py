@@ -30,8 +30,7 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     volume : (Z, Y, X) ndarray
         As stored, where the file gives no axis directions (the identity); else with its axes
         turned to `ORIENTATION` by flips and swaps, never by interpolation.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------
@@ -75,8 +74,7 @@ def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
         The file; its suffix chooses the format.
     array : (Z, Y, X) ndarray
         Densities or labels.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------

@@ -56,7 +56,6 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         among : tuple of str
             What it may be; any text where empty.
         """
@@ -79,7 +78,6 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         least : int
             What it is at least.
         """
@@ -115,7 +113,6 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         shape : tuple of int
             Of the array.
         """
@@ -137,7 +134,6 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         known : frozenset of int, optional
             IDs of the objects in the labels; None for any.
         """
@@ -154,9 +150,7 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         known : frozenset of int
-            IDs of the objects in the labels.
         """
         lists = self.items(name)
         flat = [i for group in lists for i in (group if isinstance(group, list) else [group])]
@@ -172,9 +166,7 @@ class Fields:
         Parameters
         ----------
         name : str
-            The field.
         known : frozenset of int
-            IDs of the objects in the labels.
         """
         found = {}
         for key, value in self.part(name)._data.items():

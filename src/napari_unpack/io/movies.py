@@ -61,7 +61,6 @@ def movie_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callab
     size : (int, int)
         Height and width of the frames, even.
     fps : int
-        Frames a second.
     """
     # Two ways to be whole or absent: a folder of images is swapped, a file is renamed.
     suffix = path.suffix.lower()
@@ -81,11 +80,9 @@ def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable
     Parameters
     ----------
     path : Path
-        The file.
     size : (int, int)
         Height and width, even.
     fps : int
-        Frames a second.
     """
     with _encoded(
         path,
@@ -206,11 +203,9 @@ def movie(
     size : (int, int)
         Height and width, pixels; odd numbers are rounded down, as video wants.
     fps : int
-        Frames a second.
     seconds : float
         What one flight takes.
     backend : {"auto", "cpu", "gl"}
-        Which implementation renders.
     background : optional
         What is behind everything, as `Background.of` takes it; by default the session's.
     decorations : sequence of str, optional

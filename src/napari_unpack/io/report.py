@@ -149,7 +149,6 @@ def save_objects_page(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves no file.
     backend : {"auto", "cpu", "gl"}
-        Which implementation renders.
 
     Raises
     ------
@@ -257,7 +256,7 @@ def _image(session: Session, object_id: int, backend: str) -> str:
     held = placement.rotation if placement.placed is None else placement.placed.rotation
     pose = Pose(np.zeros(3), held, 1.0, session.camera.stretch)
     # Fitted to the longest side in any turn, so that a page does not jump when one is turned.
-    pixels = 2 * SIDE / max(placement.turned_mm or placement.picture_mm)
+    pixels = 2 * SIDE / max(placement.turned_mm or placement.image_mm)
     patch = sprite_image(session.scene(), object_id, pose, pixels, backend=backend)
     return _data_uri(patch.rgba if not patch.is_empty else np.zeros((2, 2, 4), np.float32))
 

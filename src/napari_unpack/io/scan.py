@@ -23,10 +23,8 @@ class Scan:
     volume : (Z, Y, X) ndarray
         Density, any real dtype. CT numbers from DICOM and DICOS are shifted to HU + 1000; the
         other formats do not say what their numbers mean and are left as they are.
-    spacing : (float, float, float)
-        Voxel size in mm, z y x.
+    spacing : (float, float, float) of mm, z y x
     labels : (Z, Y, X) ndarray of int, optional
-        Object IDs, 0 background.
     name : str
         For titles.
     names : mapping of int to str, optional
@@ -124,8 +122,7 @@ def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
 
     Parameters
     ----------
-    spacing : (3,) array_like
-        mm, z y x.
+    spacing : (3,) array_like, mm z y x
     source : object
         Its name, for messages.
 

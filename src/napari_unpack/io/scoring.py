@@ -48,8 +48,7 @@ def score_report(
     ----------
     truth, found : (Z, Y, X) ndarray of int
         Object IDs, 0 background.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
     objects : Path, optional
         A .csv with a column id and one named `by`: adds a table by group. Where the column
         names sheets ("sheet"), they are held to the sheets' rule.

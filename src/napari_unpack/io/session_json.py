@@ -57,11 +57,9 @@ def label_data_from(
     ----------
     fields : Fields
     volume : (Z, Y, X) ndarray
-        Density.
     labels : (Z, Y, X) array_like of int
         With the IDs they were given with.
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
 
     Raises
     ------
@@ -164,7 +162,6 @@ def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]
     fields : Fields
         The record.
     known : frozenset of int
-        IDs of the objects in the labels.
 
     Raises
     ------
@@ -271,7 +268,7 @@ def _placement(object_id: int, placement: Placement) -> dict[str, Any]:
         "id": object_id,
         "slot": placement.slot,
         "rotation": placement.rotation.tolist(),
-        "picture_mm": list(placement.picture_mm),
+        "picture_mm": list(placement.image_mm),
         "direction": np.asarray(placement.direction).tolist(),
         "group": list(placement.group),
         "placed": None
@@ -536,7 +533,6 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     record : mapping
         From `record_of`.
     volume : (Z, Y, X) array_like
-        Density.
     labels : (Z, Y, X) array_like of int
         Object IDs, with the IDs they were given with.
 

@@ -56,8 +56,7 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
         The file, .tif or .tiff.
     array : (Z, Y, X) ndarray
         Densities or labels.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------

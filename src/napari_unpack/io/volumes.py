@@ -66,9 +66,7 @@ def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
     Returns
     -------
     labels : (Z, Y, X) ndarray of int
-        Object IDs, 0 background.
-    spacing : (float, float, float)
-        mm, z y x.
+    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------

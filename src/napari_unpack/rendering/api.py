@@ -85,9 +85,7 @@ def object_id_layers(
     Parameters
     ----------
     labels : (Z, Y, X) array_like of int
-        Object IDs, 0 background.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     view : View, optional
         The view; by default along +x, framing the volume.
     layers : int
@@ -181,8 +179,7 @@ def render(
         Density; NaN counts as the lowest.
     labels : (Z, Y, X) array_like of int
         Object IDs, 0 for matter without a label.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     view : View, optional
         The view; by default along +x, framing the volume.
     transfer_function : TransferFunctionLike, optional
@@ -195,7 +192,6 @@ def render(
         Height and width, pixels.
     backend : {"auto", "cpu", "gl"}
     shading : Shading, optional
-        The light; None for none.
     step : float, optional
         Distance of samples in mm, by default `min(spacing)`.
     jitter : bool
@@ -312,8 +308,7 @@ def step_scale(step: float | None, spacing: NDArray[np.float64]) -> float:
     ----------
     step : float, optional
         mm; by default `min(spacing)`.
-    spacing : (3,) ndarray of float64
-        mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
 
     Raises
     ------
@@ -347,9 +342,7 @@ def occlusion(
     Parameters
     ----------
     labels : (Z, Y, X) array_like of int
-        Object IDs, 0 background.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     view : View or (3,) sequence of float, optional
         The view, made orthographic, or a direction of looking. Objects leave towards the
         viewer: along D, the opposite of the direction of looking.

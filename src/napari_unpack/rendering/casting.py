@@ -54,8 +54,7 @@ def rays_for(
     camera : Camera
     size : (int, int)
         Height and width of the whole image, pixels.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     voxel_from_world : (4, 4) array_like, optional
         By default the bag's own place. For an object at a pose it is
         voxel_from_world(spacing) @ inv(pose.world_from_world(box_center, camera)).
@@ -106,8 +105,7 @@ def cast_tinted(
         Density, C-contiguous, without NaN.
     labels : (Z, Y, X) ndarray of uint16
         Object IDs, C-contiguous.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     camera : Camera
     transfer_function : TransferFunctionLike
         Colour and opacity by density.
@@ -118,7 +116,6 @@ def cast_tinted(
     voxel_from_world, window, step_scale
         See `rays_for`.
     shading : Shading, optional
-        The light; None for none.
     bricks : rendering.cpu.Bricks, optional
         Of this volume and these labels, kept by the caller from image to image.
     jitter : bool

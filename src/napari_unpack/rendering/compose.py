@@ -45,7 +45,6 @@ def packed_image(
         Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
     backend : {"auto", "cpu", "gl"}
     shading : Shading, optional
-        The light; None for none.
 
     Returns
     -------
@@ -86,7 +85,6 @@ def object_image(
         Distance of samples in the object's own smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
     shading : Shading, optional
-        The light; None for none.
     smooth : bool
         Cast a small object from a finer grid (`upsampling.upsampled`), without stairs.
 
@@ -202,7 +200,6 @@ def scene_image(
         When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
     backend : {"auto", "cpu", "gl"}
     shading : Shading, optional
-        The light; None for none.
     decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
 

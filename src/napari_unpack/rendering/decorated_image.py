@@ -25,8 +25,7 @@ def box_patch(
     ----------
     boxes : LabelBoxes
         At least one, voxels.
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
     camera : Camera
     size : (int, int)
         Height and width of the image, pixels.

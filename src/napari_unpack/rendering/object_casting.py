@@ -27,9 +27,7 @@ class Appearance:
     tints : (M, 4) ndarray of float32
         By ID.
     shading : Shading, optional
-        The light; None for none.
-    spacing : (3,) ndarray of float64
-        Voxel size, mm.
+    spacing : (3,) ndarray of float64, mm z y x
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}

@@ -46,8 +46,7 @@ def cut_open(
     boxes : LabelBoxes
         Of the objects, voxels.
     object_id : int
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
     towards : (3,) ndarray of float64
         Towards the viewer as the object is held, world. Of a stretched bag the first row of
         `Pose.rotation @ Camera.stretch`: depths are taken by the map to pivot space, which a

@@ -79,8 +79,7 @@ class Scene:
         Density, any real dtype.
     label_data : Labels
         Object IDs of the same shape.
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
     transfer_function : TransferFunction
         The master's: colour and opacity by density.
     packed : frozenset of int
@@ -231,7 +230,6 @@ def packed_appearance(
     ----------
     scene : Scene
     shading : Shading, optional
-        The light; None for none.
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
@@ -256,7 +254,6 @@ def appearance_alone(
     object_id : int
     subvolume : Subvolume
     shading : Shading, optional
-        The light; None for none.
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}

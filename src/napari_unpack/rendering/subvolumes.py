@@ -98,8 +98,7 @@ class SubvolumeCache:
         Display labels.
     boxes : LabelBoxes
         Of the objects, voxels.
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
     megabytes : int
         What may be kept besides the whole volume.
     """
@@ -282,7 +281,6 @@ class RenderCache:
         Parameters
         ----------
         labels : (Z, Y, X) ndarray of uint16
-            Object IDs.
         shown : TransferFunction
             The master's.
         """

@@ -156,8 +156,7 @@ def has_stairs(size: NDArray[np.int64], spacing: NDArray[np.float64]) -> bool:
     ----------
     size : (3,) ndarray of int64
         Of the object's box, voxels.
-    spacing : (3,) ndarray of float64
-        Voxel size in mm, z y x.
+    spacing : (3,) ndarray of float64, mm z y x
     """
     return _most_parts(size, spacing) > 1
 

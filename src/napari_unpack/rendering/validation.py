@@ -95,7 +95,6 @@ def checked_labels(labels: ArrayLike) -> Labels:
     Parameters
     ----------
     labels : (Z, Y, X) array_like of int
-        Object IDs, 0 background.
 
     Returns
     -------

@@ -114,7 +114,6 @@ def refined(
     Parameters
     ----------
     source : Source
-        The volume.
     grid : GridLabels
         The working grid.
     box, cells : tuple of slice
@@ -409,7 +408,6 @@ def write_things(
     Parameters
     ----------
     source : Source
-        The volume.
     grid : GridLabels
         The working grid.
     things : (z, y, x) ndarray of int32

@@ -53,7 +53,6 @@ def segment_large(
     Parameters
     ----------
     source : Source
-        The volume.
     spacing : (float, float, float) of mm, z y x
     find : callable
         `find(density, spacing, progress) -> labels` finds the objects of the working grid.

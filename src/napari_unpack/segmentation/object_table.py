@@ -106,7 +106,6 @@ def object_table(
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
-        Object IDs.
     density : (Z, Y, X) ndarray
     spacing : (float, float, float) of mm, z y x
     oracle : callable, optional

@@ -68,9 +68,7 @@ def split_between(
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int
-        Object IDs.
     boxes : LabelBoxes
-        Of these labels.
     density : (Z, Y, X) array_like
         The cut prefers its steps.
     spacing : (3,) sequence of float, mm z y x
@@ -104,7 +102,6 @@ def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Labe
     ----------
     labels : (Z, Y, X) ndarray of int
     boxes : LabelBoxes
-        Of these labels.
     ids : iterable of int
         Objects.
 
@@ -129,7 +126,6 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
     ----------
     labels : (Z, Y, X) ndarray of int
     boxes : LabelBoxes
-        Of these labels.
     ids : iterable of int
         Objects.
 

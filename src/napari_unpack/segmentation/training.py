@@ -134,7 +134,6 @@ def train_on_examples(
     Parameters
     ----------
     volume : (Z, Y, X) ndarray
-        Density.
     labels : (Z, Y, X) ndarray of int
         Objects, right and wrong ones.
     spacing : (3,) sequence of float, mm z y x

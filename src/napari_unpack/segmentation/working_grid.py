@@ -78,7 +78,6 @@ def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOC
     Parameters
     ----------
     source : Source
-        The volume.
     spacing : (float, float, float) of mm, z y x
     factors : (int, int, int)
         See `reduction`.

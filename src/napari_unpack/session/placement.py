@@ -24,7 +24,7 @@ from napari_unpack.unpacking import (
     hull_vertices,
     oriented_box,
     outline,
-    picture_size,
+    image_extent,
 )
 
 # Between the removals of two groups of one command, in flight times: they are seen one after
@@ -165,7 +165,7 @@ class Bag:
         """
         if object_id not in self._hulls:
             self._hulls[object_id] = hull_vertices(self.points(object_id))
-        return picture_size(self._hulls[object_id], rotation @ stretch, self.spacing)
+        return image_extent(self._hulls[object_id], rotation @ stretch, self.spacing)
 
     def placement(
         self, camera: Camera, object_id: int, slot: int, group: Sequence[int], direction: Vector
@@ -186,7 +186,7 @@ class Bag:
         """
         points = self.points(object_id)
         rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
-        picture = picture_size(points, rotation @ camera.stretch, self.spacing)
+        picture = image_extent(points, rotation @ camera.stretch, self.spacing)
         return Placement(slot, rotation, picture, direction, tuple(group))
 
 

@@ -39,8 +39,8 @@ class Placement:
         Number of its place beside the bag.
     rotation : (3, 3) ndarray of float64
         How it is held, from (stretched) world axes to pivot axes.
-    picture_mm : (float, float)
-        Width and height of its picture at scale 1, as it was held when it left.
+    image_mm : (float, float)
+        Width and height of its image at scale 1, as it was held when it left.
     direction : (3,) ndarray of float64
         The D along which it left, world.
     group : tuple of int
@@ -51,12 +51,12 @@ class Placement:
         Height and width in mm of the window it was put into; in another window it keeps its
         share of the way from the middle to the edge, and has the size it would have in its slot.
     turned_mm : (float, float), optional
-        Width and height of its picture as a person turned it.
+        Width and height of its image as a person turned it.
     """
 
     slot: int
     rotation: Matrix
-    picture_mm: tuple[float, float]
+    image_mm: tuple[float, float]
     direction: Vector
     group: Group
     placed: Pose | None = None
@@ -73,7 +73,7 @@ class Placement:
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`).
         """
-        scale = slots.scale(*self.picture_mm)
+        scale = slots.scale(*self.image_mm)
         if self.turned_mm is not None:
             scale = min(scale, slots.cell_mm / max(self.turned_mm))
         if self.placed is None:
@@ -84,18 +84,18 @@ class Placement:
         share = np.divide(slots.window_mm, self.within)
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
-    def turned(self, rotation: Matrix, picture_mm: tuple[float, float]) -> Placement:
+    def turned(self, rotation: Matrix, image_mm: tuple[float, float]) -> Placement:
         """Return it held another way; it stays in its place and fits there.
 
         Parameters
         ----------
         rotation : (3, 3) ndarray of float64
             From (stretched) world axes to pivot axes.
-        picture_mm : (float, float)
-            Width and height of its picture then.
+        image_mm : (float, float)
+            Width and height of its image then.
         """
         placed = None if self.placed is None else replace(self.placed, rotation=rotation)
-        return replace(self, rotation=rotation, placed=placed, turned_mm=picture_mm)
+        return replace(self, rotation=rotation, placed=placed, turned_mm=image_mm)
 
     def mirrored(self) -> Placement:
         """Return it for a bag that is mirrored from now on, its picture mirrored likewise."""

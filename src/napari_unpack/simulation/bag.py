@@ -37,8 +37,7 @@ class Bag:
     labels : (Z, Y, X) ndarray of uint16
         Object IDs from 1, 0 background, which the bag's own shell is. An object's hollow
         belongs to it where it is closed.
-    spacing : (float, float, float)
-        Voxel size in mm, z y x.
+    spacing : (float, float, float) of mm, z y x
     objects : pandas.DataFrame
         One row an object, indexed by `id`: name, kind, material (what it mostly is), parent
         (ID of the object that it lies in, 0 for none), depth (how many objects it lies in),
@@ -73,8 +72,7 @@ def simulate_bag(
     count : int
         How many objects, those inside others included. If so many find no room there are
         fewer, as the table of objects tells.
-    spacing : (float, float, float)
-        Voxel size in mm, z y x.
+    spacing : (float, float, float) of mm, z y x
     progress : callable, optional
         Called with a fraction in [0, 1] and a text; raising inside it cancels.
     scanner : Scanner, optional

@@ -277,7 +277,6 @@ class Clay:
         Parameters
         ----------
         form, at, turn : see `start`
-            The solid and its place.
         soft : float
             Radius of the fillet where both meet, mm.
         """
@@ -290,10 +289,7 @@ class Clay:
 
         Parameters
         ----------
-        form, at, turn : see `start`
-            The solid and its place.
-        soft : float
-            Radius of the fillet where both meet, mm.
+        form, at, turn, soft : see `join`
         """
         return self._shape(CUT, form, at, turn, soft)
 
@@ -304,10 +300,7 @@ class Clay:
 
         Parameters
         ----------
-        form, at, turn : see `start`
-            The solid and its place.
-        soft : float
-            Radius of the fillet where both meet, mm.
+        form, at, turn, soft : see `join`
         """
         return self._shape(CLIP, form, at, turn, soft)
 

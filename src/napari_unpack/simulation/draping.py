@@ -89,8 +89,7 @@ def drape(
         What is laid.
     stack : Stack
         What it is laid on. Not changed.
-    spacing : (3,) ndarray of float64
-        Voxel size, mm.
+    spacing : (3,) ndarray of float64, mm z y x
 
     Returns
     -------

@@ -62,7 +62,6 @@ def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses.
     container : Blueprint
         With room.
     count : int
@@ -113,8 +112,7 @@ def room_of(
         Of the box.
     middle : (3,) ndarray
         Voxel of the object's origin.
-    spacing : (3,) ndarray
-        Voxel size, mm.
+    spacing : (3,) ndarray, mm z y x
     """
     half = np.abs(rotation) @ np.array(container.room) / spacing
     # Whole voxels inside the room, or antialiased edges of both would meet.

@@ -62,8 +62,7 @@ class Packing:
         CT number + 1000, before the scanner.
     stack : Stack
         The room that is left.
-    spacing : (3,) ndarray of float64
-        Voxel size, mm.
+    spacing : (3,) ndarray of float64, mm z y x
     """
 
     labels: NDArray[np.uint16]
@@ -84,8 +83,7 @@ class Packing:
             Of the volume, z y x.
         room : Stack
             The inside of the bag.
-        spacing : (3,) ndarray of float64
-            Voxel size, mm.
+        spacing : (3,) ndarray of float64, mm z y x
         """
         labels = np.zeros(shape, np.uint16)
         walled(labels, room)

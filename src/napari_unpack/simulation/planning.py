@@ -64,13 +64,11 @@ def plan(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses.
     count : int
         How many objects.
     shape : (int, int, int)
         Of the bag, voxels.
-    spacing : (3,) ndarray of float64
-        Voxel size, mm.
+    spacing : (3,) ndarray of float64, mm z y x
 
     Returns
     -------
@@ -103,7 +101,6 @@ def trifle(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses.
     shape, spacing : see `plan`
         Of the bag.
     """

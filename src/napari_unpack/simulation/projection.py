@@ -90,8 +90,7 @@ class ProjectionScanner:
             CT number + 1000 at 70 keV, sharp and without noise. Changed.
         rng : numpy.random.Generator
             Of the noise.
-        spacing : (float, float, float)
-            mm, z y x.
+        spacing : (float, float, float) of mm, z y x
 
         Returns
         -------

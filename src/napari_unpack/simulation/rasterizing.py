@@ -74,8 +74,7 @@ def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.flo
         The modelled object.
     rotation : (3, 3) ndarray of float64
         World from object.
-    spacing : (3,) ndarray of float64
-        Voxel size, mm.
+    spacing : (3,) ndarray of float64, mm z y x
 
     Returns
     -------

@@ -105,7 +105,6 @@ class Stack:
         Parameters
         ----------
         profile : Profile
-            Of the thing.
         z, x, reach : int
             Columns.
         """
@@ -121,7 +120,6 @@ class Stack:
         Parameters
         ----------
         profile : Profile
-            Of the thing.
         rest : Rest
             Where it begins.
         """
@@ -140,7 +138,6 @@ class Stack:
         Parameters
         ----------
         profile : Profile
-            Of the thing.
         rest : Rest
             Where it lies.
         """

@@ -14,7 +14,6 @@ def contacts(labels: Labels) -> dict[tuple[int, int], int]:
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int
-        Object IDs, 0 background.
 
     Returns
     -------

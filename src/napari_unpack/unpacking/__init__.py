@@ -10,7 +10,7 @@ from napari_unpack.unpacking.oriented_box import (
     hull_vertices,
     oriented_box,
     outline,
-    picture_size,
+    image_extent,
 )
 from napari_unpack.unpacking.queue import Queue
 from napari_unpack.unpacking.slots import Slots, arrange
@@ -32,7 +32,7 @@ __all__ = [
     "named",
     "oriented_box",
     "outline",
-    "picture_size",
+    "image_extent",
     "ratios",
     "reveal",
     "towards_viewer",

@@ -53,8 +53,7 @@ def outline(mask: NDArray[np.bool_], origin: ArrayLike, spacing: ArrayLike) -> N
         A box around an object.
     origin : (3,) array_like
         Voxel coordinates of the box's first voxel.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
 
     Returns
     -------
@@ -274,7 +273,7 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
     return about_right @ about_down @ best
 
 
-def picture_size(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tuple[float, float]:
+def image_extent(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tuple[float, float]:
     """Return width and height in mm of the image of points held at a turn.
 
     Parameters

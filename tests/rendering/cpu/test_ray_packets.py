@@ -68,10 +68,10 @@ def test_each_sees_what_it_sees_alone(direction, fov) -> None:
                 grid, ahead.grids, grids[lane], ahead.axis, chosen[i], step, *numbers[i],
                 *paces[lane],
             )  # fmt: skip
-            look = int(n[ray_packets.LOOK + lane])
+            look = int(n[ray_packets.SKIP + lane])
             assert (look >> 8 if look > 0 else -1) == own
             assert look > 0 or ~look == brick
-            assert int(f[ray_packets.FREE + lane]) == free
+            assert int(f[ray_packets.BEYOND + lane]) == free
             assert int(n[ray_packets.BRICK + lane]) == brick
             uniform += own >= 0
     assert 100 < uniform < len(numbers)

@@ -65,7 +65,6 @@ class BrickCache(NamedTuple):
         Parameters
         ----------
         volume : (Z, Y, X) ndarray of uint16 or float32
-            Density.
         full : (Bz, By, Bx) ndarray of bool
             Which bricks may hold something to be seen.
         bricks : Bricks, optional

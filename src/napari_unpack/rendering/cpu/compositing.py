@@ -184,8 +184,7 @@ def correction(rays: Rays, spacing: ArrayLike) -> tuple[NDArray[np.float64], NDA
     ----------
     rays : Rays
         Of the image; in perspective the outer rays have longer steps.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
 
     Returns
     -------

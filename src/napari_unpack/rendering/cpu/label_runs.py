@@ -32,8 +32,8 @@ from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 # isort: off
 from napari_unpack.rendering.cpu.ray_packets import (
-    AX, AY, AZ, BRICK, COUNT, CURRENT, DX, DY, DZ, END, ENDS, EVENT, FLOAT_ROWS, FOUND, FREE, GRID,
-    INTEGER_ROWS, LANES, LENGTH, LOOK, PX, PY, PZ, SEVERAL, TURNS, K, go_on, look_ahead, looks_of,
+    AX, AY, AZ, BRICK, COUNT, CURRENT, DX, DY, DZ, END, ENDS, EVENT, FLOAT_ROWS, FOUND, BEYOND, GRID,
+    INTEGER_ROWS, LANES, LENGTH, SKIP, PX, PY, PZ, SEVERAL, TURNS, K, go_on, look_ahead, looks_of,
     stretch,
 )  # fmt: skip
 # isort: on
@@ -339,16 +339,16 @@ def _trace(  # type: ignore[no-untyped-def]
                 look_ahead(looks, rows, columns, axis, step, f, n)
             else:
                 for lane in range(LANES):
-                    n[LOOK + lane], f[FREE + lane] = UNKNOWN, f[END + lane]
+                    n[SKIP + lane], f[BEYOND + lane] = UNKNOWN, f[END + lane]
             stretch(f, n)
             # In a mixed brick two objects are told apart sample by sample, eight bits at once.
             many = np.uint64(0)
             for lane in range(LANES):
                 mixed[many] = lane
-                many += np.uint64((n[LOOK + lane] < 0) & (n[COUNT + lane] > 0))
+                many += np.uint64((n[SKIP + lane] < 0) & (n[COUNT + lane] > 0))
             for j in range(many):
                 lane = mixed[j]
-                brick = np.uint64(~n[np.uint64(LOOK) + lane])
+                brick = np.uint64(~n[np.uint64(SKIP) + lane])
                 # More than two objects: labels are read one by one below.
                 if brick >= pairs.size:
                     n[np.uint64(FOUND) + lane] = SEVERAL

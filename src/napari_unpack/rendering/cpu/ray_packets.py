@@ -19,14 +19,15 @@ LANES = 32
 PZ, PY, PX = 0, LANES, 2 * LANES
 DZ, DY, DX = 3 * LANES, 4 * LANES, 5 * LANES
 AZ, AY, AX = 6 * LANES, 7 * LANES, 8 * LANES
-K, FREE = 9 * LANES, 10 * LANES
+K, BEYOND = 9 * LANES, 10 * LANES
 CZ, CY, CX = 11 * LANES, 12 * LANES, 13 * LANES
 # The sample after the ray's last, and the one after those that are looked at now.
 END, STOP = 14 * LANES, 15 * LANES
 FLOAT_ROWS = 16
 
-# Rows of the integer scratch: where the grid begins that serves a ray, its brick, and the look.
-GRID, BRICK, LOOK = 0, LANES, 2 * LANES
+# Rows of the integer scratch: where the grid begins that serves a ray, its brick, and what
+# `looks_of` says of it: whose it is, and how far it may be skipped.
+GRID, BRICK, SKIP = 0, LANES, 2 * LANES
 # The object that the ray was in last and how many samples of it, 0 for none yet, -1 where there is
 # no ray; the object found now, how many samples of it, and what is to be done about it.
 CURRENT, LENGTH = 3 * LANES, 4 * LANES
@@ -84,9 +85,9 @@ def look_ahead(looks, rows, columns, axis, step, f, n):  # type: ignore[no-untyp
     step : float
         Distance of samples, mm.
     f : (FLOAT_ROWS * LANES,) ndarray of float64
-        Rays and their samples K, all within the volume; FREE is written.
+        Rays and their samples K, all within the volume; BEYOND is written.
     n : (INTEGER_ROWS * LANES,) ndarray of int32
-        GRID of each ray; BRICK and LOOK are written.
+        GRID of each ray; BRICK and SKIP are written.
     """
     low, three = np.int32(-8), np.int32(3)
     rows, columns = np.int32(rows), np.int32(columns)
@@ -100,7 +101,7 @@ def look_ahead(looks, rows, columns, axis, step, f, n):  # type: ignore[no-untyp
         f[CY + i] = np.float64(y & low) + 3.5 - f[PY + i]
         f[CX + i] = np.float64(x & low) + 3.5 - f[PX + i]
     for i in range(LANES):
-        n[LOOK + i] = looks[np.uint64(n[GRID + i] + n[BRICK + i])]
+        n[SKIP + i] = looks[np.uint64(n[GRID + i] + n[BRICK + i])]
     if axis == 0:
         _leap(CZ, AZ, f, n)
     elif axis == 1:
@@ -119,7 +120,7 @@ def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
     """
     one = np.int32(1)
     for i in range(LANES):
-        layers = n[LOOK + i] & np.int32(MOST) if n[LOOK + i] > 0 else np.int32(0)
+        layers = n[SKIP + i] & np.int32(MOST) if n[SKIP + i] > 0 else np.int32(0)
         az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
         z, y, x = f[CZ + i] * az, f[CY + i] * ay, f[CX + i] * ax
         z, y, x = z + 4.0 * abs(az), y + 4.0 * abs(ay), x + 4.0 * abs(ax)
@@ -129,14 +130,14 @@ def _leap(center, pace, f, n):  # type: ignore[no-untyped-def]
         edge = f[center + i] * way + (np.float64(layers) * 8.0 - 12.0) * abs(way)
         edge = np.floor((edge if layers > one else z) - 0.5 + 0.999)
         next_one = f[K + i] + 1.0
-        f[FREE + i] = edge if edge > next_one else next_one
+        f[BEYOND + i] = edge if edge > next_one else next_one
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED, forceinline=True)
 def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
     """Leap over cubes of bricks; see `ray_sampling.leap`."""
     for i in range(LANES):
-        layers = n[LOOK + i] & np.int32(MOST) if n[LOOK + i] > 0 else np.int32(0)
+        layers = n[SKIP + i] & np.int32(MOST) if n[SKIP + i] > 0 else np.int32(0)
         half = np.float64(layers) * 8.0 - 4.0
         half = half if half > 4.0 else np.float64(4.0)
         az, ay, ax = f[AZ + i], f[AY + i], f[AX + i]
@@ -146,7 +147,7 @@ def _leap_cubes(f, n):  # type: ignore[no-untyped-def]
         z = z if z < x else x
         edge = np.floor(z - 0.5 + 0.999)
         next_one = f[K + i] + 1.0
-        f[FREE + i] = edge if edge > next_one else next_one
+        f[BEYOND + i] = edge if edge > next_one else next_one
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=ORDERED)
@@ -161,8 +162,8 @@ def stretch(f, n):  # type: ignore[no-untyped-def]
         Quantities of the lanes; see `look_ahead`.
     """
     for i in range(LANES):
-        look, k = n[LOOK + i], f[K + i]
-        stop = f[FREE + i] if f[FREE + i] < f[END + i] else f[END + i]
+        look, k = n[SKIP + i], f[K + i]
+        stop = f[BEYOND + i] if f[BEYOND + i] < f[END + i] else f[END + i]
         stop = stop if stop < k + TOGETHER or look >= 0 else k + TOGETHER
         f[STOP + i] = stop
         n[COUNT + i] = np.int32(stop - k)

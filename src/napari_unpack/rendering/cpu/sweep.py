@@ -33,8 +33,7 @@ def sweep_blockers(
     ----------
     labels : (Z, Y, X) ndarray of uint16
         Object IDs, C-contiguous.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     direction : (3,) array_like
         D in world, z y x; of any length.
     visible : (M,) ndarray of bool

@@ -45,8 +45,7 @@ def tinted(
         Object IDs, C-contiguous.
     rays : Rays
         Of the image, in voxels.
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     table : (K, 4) ndarray of float32
         Transfer function: straight RGB and opacity per voxel (per `min(spacing)` mm), looked up
         linearly over `domain` and clamped.
@@ -55,7 +54,6 @@ def tinted(
     tints : (M, 4) ndarray of float32
         By ID, M above every label: RGB multiplies the colour, alpha the opacity.
     shading : Shading, optional
-        The light; None for none.
     bricks : Bricks, optional
         Of this volume and these labels; saves visiting what cannot be seen, changes nothing.
     jitter : bool

@@ -203,7 +203,6 @@ def first_hits(
     labels, rays, visible, bricks
         As for `occlusion_counts`.
     boxes : LabelBoxes
-        Of these labels.
 
     Raises
     ------

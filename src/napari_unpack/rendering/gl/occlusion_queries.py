@@ -83,7 +83,6 @@ class OcclusionQueries:
         rays : Rays
             Orthographic, looking along -D.
         boxes : LabelBoxes
-            Of these labels.
         visible : (M,) ndarray of bool
             By ID.
 

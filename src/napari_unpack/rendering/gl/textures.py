@@ -31,7 +31,6 @@ class VolumeTextures:
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of uint16
-        Object IDs.
     volume : (Z, Y, X) ndarray of uint16 or float32, optional
         Density; the ID passes need none.
     largest : int, optional

@@ -38,8 +38,7 @@ class Appearance:
 
     Parameters
     ----------
-    spacing : (3,) array_like
-        Voxel size in mm, z y x.
+    spacing : (3,) array_like, mm z y x
     table : (K, 4) ndarray of float32
         Straight RGB and opacity per voxel over `domain`, K >= 2.
     domain : (float, float)
@@ -47,7 +46,6 @@ class Appearance:
     tints : (M, 4) ndarray of float32
         By ID, multiplied on; alpha 0 hides.
     shading : Shading, optional
-        The light; None for none.
     """
 
     spacing: ArrayLike

@@ -20,7 +20,6 @@ class VolumeStore:
     labels : (Z, Y, X) ndarray of uint16
         Object IDs. Not to be changed in place; see `set_labels`.
     volume : (Z, Y, X) ndarray of uint16 or float32, optional
-        Density.
     largest : int, optional
         Longest side of a texture, for tests; by default the driver's.
     most : int, optional

@@ -130,8 +130,7 @@ def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
 
     Parameters
     ----------
-    spacing : (3,) array_like
-        Millimetres, z y x.
+    spacing : (3,) array_like, mm z y x
 
     Raises
     ------
