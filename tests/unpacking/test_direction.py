@@ -11,10 +11,10 @@ from napari_unpack.geometry.view import View
 from napari_unpack.unpacking import (
     bag_up,
     broad_side,
+    image_extent,
     named,
     oriented_box,
     outline,
-    image_extent,
     towards_viewer,
 )
 

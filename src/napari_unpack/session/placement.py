@@ -22,9 +22,9 @@ from napari_unpack.unpacking import (
     broad_side,
     clearance,
     hull_vertices,
+    image_extent,
     oriented_box,
     outline,
-    image_extent,
 )
 
 # Between the removals of two groups of one command, in flight times: they are seen one after

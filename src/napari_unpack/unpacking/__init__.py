@@ -8,9 +8,9 @@ from napari_unpack.unpacking.oriented_box import (
     OrientedBox,
     broad_side,
     hull_vertices,
+    image_extent,
     oriented_box,
     outline,
-    image_extent,
 )
 from napari_unpack.unpacking.queue import Queue
 from napari_unpack.unpacking.slots import Slots, arrange
@@ -29,10 +29,10 @@ __all__ = [
     "clearance",
     "groups",
     "hull_vertices",
+    "image_extent",
     "named",
     "oriented_box",
     "outline",
-    "image_extent",
     "ratios",
     "reveal",
     "towards_viewer",

@@ -32,9 +32,9 @@ from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 # isort: off
 from napari_unpack.rendering.cpu.ray_packets import (
-    AX, AY, AZ, BRICK, COUNT, CURRENT, DX, DY, DZ, END, ENDS, EVENT, FLOAT_ROWS, FOUND, BEYOND, GRID,
-    INTEGER_ROWS, LANES, LENGTH, SKIP, PX, PY, PZ, SEVERAL, TURNS, K, go_on, look_ahead, looks_of,
-    stretch,
+    AX, AY, AZ, BEYOND, BRICK, COUNT, CURRENT, DX, DY, DZ, END, ENDS, EVENT, FLOAT_ROWS, FOUND,
+    GRID, INTEGER_ROWS, LANES, LENGTH, PX, PY, PZ, SEVERAL, SKIP, TURNS, K, go_on, look_ahead,
+    looks_of, stretch,
 )  # fmt: skip
 # isort: on
 
