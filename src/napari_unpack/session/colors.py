@@ -108,6 +108,7 @@ def find_interference(
         Planes, voxels.
     backend : {"auto", "cpu", "gl"}
     """
+    # DT is in pixels of the canvas, so it is scaled with the image.
     scale = min(1.0, MOST_PIXELS / max(key.canvas_size))
     height, width = (max(1, round(n * scale)) for n in key.canvas_size)
     ids = rays.object_ids(key.camera, visible, (height, width), LAYERS, clipping, backend)

@@ -92,6 +92,7 @@ def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> Se
         empty = (k for k in range(slots) if k not in taken)
         for object_id, slot in zip(removal.group, empty, strict=False):
             placements[object_id] = hold(object_id, slot, removal.group, removal.direction)
+    # Removals taken back before would not follow on these.
     return replace(state, placements=placements, queue=plan.queue, undone=())
 
 
@@ -119,6 +120,7 @@ def restore(state: SessionState, ids: Sequence[int]) -> SessionState:
         The latest to leave first: the one restored last was the first to leave, so it stands at
         the head of the queue.
     """
+    # Its way back is to be seen, and not the object alone in the middle.
     inspected = None if state.inspected in ids else state.inspected
     return replace(_put_back(state, ids[::-1]), inspected=inspected, undone=())
 
@@ -145,6 +147,7 @@ def go_to(state: SessionState, step: int) -> SessionState:
         return replace(
             state,
             placements={**state.placements, **again},
+            # What leaves again only makes way, so that the rest of the queue still holds.
             queue=state.queue.without(again),
             undone=state.undone[len(known) :],
             inspected=None,
@@ -207,6 +210,7 @@ def isolate(state: SessionState, ids: Iterable[int], known: frozenset[int]) -> S
         Every object.
     """
     wanted = frozenset(ids)
+    # Shown first: what comes back into the bag empties the queue, what is hidden does not.
     return hide(show(state, wanted), known - wanted)
 
 
@@ -241,6 +245,7 @@ def place(
         Given how the object is held, returns width and height of its picture, mm.
     """
     placed = replace(placement, placed=pose, within=window_mm)
+    # Moved and not turned, its picture is as large as it was: no hull is needed.
     if np.array_equal(placed.rotation, pose.rotation):
         return placed
     return placed.turned(pose.rotation, picture(pose.rotation))
@@ -274,6 +279,7 @@ def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) ->
     style : ObjectStyle or None
         None, or one that says nothing, takes both away.
     """
+    # A new mapping: states before this one share the old.
     styles = {i: one for i, one in state.styles.items() if i != object_id}
     if style is not None and (style.transfer_function or style.cut):
         styles[object_id] = style

@@ -33,6 +33,7 @@ class Read(Generic[T]):
         return self if session is None else self._read(session)
 
     def __set__(self, session: Session, value: T) -> None:
+        # Without this method assigning would put a value in front of the part's, unnoticed.
         raise AttributeError("this part of a session can only be read")
 
 

@@ -43,6 +43,7 @@ def resolved(
     """
     if wanted is None:
         return towards_viewer(camera)
+    # Worked out only where it is wanted: it looks at every voxel of the bag.
     return bag_up() if isinstance(wanted, str) else np.array(wanted)
 
 
@@ -173,8 +174,10 @@ def find_reveal_plan(
         If there are too many objects, or the rule has no table of blockers.
     """
     target, packed, near = key.target, key.near.packed, np.array(key.near.direction)
+    # Too many objects for tables: nothing can be proposed.
     if not survey[1].directions:
         raise NoTableError.of(len(packed))
+    # The survey is coarse and only proposes; the voxels decide, along D and along its best.
     best = smallest_reveal_plan(survey[1].directions, packed, target, near)
     plans, learnt = [], []
     for direction in (near, best.direction):

@@ -61,11 +61,13 @@ class Document:
         rays: RayQueries | None,
         clock: Callable[[], float],
     ) -> None:
+        # The backend stands in no key: both give the same results, and "auto" may choose either.
         self.volume, self.spacing, self.backend = volume, spacing, "auto"
         self.state, self.view_state, self.rules = state, view_state, rules
         self._given_rays = rays
         self.hold(label_data)
         self.events, self.history, self.flights = SessionEvents(), History(), FlightControl(clock)
+        # A result on occlusion is what an empty queue waits for.
         self.queries = Queries(self, self.fill_queue)
         self.log: list[LogEntry] = []
         # The result that the log's latest removal rests on, and after which removal it was last
@@ -76,12 +78,14 @@ class Document:
     def hold(self, data: LabelData) -> None:
         """Take over labels, with their geometry and the rays through them."""
         self.label_data = data
+        # Both keep what they derive from labels, so other labels get others.
         self.bag = Bag(data.labels, data.boxes, self.spacing)
         self.ray_queries = self._given_rays or RenderingQueries(data.labels, self.spacing)
 
     @property
     def objects(self) -> pd.DataFrame:
         """Facts by ID, with the names people gave; a copy."""
+        # Names stand in the state and not in the facts, so that undo brings them back.
         table, names = self.label_data.facts.copy(), self.state.names
         if names:
             table.loc[list(names), "name"] = list(names.values())
@@ -121,6 +125,7 @@ class Document:
         """
         # Inspecting an object is no part of a step: like turning the bag it changes nothing.
         before, after = (commands.inspect(state, None) for state in (self.state, new))
+        # Before entering: those who hear of the change ask what can be undone.
         self.history.push(Step(verb, before, after), merge)
         self.enter(new, data)
 
@@ -133,10 +138,12 @@ class Document:
         data : LabelData, optional
             As for `commit`.
         """
+        # States depend on the flights too, so they are asked before anything moves.
         old, states = self.state, self.queries.states()
         edited: frozenset[int] = frozenset()
         self.state = new
         if new.labels_edit is not old.labels_edit:
+            # Before the flights, which start from the boxes of the new labels.
             edited = self._follow_labels(old, new, data)
         stretch = self.view_state.camera.stretch
         self.flights.follow(old, new, self.bag, self.queries.slots(), stretch)
@@ -154,6 +161,7 @@ class Document:
         after = self.queries.labels_at(new.labels_edit) if data is None else data
         self.hold(after.after(before))
         touched = touched_between(old.labels_edit, new.labels_edit)
+        # What flies shows voxels that may be another object's now.
         self.flights.land(touched)
         self.select(self.view_state.selected & self.label_data.known)
         return touched
@@ -165,6 +173,7 @@ class Document:
         if found is None:
             self.events.message.emit(f"There is nothing to {way}.")
             return None
+        # An object looked at alone would cover what undo has changed.
         self.enter(commands.inspect(found[1], None))
         return found[0].verb
 
@@ -232,6 +241,7 @@ class Document:
         camera : Camera
         view : View
         """
+        # Turning never mirrors; the viewer's transform does, and sprites are mirrored with the bag.
         if np.linalg.det(camera.stretch @ self.view_state.camera.stretch) < 0:
             self.state = commands.mirror(self.state)
         self.see(view=view, camera=camera)
@@ -242,6 +252,7 @@ class Document:
         if size == self.view_state.canvas_size:
             return
         self.see(canvas_size=size)
+        # Slots are planned for the window: another size moves all that is out.
         out = self.state.placements
         self.flights.redirect(out, self.queries.slots(), self.view_state.camera.stretch)
         if out:
@@ -249,6 +260,7 @@ class Document:
 
     def clip(self, planes: ArrayLike | None) -> None:
         """Take other clipping planes; told as a change of the transfer function."""
+        # No signal of its own: who draws must cast anew, as for other opacities.
         wanted = checked_planes(planes)
         if not np.array_equal(wanted, self.view_state.clipping):
             self.see(clipping=wanted)
@@ -302,6 +314,7 @@ class Document:
 
     def how_many_or_which(self, n_or_ids: int | Iterable[int]) -> int | list[int]:
         """Return a number of at least 1, or known IDs."""
+        # One number is how many; a single ID comes in a list.
         if isinstance(n_or_ids, int | np.integer):
             return checked_count(int(n_or_ids))
         return self.checked(n_or_ids, "n_or_ids")

@@ -31,6 +31,7 @@ class NoTableError(ValueError):
 def listed(names: Iterable[str]) -> str:
     """Join names for a sentence, three and a number where they are many."""
     found = list(names)
+    # Of four, "three and one other" would be longer than the fourth name.
     if len(found) > 4:
         found = [*found[:3], f"{len(found) - 3} others"]
     return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"

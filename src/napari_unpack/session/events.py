@@ -47,9 +47,11 @@ class SessionEvents(SignalGroup):
         """
         old, new = before.placements, after.placements
         changed = {*states, *(i for i in new if old.get(i) is not new[i])}
+        # Widgets show names, styles and marks beside states, and listen to this alone.
         changed |= {i for i, _ in after.names.items() ^ before.names.items()}
         changed |= {i for i, _ in after.styles.items() ^ before.styles.items()}
         changed |= after.examples ^ before.examples
+        # First: those who hear of the others look objects up in what they keep of the labels.
         if edited:
             self.labels.emit(edited)
         if after.hues is not before.hues:

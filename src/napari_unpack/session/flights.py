@@ -77,9 +77,11 @@ class FlightControl(Mapping[int, Flight]):
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`).
         """
+        # What is out of sight, or alone in the middle, cannot be seen flying as well.
         self.land(i for i in self if i in after.hidden or i == after.inspected)
         out, was = after.placements, before.placements
         moved = [i for i in {**out, **was} if (i in was) != (i in out)]
+        # One that began when flights were on would go on to where it does not belong any more.
         if not self.animated:
             self.land(moved)
             return
@@ -97,12 +99,14 @@ class FlightControl(Mapping[int, Flight]):
                 # It turns round where it is.
                 flights[i] = flights[i].reversed(now).toward(placement.pose(slots, stretch))
         for back, placements in starting.items():
+            # The last to leave returns first: the way is clear for it.
             order = reversed(list(placements.items())) if back else placements.items()
             flights |= launch(bag, dict(order), slots, stretch, now, self.seconds, back)
         self._take(flights)
 
     def land(self, ids: Iterable[int]) -> bool:
         """End flights where they were going; return whether there was one."""
+        # Nothing that is known by version is lost where nothing lands.
         gone = set(ids)
         left = {i: flight for i, flight in self._flights.items() if i not in gone}
         if len(left) == len(self._flights):
@@ -122,6 +126,7 @@ class FlightControl(Mapping[int, Flight]):
             How the bag is stretched (`Camera.stretch`).
         """
         flights = dict(self._flights)
+        # What flies back goes to its place in the bag, which no window moves.
         for i in flights.keys() & placements.keys():
             flights[i] = flights[i].toward(placements[i].pose(slots, stretch))
         self._take(flights)

@@ -53,6 +53,7 @@ class History:
         if not steps:
             return now
         before, after = steps[-1].before.labels_edit, steps[-1].after.labels_edit
+        # A step that leaves the labels alone does not say which they are now.
         if before is after:
             return now
         return before if way == "undo" else after
@@ -85,6 +86,7 @@ class History:
         """Return the step taken back and the state then, None where there is none."""
         if not self._done:
             return None
+        # Not simply `before`: hues may have been chosen since for another view, without a step.
         step = self._done.pop()
         self._undone.append(step)
         return step, current.with_changes_of(step.after, step.before)

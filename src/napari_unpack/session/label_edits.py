@@ -111,6 +111,7 @@ class LabelEditor:
         session, now = self._session, self._session.label_data
         (object_id,) = checked_ids(object_id, now.known, "object_id")
         self._refuse_outside([object_id])
+        # Checked here and not in the task: a refusal comes at once, beside the click.
         for name, point in (("a", a), ("b", b)):
             spot = np.asarray(point)
             inside = spot.shape == (3,) and ((spot >= 0) & (spot < now.labels.shape)).all()
@@ -151,6 +152,7 @@ class LabelEditor:
         ValueError
             If none is given or left, one is unknown, or one is outside the bag.
         """
+        # A session without objects has no boxes, no bag and nothing to look at.
         known = self._session.label_data.known
         wanted = checked_ids(ids, known)
         if not wanted or len(wanted) == len(known):
@@ -196,13 +198,16 @@ class LabelEditor:
             If it touches an object outside the bag, or leaves none.
         """
         now, state = self._session.label_data, self._session.state
+        # Laid over other labels it would write objects back that are gone.
         if edited is None or edited.revision != now.revision:
             return False
         edit, known = edited.data.edit, edited.data.known
         assert edit is not None, "edited labels have an edit"
+        # Again: one may have left while the task ran, and a brush touches anything.
         self._refuse_outside(now.known & edit.change.touched)
         if not known:
             raise ValueError("at least one object must be left, none is")
+        # Good enough until hues are chosen for a view again.
         fresh = {i: golden_hue(i) for i in known - state.hues.keys()}
         # Another oracle may have scored the objects while the task ran.
         data = replace(edited.data, facts=now.facts_after(edit))
@@ -212,10 +217,12 @@ class LabelEditor:
 
     def _task(self, verb: str, change: Change) -> Task[EditedLabels | None]:
         session, source = self._session, self._session.label_data
+        # All it needs is read now: the session goes on while the task runs.
         volume, spacing, confidence = session.volume, session.spacing, self._confidence()
 
         def run(_: object) -> EditedLabels | None:
             made, given_ids = change(source)
+            # A step that changes nothing would be undone without effect.
             if made is None or not len(made.where):
                 return None
             given_ids = _extended(given_ids, max(made.touched))
@@ -242,6 +249,7 @@ class LabelEditor:
 
     def _refuse_outside(self, ids: Iterable[int]) -> None:
         session = self._session
+        # On its way back too: the flight shows the voxels it left with.
         away = [i for i in ids if i in session.state.placements or i in session.flights]
         if away:
             raise ValueError(
@@ -253,6 +261,7 @@ def _extended(given_ids: GivenIds, largest_id: int) -> GivenIds:
     """Return the IDs people know objects by, with new ones up to the largest object."""
     if given_ids is None:
         return None
+    # Above all that were ever given, so that no two objects are shown under one number.
     fresh = np.arange(len(given_ids), largest_id + 1)
     return np.concatenate([given_ids, given_ids.max() + 1 + np.arange(len(fresh))])
 
@@ -271,6 +280,7 @@ def _own_ids(
     fresh = np.setdiff1d(painted, np.append(given, 0))
     known = np.concatenate([[0], given, fresh])
     own = np.concatenate([[0], order, np.arange(len(fresh)) + len(given_ids)])
+    # Binary search wants them in order; new IDs stand at the end until here.
     place = np.argsort(known)
     found = np.asarray(own[place][np.searchsorted(known[place], painted)])
     return found, np.concatenate([given_ids, fresh])
@@ -279,6 +289,7 @@ def _own_ids(
 def _unused_id(data: LabelData) -> int:
     if data.largest_id < MOST_ID:
         return data.largest_id + 1
+    # An ID used again would name another object after undo, so only for want of new ones.
     unused = np.setdiff1d(np.arange(1, MOST_ID + 1), data.boxes.ids)
     if not len(unused):
         raise ValueError(f"there are {MOST_ID} objects already: merge or delete some first")

@@ -79,6 +79,7 @@ def object_table(
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
     known = given.reindex(known_by).set_index(found.index)
+    # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
             f"{str(kind).capitalize()} {i}" if isinstance(kind, str) else f"Object {i}"
@@ -86,6 +87,7 @@ def object_table(
         ]
     for column in found:
         if column in known:
+            # What is given wins: people and the segmentation may know better.
             found[column] = known[column].where(known[column].notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
@@ -95,7 +97,9 @@ def _measure(
     volume: NDArray[np.generic], labels: NDArray[np.uint16], top: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return by ID the mean density (top + 1,) and the centre of mass (top + 1, 3) in voxels."""
+    # By ID: voxels, sums of z, y, x, sum of finite densities, and how many those are.
     numbers = np.zeros((top + 1, 6))
+    # Plane by plane: the whole scan as float32 would be a second one in memory.
     for z in range(labels.shape[0]):
         plane = np.asarray(volume[z])
         if plane.dtype.kind not in "uif" or plane.dtype.itemsize not in (1, 2, 4, 8):
@@ -230,6 +234,7 @@ class LabelData:
         """Return the labels at another place of the chain of edits; exact both ways."""
         found = self
         back, forth = _way(self.edit, edit)
+        # Several steps away it would stand for the labels of every step between, too.
         kept = self.previous if self.knows(edit) and len(back) + len(forth) == 1 else None
         for step in back:
             found = found._moved(step, 1, 0, step.earlier, kept)
@@ -271,12 +276,14 @@ class LabelData:
         touched = np.array(sorted(change.touched))
         old = _rows(self.boxes, touched)
         labels = change.apply(self.labels).astype(np.uint16, copy=False)
+        # The whole of every object touched, not only what changed: it is measured anew as a whole.
         low = np.array([part.start for part in change.box])
         high = np.array([part.stop for part in change.box])
         if len(old.ids):
             low = np.minimum(low, old.lower.min(axis=0))
             high = np.maximum(high, old.upper.max(axis=0))
         box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        # Others that reach into the box are cut off there, and would be measured wrong.
         part = np.where(np.isin(labels[box], touched), labels[box], 0).astype(np.uint16)
         local = label_boxes(part)
         new = LabelBoxes(local.ids, local.lower + low, local.upper + low, local.counts)
@@ -287,6 +294,7 @@ class LabelData:
             for k, axis in enumerate("zyx"):
                 after[axis] += low[k] * spacing[k]
             after = _completed(after, before, change, self.facts)
+            # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():
                 after["confidence"] = [
                     confidence(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
@@ -317,6 +325,7 @@ class LabelData:
         change = step.change if target else step.change.reverse()
         display = None
         if kept is not None:
+            # The very arrays of then: nothing is copied.
             labels, display = kept.labels, kept._display
         elif labels is None:
             labels = change.apply(self.labels).astype(np.uint16, copy=False)
@@ -333,6 +342,7 @@ class LabelData:
         )
         facts = _exchanged(self.facts, step.facts[source], step.facts[target])
         if display is None and self._display is not None:
+            # Growing all labels takes a second for a large volume.
             display = _regrown(self._display, labels, change.box)
         return replace(
             self,
@@ -351,6 +361,7 @@ def _exchanged(facts: pd.DataFrame, gone: pd.DataFrame, come: pd.DataFrame) -> p
     import pandas as pd
 
     rest = facts.drop(index=gone.index)
+    # Empty tables would turn whole numbers of the others into floats.
     rows = [table for table in (rest, come) if len(table)]
     return pd.concat(rows).sort_index().rename_axis("id") if rows else rest
 
@@ -370,6 +381,7 @@ def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:
 def _way(before: Edit | None, after: Edit | None) -> tuple[list[Edit], list[Edit]]:
     """Return the edits to take back, the latest first, and those to make then."""
     here, there = _chain(before), _chain(after)
+    # Edits are compared as objects: two that do the same are two.
     common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
     return here[common:][::-1], there[common:]
 
@@ -399,6 +411,7 @@ def _completed(
         if source in before.index:
             sources[object_id] = source
     for column in facts.columns:
+        # Measured already; a name is inherited, as what was given is.
         if column in after and column != "name":
             continue
         values = [
@@ -425,6 +438,7 @@ def _regrown(
     """Return display labels brought up to date where labels have changed."""
     outer, inner, cut = [], [], []
     for part, size in zip(box, labels.shape, strict=True):
+        # Growth reaches one fringe beyond a change, and depends on labels one fringe further.
         low, high = max(part.start - FRINGE, 0), min(part.stop + FRINGE, size)
         first = max(low - FRINGE, 0)
         outer.append(slice(first, min(high + FRINGE, size)))

@@ -151,10 +151,12 @@ def find_occlusion(
         blocking = BlockingGraph.of(counts, key.rule, key.tolerance)
     else:
         ids, blocks = table
+        # Within the tolerance an object leaves although something blocks it.
         exempt = unpackable if key.tolerance > 0 else frozenset()
         blocking = BlockingGraph(blocking_graph(blocks, ids, exempt))
         unpackable = frozenset(i for i, before in blocking.graph.in_degree() if not before)
     if blocking is not None:
+        # Counts have no rows for them, and a graph of all that is packed is asked about them.
         blocking.graph.add_nodes_from(unseen)
     seconds = perf_counter() - start
     return OcclusionResult(direction, key.packed, unpackable, blocking, ratios(counts), seconds)
@@ -166,6 +168,7 @@ def _swept_table(
     """Return what blocks what among the packed, by voxels where rays leave it open."""
     if not rays.can_sweep or key.rule != "exact" or counts.blocks is None:
         return None
+    # Moving voxels is what takes long, so the less is moved the better.
     held = counts.exact_samples > SURELY_HELD * counts.samples
     table = rays.sweep_table(direction, visible, ~held)
     if table is None:
@@ -265,6 +268,7 @@ def find_next_unpackable(
 
     def in_time(object_id: int, most: int) -> frozenset[int]:
         if clock() - start > seconds:
+            # The generator of groups cannot be left in any other way.
             raise TimeoutError
         return blockers(object_id, boxes.slices(object_id), most)
 
@@ -310,6 +314,7 @@ def view_along(
     Across an axis whose voxels are one pitch long, rays go through the voxels' middles: on
     their faces rounding would pass over one row and look at its neighbour twice.
     """
+    # Looking as the user looks, rays lie as pixels do; else no up is better than another.
     same = float(direction @ -camera.direction) > 1 - 1e-12
     center = (lower + upper) / 2
     looking = Camera.looking(-direction, camera.up if same else None, center, 1.0)

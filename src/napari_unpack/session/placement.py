@@ -61,6 +61,7 @@ class Bag:
     @property
     def lower(self) -> Vector:
         """Lower corner of the box around all objects, world mm."""
+        # Voxel centres are at integers, so voxels begin half a voxel before.
         return np.asarray((self.boxes.lower.min(axis=0) - 0.5) * self.spacing)
 
     @property
@@ -80,6 +81,7 @@ class Bag:
 
     def radius_in(self, stretch: Matrix) -> float:
         """Return the radius, mm, in a world that is stretched so (`Camera.stretch`)."""
+        # Slots ask for it at every redraw, and large bags have thousands of boxes.
         key = stretch.tobytes()
         if key not in self._radii:
             ends = np.stack([self.boxes.lower - 0.5, self.boxes.upper - 0.5]) * self.spacing
@@ -114,6 +116,7 @@ class Bag:
         pose : Pose
             Where it is going, in pivot space.
         """
+        # A ball holds it however it turns on the way.
         half = self.boxes.radius(object_id, self.spacing, pose.stretch)
         return Ball(self.center, self.radius_in(pose.stretch) + half * max(1.0, pose.scale))
 
@@ -163,6 +166,7 @@ class Bag:
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`).
         """
+        # Of all points the hull alone touches the edges of a picture.
         if object_id not in self._hulls:
             self._hulls[object_id] = hull_vertices(self.points(object_id))
         return image_extent(self._hulls[object_id], rotation @ stretch, self.spacing)
@@ -225,6 +229,7 @@ def launch(
     flights: dict[int, Flight] = {}
     removals: dict[tuple[int, ...], tuple[float, float]] = {}
     for object_id, placement in placements.items():
+        # Members are held together, so they must go the same way at the same time.
         if placement.group not in removals:
             start = now + len(removals) * STAGGER * seconds
             removals[placement.group] = start, bag.clear_way(placement.group, placement.direction)

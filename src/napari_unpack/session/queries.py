@@ -129,6 +129,7 @@ class Queries:
         for key, found in (*learnt, (task.key, result)):
             if not (isinstance(key, OcclusionKey) and self._is_late(key)):
                 self._keep(key, found)
+        # What serves no more is kept all the same: one may come back to that D or that step.
         serves = self._serves(task.key)
         if serves and isinstance(task.key, OcclusionKey):
             self._stored()
@@ -206,7 +207,7 @@ class Queries:
         return known  # type: ignore[no-any-return]
 
     def occlusion_task(self) -> Task[OcclusionResult] | None:
-        """Return the task that finds what can leave along D; None where that is known."""
+        """Return the task of `occlusion`; None where that is known."""
         key = self._occlusion_key()
         if not key.packed or self._known_occlusion(key) is not None:
             return None
@@ -223,6 +224,7 @@ class Queries:
         self, direction: Vector | None = None, packed: frozenset[int] | None = None
     ) -> OcclusionKey:
         session = self._session
+        # Plain numbers: an array cannot be part of a key.
         z, y, x = (float(v) for v in (self.direction if direction is None else direction))
         packed = self.packed if packed is None else packed
         rules, revision = session.rules, session.label_data.revision
@@ -231,6 +233,7 @@ class Queries:
     def _find_occlusion(self) -> Callable[[OcclusionKey], OcclusionResult]:
         """Return what casts the rays for a key of now; its inputs are frozen."""
         session = self._session
+        # Read now and not in `find`, which runs on another thread, perhaps after an edit.
         bag, pitch, backend = session.bag, float(session.spacing.min()), session.backend
         data, rays, user = session.label_data, session.ray_queries, session.view_state.camera
 
@@ -261,7 +264,7 @@ class Queries:
         Returns
         -------
         Task or None
-            None where the whole result is known, or by the rules is needed.
+            None where the whole result is known or needed.
 
         Raises
         ------
@@ -275,6 +278,7 @@ class Queries:
             chosen = self.packed.intersection(wanted)
             count = len(chosen)
         key = self._next_key(chosen, count)
+        # Moving voxels tells whether something blocks and not how much, as other rules ask.
         exact = (session.rules.rule, session.rules.tolerance) == ("exact", 0.0)
         if not exact or not session.ray_queries.can_sweep or not (key.occlusion.packed and count):
             return None
@@ -331,7 +335,6 @@ class Queries:
         ----------
         queue : Queue
         packed : frozenset of int
-            Objects in the bag.
         """
         session, direction = self._session, self.direction
         rules = session.rules
@@ -353,7 +356,7 @@ class Queries:
     def removal_plan(
         self, n_or_ids: int | Iterable[int], state: SessionState | None = None
     ) -> RemovalPlan:
-        """Return what leaves by `Session.unpack`.
+        """Return what leaves by `Session.unpack`, which says what is raised.
 
         Parameters
         ----------
@@ -361,13 +364,6 @@ class Queries:
             How many from the head of the queue, or which objects.
         state : SessionState, optional
             By default the state of now.
-
-        Raises
-        ------
-        NobodyFreeError
-            If nothing is unpackable and `take_least_occluded` is False.
-        BlockedError
-            If a chosen object is blocked by one that was not chosen.
         """
         state = self._session.state if state is None else state
         if isinstance(n_or_ids, int):
@@ -380,6 +376,7 @@ class Queries:
         left = 0
         quick = self._known_next(None, count, packed)
         if quick is not None:
+            # What it holds was found for another D or another bag.
             queue = replace(queue, groups=(), least_occluded=False)
             for group in quick.groups:
                 if left < count:
@@ -389,6 +386,7 @@ class Queries:
             queue = self.filled_queue(queue, packed)
             source = self._known_occlusion(self._occlusion_key(packed=packed))
             if not queue.groups:
+                # Fewer than were asked for, but those can leave.
                 if found:
                     break
                 raise NobodyFreeError(
@@ -411,6 +409,7 @@ class Queries:
             return self._plan(quick.groups, self.direction, quick, state)
         known = self.occlusion(packed=packed)
         if known.blocking is None:
+            # Without a table only new rays tell what has become unpackable since.
             if wanted - known.unpackable:
                 known = self.occlusion(packed=packed, afresh=True)
             blocked = wanted - known.unpackable
@@ -420,6 +419,7 @@ class Queries:
             groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = known.blocking.among(packed)
+            # Interlocked objects cannot leave alone: choosing one chooses its group.
             whole = [set(g) for g in graph.removals(packed) if wanted.intersection(g)]
             wanted = wanted.union(*(g for g in whole if len(g) <= most))
             blockers = graph.blockers(wanted)
@@ -534,6 +534,7 @@ class Queries:
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
         session = self._session
         lower, upper, camera = session.bag.lower, session.bag.upper, session.view_state.camera
+        # The diagonal is the longest side that a picture along any direction can have.
         coarsest = float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
         pitch = max(float(session.spacing.min()), coarsest)
         visible, rays = session.label_data.visible(key.packed), session.ray_queries
@@ -553,6 +554,7 @@ class Queries:
         known = self._known_survey()
         if known is None:
             return None
+        # Not part of the key: the tables hold for groups of any size.
         most = self._session.rules.max_group_size
         return best_direction(known.directions, self.packed, most, self.direction)
 
@@ -600,13 +602,7 @@ class Queries:
     # How it looks.
 
     def hues(self, keep: bool = True) -> dict[int, float]:
-        """Return hues that keep the packed neighbours of this view apart.
-
-        Parameters
-        ----------
-        keep : bool
-            Keep hues that still separate.
-        """
+        """Return hues that keep the packed neighbours of this view apart; see `recolor`."""
         task = self.hues_task(keep)
         if task is None:
             return self._cache.find(self._hues_key(keep))  # type: ignore[no-any-return]
@@ -624,6 +620,7 @@ class Queries:
         previous = session.state.hues if key.previous is not None else None
 
         def run(_: Progress) -> dict[int, float]:
+            # Another margin, or a hue locked, needs no new rays.
             graph: nx.Graph | None = cache.find(key.visibility)
             if graph is None:
                 graph = colors.find_interference(
@@ -637,6 +634,7 @@ class Queries:
     def _hues_key(self, keep: bool) -> HuesKey:
         session = self._session
         view, data = session.view_state, session.label_data
+        # What flies has left the bag's picture, and keeps its hue.
         shown = frozenset(i for i, s in self.states().items() if s is ObjectState.PACKED)
         visibility = VisibilityKey(
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
@@ -653,6 +651,7 @@ class Queries:
         known: dict[int, ObjectState] | None = self._cache.find(key)
         if known is None:
             known = {i: state.state(i) for i in session.label_data.ids}
+            # The state is already that after landing.
             for i, flight in flights.items():
                 known[i] = ObjectState.FLYING_BACK if flight.back else ObjectState.FLYING_OUT
             self._cache.keep(key, known)
@@ -662,6 +661,7 @@ class Queries:
         """Return where unpacked objects wait, planned for all of them at once."""
         session, view = self._session, self._session.view_state
         radius = session.bag.radius_in(view.camera.stretch)
+        # Of all labels so far: slots stay where they are when two objects are merged.
         count = session.label_data.most_objects
         key = SlotsKey(count, radius, view.canvas_size, view.camera.fov)
         known = self._cache.find(key)
@@ -688,6 +688,7 @@ class Queries:
         session, source = self._session, self._session.label_data
         edit = session.history.edit_after(way, session.state.labels_edit)
         key = LabelsKey(source.revision, edit)
+        # Nothing to prepare: no volume would be copied.
         if source.knows(edit) or self._cache.find(key) is not None:
             return None
         return Task(key, lambda _: source.at(edit))

@@ -20,20 +20,13 @@ from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.document import Document
-from napari_unpack.session.errors import (
-    NobodyFreeError,
-    listed,
-)
+from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
 from napari_unpack.session.labels import LabelData, object_table
 from napari_unpack.session.ray_queries import RayQueries
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
-from napari_unpack.session.validation import (
-    checked_kind,
-    checked_labels,
-    checked_volume,
-)
+from napari_unpack.session.validation import checked_kind, checked_labels, checked_volume
 from napari_unpack.tasks import Task, no_progress
 from napari_unpack.unpacking import named
 from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan
@@ -95,6 +88,7 @@ class Session:
         boxes = label_boxes(checked)
         facts = object_table(density, checked, boxes, mm, objects, given_ids)
         data = LabelData(checked, boxes, facts, given_ids)
+        # Good for no view in particular, until one is chosen by what touches in it.
         hues = {i: golden_hue(i) for i in data.ids}
         state = SessionState(TransferFunction.default_for(density), hues)
         view = View()
@@ -120,6 +114,7 @@ class Session:
         volume, spacing, label_data, state, view_state, rules, casters
             Checked.
         """
+        # `__init__` would measure anew what these parts say already.
         made = cls.__new__(cls)
         made._take(
             Document(volume, spacing, label_data, state, view_state, rules, casters, perf_counter)
@@ -129,10 +124,8 @@ class Session:
     def _take(self, document: Document) -> None:
         self._doc = document
         self.volume, self.spacing = document.volume, document.spacing
-        self.events, self.history, self.flights = (
-            document.events, document.history, document.flights,
-        )  # fmt: skip
-        self.queries, self.log = document.queries, document.log
+        self.events, self.history = document.events, document.history
+        self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor = LabelEditor(document)
         self._scene_description = SceneDescription()
 
@@ -220,10 +213,7 @@ class Session:
     decorations = Setting(lambda s: s._doc.view_state.decorations, lambda s, v: s._doc.decorate(v))
     """Background, box and scale bar of every image."""
     tint_mode = Setting(lambda s: s._doc.view_state.tint_mode, lambda s, v: s._doc.set_tints(v))
-    """How hues become tints: "perceptual", "hsv" as in the paper, or "safe".
-
-    "safe" is for people who confuse red and green. Setting it is told as a change of hues.
-    """
+    """How hues become tints: "perceptual", "hsv" as in the paper, "safe" where red looks green."""
     show_unlabelled = Setting(
         lambda s: s._doc.view_state.show_unlabelled, lambda s, v: s._doc.set_unlabelled(bool(v))
     )
@@ -267,6 +257,7 @@ class Session:
     @view.setter
     def view(self, view: View) -> None:
         checked_kind(view, View, "view")
+        # Only the viewer knows how the scan is stretched: another view leaves that as it is.
         camera = view.camera(self.labels.shape, self.spacing, self.camera.stretch)
         self._doc.look(camera, view)
 
@@ -312,10 +303,12 @@ class Session:
         """
         object_id = self._doc.one(object_id)
         new = commands.set_style(self.state, object_id, style)
+        # The ID is part of the verb, so that steps of two objects do not become one.
         self._doc.commit(f"style {object_id}", new, merge=True)
 
     def transfer_function_of(self, object_id: int) -> TransferFunction:
         """Return what an object outside the bag is shown with; see `Scene`."""
+        # Asked of the scene, so that what is told is what is drawn.
         return self.scene().transfer_function_of(object_id)
 
     def packed_tints(self) -> NDArray[np.float32]:
@@ -354,6 +347,7 @@ class Session:
         """
         self._doc.checked(hues, "hues")
         merged = {**self.state.hues, **hues}
+        # Also where they are as before: they were chosen for a view now, and are worth keeping.
         if not self.view_state.recolored:
             self._doc.see(recolored=True)
         if merged == self.state.hues:
@@ -387,8 +381,8 @@ class Session:
 
         Parameters
         ----------
-        ids : int or iterable of int
-        examples : bool
+        ids, examples
+            Which, and whether they are from now on.
         """
         wanted, now = frozenset(self._doc.checked(ids)), self.state.examples
         after = now | wanted if examples else now - wanted
@@ -419,6 +413,7 @@ class Session:
         wanted, known = self._doc.checked(ids), self.label_data.known
         if not wanted:
             raise ValueError("ids must name at least one object to isolate, got none")
+        # A step that changes nothing would be undone without effect.
         if known.difference(wanted) != self.state.hidden:
             self._doc.commit("isolate", commands.isolate(self.state, wanted, known))
 
@@ -486,6 +481,7 @@ class Session:
         if not left:
             self.events.message.emit("There is nothing left to unpack.")
             return ()
+        # Alone in the middle it would stand before what leaves.
         self._doc.commit("unpack", commands.inspect(new, None))
         return left
 
@@ -505,12 +501,10 @@ class Session:
         object_id = self._doc.buried(object_id)
         if direction is None:
             along = self.unpack_direction
-        elif isinstance(direction, str):
-            along = (
-                self.reveal_plan(object_id).direction if direction == "any" else named(direction)
-            )
+        elif isinstance(direction, str) and direction == "any":
+            along = self.reveal_plan(object_id).direction
         else:
-            along = named(tuple(direction))
+            along = named(direction if isinstance(direction, str) else tuple(direction))
         plan = self.queries.reveal_removals(object_id, along)
         self._doc.commit("reveal", commands.inspect(self._doc.removed(plan, self.state), None))
         return plan.ids
@@ -525,6 +519,7 @@ class Session:
 
         Objects that left as a group return as one.
         """
+        # Putting back what is hidden would change nothing one can see.
         seen = [i for i in reversed(self.state.placements) if i not in self.state.hidden]
         which = self._doc.how_many_or_which(n_or_ids)
         wanted = seen[:which] if isinstance(which, int) else [i for i in seen if i in which]
@@ -552,11 +547,13 @@ class Session:
         new = commands.go_to(self.state, int(step))
         known = self.label_data.known
         try:
+            # One by one: a group is one removal, however many are in it.
             while len(new.removals) < step and new.packed(known):
                 new = self._doc.removed_next(1, new)
         except NobodyFreeError as error:
             self.events.message.emit(str(error))
         if new.removals != self.state.removals:
+            # A slider drawn along passes many steps; one undo takes back the whole way.
             self._doc.commit("scrub", new, merge=True)
         return self.step
 
@@ -641,6 +638,7 @@ class Session:
         """Make one object of several; return its ID, the largest's."""
         wanted = self._doc.checked(ids)
         self._edited(self.label_editor.merge_task(wanted))
+        # Which of them is the largest, and keeps its ID, only the edit knows.
         return next(i for i in wanted if i in self.label_data.known)
 
     def delete(self, ids: int | Iterable[int]) -> None:
@@ -649,6 +647,7 @@ class Session:
 
     def own_labels(self, others: Iterable[NDArray[Any]]) -> None:
         """Keep labels that nobody else can write to, where one of these arrays is ours as well."""
+        # What a brush writes would change labels under results that are kept by revision.
         now = self.label_data
         kept = [now.labels] if now.previous is None else [now.labels, now.previous.labels]
         if any(np.may_share_memory(theirs, ours) for theirs in others for ours in kept):

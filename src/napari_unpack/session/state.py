@@ -75,6 +75,7 @@ class Placement:
         """
         scale = slots.scale(*self.image_mm)
         if self.turned_mm is not None:
+            # Turned by hand it may be longer than it was when it left, and stand out of its cell.
             scale = min(scale, slots.cell_mm / max(self.turned_mm))
         if self.placed is None:
             return Pose(slots.centers[self.slot], self.rotation, scale, stretch)
@@ -82,6 +83,7 @@ class Placement:
         if self.within is None or self.within == slots.window_mm:
             return placed
         share = np.divide(slots.window_mm, self.within)
+        # The first axis is towards the viewer, and a window has no depth.
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
     def turned(self, rotation: Matrix, image_mm: tuple[float, float]) -> Placement:
@@ -170,6 +172,7 @@ class SessionState:
             return ObjectState.HIDDEN
         if object_id == self.inspected:
             return ObjectState.INSPECTED
+        # After hidden and inspected: both may be so outside the bag as well.
         return ObjectState.UNPACKED if object_id in self.placements else ObjectState.PACKED
 
     def with_changes_of(self, source: SessionState, target: SessionState) -> SessionState:
@@ -186,6 +189,7 @@ class SessionState:
         changes = {
             f.name: getattr(target, f.name)
             for f in fields(self)
+            # Identity: parts are exchanged and never changed, and comparing mappings takes long.
             if getattr(source, f.name) is not getattr(target, f.name)
         }
         return replace(self, **changes)

@@ -76,6 +76,7 @@ def checked_labels(
     if high == 0:
         raise ValueError("labels hold no object: all are 0")
     if high > MOST_ID:
+        # Tables of IDs are int64.
         if high > np.iinfo(np.int64).max:
             raise ValueError(f"labels must be below 2**63, got {high}: renumber them")
         return compact_labels(array)
@@ -102,8 +103,10 @@ def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids
     """
     given = [ids] if isinstance(ids, int | np.integer) else list(ids)
     for i in given:
+        # True would pass for object 1.
         if isinstance(i, bool | np.bool_) or not isinstance(i, int | np.integer):
             raise TypeError(f"{name} must be object IDs (integers), got {i!r}")
+    # In the order given, in which they leave where nothing else decides.
     wanted = list(dict.fromkeys(int(i) for i in given))
     strangers = set(wanted).difference(known)
     if strangers:
@@ -161,5 +164,6 @@ def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:
         )
     if not np.isfinite(array).all() or (np.abs(array[:, 1]).max(axis=1, initial=0.0) == 0).any():
         raise ValueError("clipping must hold finite points and normals that are not zero")
+    # Sessions share planes with scenes that workers draw.
     array.flags.writeable = False
     return array
