@@ -5,8 +5,9 @@ import pytest
 
 from napari_unpack.segmentation.confidence.features import FEATURES
 from napari_unpack.segmentation.confidence.oracle import fit_features
+from napari_unpack.session import Session
 from napari_unpack.widgets.object_model import Column
-from opened_panel import add_bag, controller_with, open_panel, press
+from opened_panel import add_bag, controller_with, open_panel, pile_of_balls, press
 
 
 @pytest.fixture
@@ -84,6 +85,18 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     box.use_oracle(str(path))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert "not an oracle" in warned[0]
+
+
+def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
+    taught, qtbot, tmp_path
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    panel.workspace.open(other := Session(*pile_of_balls()))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    assert other.label_editor.oracle is not None
 
 
 def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:

@@ -185,6 +185,9 @@ class ConfidenceBox(Collapsible):
             self._oracle, scores = scored
             session.use_oracle(self._oracle, scores)
             self._rescored()
+        # Opened meanwhile, when this work was in its way.
+        if self._workspace.session is not session:
+            self._follow()
         self.refresh()
 
     def _fail(self, error: Exception) -> None:
