@@ -67,6 +67,7 @@ def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:
     if not problem():
         layer_to_visual[layer] = adapter
         layer_to_controls[layer] = _controls(sentence)
+        # Some versions of napari have more buttons, which they find by class too.
         with contextlib.suppress(ImportError):
             from napari._qt.layer_controls.dynamic import qt_dynamic_layer_controls as dynamic
 
@@ -75,6 +76,7 @@ def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:
 
 def unwrap(proxy: Any) -> Any:
     """Return the napari object behind the proxy that plugins are handed."""
+    # The proxy refuses private names, and we compare layers by identity.
     return getattr(proxy, "__wrapped__", proxy)
 
 
@@ -246,6 +248,7 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     def destroyed(*_: Any) -> None:
         callback()
 
+    # A close may still be called off; only a destroyed window is gone.
     qt_window.destroyed.connect(destroyed)
     # What calls it off must not keep the window alive.
     known = ref(qt_window)
@@ -308,6 +311,7 @@ class PictureLayer(Layer):
         self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
         self._points = np.zeros((0, 3))
         self._point_state: dict[str, Any] = {}
+        # What napari calls while it makes a layer reads the fields above.
         super().__init__(None, 3, name=name, **{"scale": self.spacing, **placement})
         self._thumbnail_source: NDArray[np.float32] | None = None
         self.refresh()
@@ -320,6 +324,7 @@ class PictureLayer(Layer):
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the quads to draw, called at every draw."""
         if not frame.same_as(self._frame):
+            # Set first: what hears of the frame asks the layer for it.
             self._frame, self._drawing = frame, True
             try:
                 self.frame_changed.emit(frame)
@@ -329,6 +334,7 @@ class PictureLayer(Layer):
 
     def repaint(self) -> None:
         """Ask to be drawn again; what is shown while it is drawn is seen at once."""
+        # Asked for within a draw, it would draw for ever.
         if not self._drawing:
             self.events.refresh()
 
@@ -376,6 +382,7 @@ class PictureLayer(Layer):
 
     @property
     def _extent_data_augmented(self) -> NDArray[np.float64]:
+        # Voxels reach half a voxel beyond their centres.
         return self._box + np.array([[-0.5], [0.5]])
 
     def get_status(self, *args: Any, **kwargs: Any) -> dict[str, str]:
@@ -388,6 +395,7 @@ class PictureLayer(Layer):
         """
         status = dict(self._get_source_info())
         status |= {
+            # Coordinates of a click into an image mean nothing.
             "layer_base": self.words or self.name,
             "coordinates": "",
             "coords": "",
@@ -401,7 +409,11 @@ class PictureLayer(Layer):
     def _get_state(self) -> dict[str, Any]:
         state = self._get_base_state()
         state.update(
-            self._point_state, projection_mode="none", visible=True, blending="translucent"
+            # Our blending is for premultiplied colours, and our layers may be hidden when saved.
+            self._point_state,
+            projection_mode="none",
+            visible=True,
+            blending="translucent",
         )
         return state
 
@@ -412,6 +424,7 @@ class PictureLayer(Layer):
         return None
 
     def _get_layer_slicing_state(self, data: Any, cache: bool) -> Any:
+        # napari slices every layer when the view changes; there is nothing to read here.
         return NothingToSlice(self, data, cache)
 
     def _update_thumbnail(self) -> None:
@@ -419,6 +432,7 @@ class PictureLayer(Layer):
         if source is None or min(source.shape[:2]) < 1:
             return
         height, width = self._thumbnail_shape[:2]
+        # The whole image at one zoom; what it leaves free stays black.
         zoom = max(source.shape[0] / height, source.shape[1] / width)
         middle = (np.asarray(source.shape[:2]) - 1) / 2
         rows = middle[0] + (np.arange(height) - (height - 1) / 2) * zoom
@@ -484,6 +498,7 @@ def _controls(sentence: str) -> type[Any]:
     class PictureControls(QtLayerControls):  # type: ignore[misc,valid-type]
         """Controls with what applies to an image: its opacity."""
 
+        # Actions of another layer type: napari has none for ours, and looks them up by name.
         PAN_ZOOM_ACTION_NAME = "activate_tracks_pan_zoom_mode"
         TRANSFORM_ACTION_NAME = "activate_tracks_transform_mode"
 
@@ -491,8 +506,10 @@ def _controls(sentence: str) -> type[Any]:
             super().__init__(layer)
             for name in ("blend_combobox", "blend_label"):
                 widget = getattr(self._opacity_blending_controls, name, None)
+                # Blending is the node's own business; other versions of napari name it otherwise.
                 if widget is not None:
                     widget.hide()
+            # Our layers stand where the user's own do; moved alone they would lie beside them.
             self.transform_button.hide()
             words = QLabel(sentence)
             words.setWordWrap(True)

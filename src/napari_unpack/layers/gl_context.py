@@ -73,6 +73,7 @@ class ContextWatch:
         canvas = self._canvas
         if canvas is None:
             return
+        # Before anything draws: names of the old context mean other things in the next.
         compat.forget_objects(canvas.context)
         self._context = None
         self._later(0, self._look)

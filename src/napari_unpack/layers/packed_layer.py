@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 # Name of the background that is napari's own canvas colour.
 OWN = "napari"
 
+# Behind all, so that no depth of the scene hides what stands before it.
 FARTHEST = ScreenPlace(ndc_depth=1.0)
 
 
@@ -59,6 +60,7 @@ class Backdrop:
         ground = self.around.background
         if ground.is_plain:
             return []
+        # A gradient runs from top to bottom: two columns tell all of it.
         size = frame.size if ground.image is not None else (frame.size[0], 2)
         if self._ground is None or self._ground[0] != size:
             self._ground = size, ImageTexture(to_bytes(ground.paint(size)))
@@ -75,6 +77,7 @@ class Backdrop:
         """
         if not self.around.box:
             return []
+        # Frames of the same view are one object: lines are laid out once a view.
         if self._edges is None or self._edges[0] is not frame:
             ends = box_edges(self.lower, self.upper, frame.camera)
             if not self._strokes:
@@ -100,6 +103,7 @@ def decorate_canvas(viewer: napari.Viewer, around: Decorations) -> None:
     if bar.visible != around.scale:
         bar.visible = around.scale
     if around.scale:
+        # The colour napari chooses suits its own canvas, which may be covered.
         bar.colored, bar.color = True, (*around.ink[:3], 1.0)
 
 
@@ -164,6 +168,7 @@ class PackedLayer(PictureLayer):
     def update_thumbnail(self) -> None:
         """Show what is shown in the layer list too."""
         image = self._image
+        # A preview would look coarse there, and be replaced in a moment.
         if image is not None and self.frame is not None and image.size == self.frame.size:
             self.set_picture(image.thumbnail)
 

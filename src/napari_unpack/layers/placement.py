@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from napari_unpack.layers.compat import PictureLayer
 
+# All that says where a napari layer stands.
 FIELDS = ("scale", "translate", "rotate", "shear", "affine", "units")
 
 
@@ -38,6 +39,7 @@ def placement_of(sources: Sequence[Layer], spacing: NDArray[np.float64]) -> dict
     layer = next((layer for layer in sources if layer.ndim == 3), None)
     if layer is None:
         return {"scale": np.asarray(spacing, dtype=np.float64)}
+    # The very same, or the bag would stand beside the slices it is of.
     return {name: getattr(layer, name) for name in FIELDS}
 
 
@@ -56,6 +58,7 @@ def data_to_world(layer: Layer, units: Sequence[Any] | None = None) -> Matrix:
     units : sequence of pint.Unit, optional
         Of that world (`units_of`), by default the layer's own.
     """
+    # By its images of points: napari keeps the parts of the map in private.
     origin = np.asarray(layer.data_to_world((0.0, 0.0, 0.0)), dtype=np.float64)
     matrix = np.eye(4)
     matrix[:3, 3] = origin
@@ -74,6 +77,7 @@ def unit_ratios(layer: Layer, units: Sequence[Any] | None) -> NDArray[np.float64
     units : sequence of pint.Unit or None
         Of the world; None where units clash: ones.
     """
+    # Then napari draws the numbers as they are, whatever their units.
     if units is None or len(units) < layer.ndim:
         return np.ones(layer.ndim)
     pairs = zip(layer.units, units[-layer.ndim :], strict=True)

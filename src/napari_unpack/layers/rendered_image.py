@@ -90,6 +90,7 @@ def image_place(
     Under the same camera this is the patch's window, exactly; after a zoom or a pan the old
     image follows at once, while the new one is being cast. A turn it cannot follow.
     """
+    # In the pivot plane, where perspective changes no size.
     mm = made_for.height / size[0]
     height, width = patch.size
     towards, down, right = seen_by.linear @ (made_for.center - seen_by.center)
@@ -131,6 +132,7 @@ def sprite_place(patch: ImagePatch, center: tuple[float, float, float], mm: floa
     )
 
 
+# Faint, so that a row of sprites is no row of frames; chosen ones are meant to be seen.
 RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
 CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
 RESTING_ON_LIGHT = Silhouette(
@@ -182,6 +184,7 @@ class RenderedImage:
         """
         if patch.is_empty:
             return None
+        # Made in the worker: turning floats into bytes takes milliseconds of a frame.
         return cls(patch, ImageTexture(to_bytes(patch.rgba), patch.depth), camera, size)
 
     @property
@@ -197,6 +200,7 @@ class RenderedImage:
     def covers(self, other: RenderedImage) -> bool:
         """Return whether pixels of both show the same rays."""
         mine, theirs = self.patch, other.patch
+        # One camera object a frame: identity is enough, and free.
         return self.camera is other.camera and (self.size, mine.row, mine.col, mine.size) == (
             other.size,
             theirs.row,
@@ -271,6 +275,7 @@ class Sprite:
         # Half precision, since it is kept for as long as the object is out.
         slim: Any = patch.rgba.astype(np.float16)
         sprite = cls(replace(patch, rgba=slim), pose, mm)
+        # Already in the worker, since all sprites are first shown so.
         sprite.texture(RESTING)
         return sprite
 
@@ -288,6 +293,7 @@ class Sprite:
         """Return its image with a silhouette, made at the first call (some milliseconds)."""
         if silhouette not in self.textures:
             m = silhouette.margin
+            # The silhouette reaches past the object and has no depth of its own.
             depth = np.pad(self.patch.depth, m, constant_values=np.inf)
             rgba = to_bytes(decorated(self.patch.rgba.astype(np.float32), silhouette))
             self.textures[silhouette] = ImageTexture(rgba, depth)
@@ -318,6 +324,7 @@ class Sprite:
         margin : float, optional
             By which the rectangle is widened, mm.
         """
+        # Only the two axes of its plane count here.
         place = sprite_place(self.patch, (0.0, *self.pose.center[1:]), self.mm)
         down, right = np.abs(pivot_point[1:] - place.center[1:])
         return bool(down <= place.half[0] + margin and right <= place.half[1] + margin)
@@ -362,6 +369,7 @@ class Window:
         plane : float
             t of the middle of what is shown, mm.
         """
+        # Rounded up; what is cast besides is empty and costs next to nothing.
         row, col, height, width = window
         return cls(
             row,
@@ -409,6 +417,7 @@ class CanvasImage:
             What looks now.
         opacity : float, optional
         """
+        # Once: a refused image would be refused at every draw.
         if not self.ready:
             self._texture, self.ready = self.develop(), True
         if self._texture is None:

@@ -54,12 +54,14 @@ class SpriteLayer(PictureLayer):
             return
         self._sprites, self._quads = dict(sprites), {i: self._quads[i] for i in same}
         if sprites:
+            # The one unpacked last is what the user has just seen.
             self.set_picture(next(reversed(self._sprites.values())).patch.rgba)
         self.repaint()
 
     def choose(self, ids: frozenset[int]) -> None:
         """Give some objects a brighter outline."""
         if ids != self._chosen:
+            # Only these change; the others keep their textures.
             for object_id in ids ^ self._chosen:
                 self._quads.pop(object_id, None)
             self._chosen = ids
@@ -96,8 +98,10 @@ class SpriteLayer(PictureLayer):
             thin objects can be hit.
         """
         middle = (np.asarray(size, dtype=np.float64) - 1) / 2
+        # The one drawn last lies on top.
         for object_id, sprite in reversed(self._sprites.items()):
             towards = float(sprite.pose.center[0])
+            # Nearer to the eye a pixel covers less.
             mm = camera.height / size[0] * (1.0 - towards / camera.distance)
             point = np.array([towards, (row - middle[0]) * mm, (col - middle[1]) * mm])
             if sprite.contains(point, margin=3 * mm):

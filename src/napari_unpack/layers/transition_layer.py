@@ -34,6 +34,7 @@ class TransitionLayer(PictureLayer):
         """Show these and nothing else."""
         fresh = images.keys() - self._images.keys()
         self._images = dict(images)
+        # One is enough: several would overwrite one another.
         for object_id in list(fresh)[:1]:
             self.set_picture(images[object_id].thumbnail)
         self.repaint()

@@ -47,6 +47,7 @@ def same_camera(a: Camera, b: Camera) -> bool:
     ----------
     a, b : Camera
     """
+    # A millionth of the view is a thousandth of a pixel of 1000.
     scale = 1e-6 * a.height
     return bool(
         np.allclose(a.rotation, b.rotation, rtol=0, atol=1e-6)
@@ -83,6 +84,7 @@ def camera_from_render(render_from_world: ArrayLike, center: ArrayLike) -> Camer
         raise ValueError(f"render_from_world must be a projection, got {render_from_world!r}")
     middle = np.asarray(center, dtype=np.float64)
     up, depth, last = matrix[1, :3], matrix[2, :3], matrix[3]
+    # Without perspective w is the same everywhere.
     if np.linalg.norm(last[:3]) <= 1e-9 * abs(last[3]):
         up, depth = up / last[3], depth / last[3]
         away, height, fov = unit(depth), 2 / float(np.linalg.norm(up)), 0.0
@@ -133,9 +135,11 @@ def parts_of(matrix: ArrayLike) -> tuple[float, Matrix, Matrix]:
     scale = abs(determinant) ** (1 / 3)
     if not np.isfinite(scale) or scale == 0.0:
         raise ValueError(f"matrix must be an affine that can be inverted, got {matrix!r}")
+    # A mirror would make the turn improper; it goes into the stretch.
     turned = linear * (np.sign(determinant) / scale)
     u, lengths, vh = np.linalg.svd(turned)
     rotation: Matrix = u @ vh
+    # Exactly: whether angles stay decides how much has to be computed.
     upright = np.eye(3) if np.allclose(lengths, 1.0, atol=ALIKE) else (vh.T * lengths) @ vh
     return scale, rotation, np.sign(determinant) * (upright + upright.T) / 2
 

@@ -63,6 +63,7 @@ class QuadsAdapter(PictureAdapter):
         try:
             seen = camera_from_render(local, flip(view.camera.center))
             camera = camera_in_session(seen, flip_matrix(scene_from_world))
+        # A window of no height projects nothing; the next draw will.
         except (ValueError, np.linalg.LinAlgError):
             return None
         whole = matrix_of(self.node.get_transform("scene", "render"))
@@ -73,11 +74,13 @@ class QuadsAdapter(PictureAdapter):
     def _view(self) -> Any | None:
         """Return the view box that shows the layer."""
         node = self.node.parent
+        # In a grid every layer has a view box of its own.
         while node is not None and not hasattr(node, "camera"):
             node = node.parent
         return None if node is None or not hasattr(node.camera, "fov") else node
 
     def _let_go(self) -> None:
+        # Both would keep the layer alive with the node.
         self.node.before_draw = self.node.refused = None
         del self.layer.frame_now
 

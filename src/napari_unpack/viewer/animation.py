@@ -22,6 +22,7 @@ from napari_unpack.viewer.scheduler import Scheduler
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Long enough to be seen as a change of colours, short enough not to be waited for.
 FADE_SECONDS = 0.3
 
 
@@ -82,6 +83,7 @@ def motion_reduced() -> bool:
     return style is not None and style.styleHint(hint) == 0
 
 
+# The eye follows the object to the middle; a jump would lose it.
 FRAMING_SECONDS = 0.35
 # How much of the view's shorter side the bounding sphere fills; sprites stay in view.
 SHARE_OF_VIEW = 0.72
@@ -253,6 +255,7 @@ class Animator:
             What the canvas shows.
         """
         session, camera = self._session, frame.camera
+        # Not before its sprite is there, or it would be gone for a moment.
         self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i, p)}
         objects: dict[int, Moving] = {}
         for object_id, flight in dict(session.flights).items():
@@ -261,6 +264,7 @@ class Animator:
             if pose is None:
                 center = session.boxes.center(object_id, np.asarray(session.spacing))
                 pose = packed_pose(center, camera)
+            # One that flies again is where its flight says.
             objects.setdefault(object_id, Moving(pose))
         for object_id, pose in self.turning.items():
             # A command may send it away while the mouse button is still down.
@@ -269,6 +273,7 @@ class Animator:
         if self.inspection is not None:
             one = self.inspection
             pose = one.pose(now, frame.size[1] / frame.size[0])
+            # A turned one is cast coarsely, so that it follows the hand.
             still = one.still(now) and one.object_id not in self.turning
             objects[one.object_id] = Moving(pose, in_front=True, sharp=still)
         return objects
@@ -302,6 +307,7 @@ class Animator:
         session = self._session
         spacing = np.asarray(session.spacing, dtype=np.float64)
         home = session.poses.get(object_id)
+        # It is inspected in the bag.
         if home is None:
             home = packed_pose(session.boxes.center(object_id, spacing), frame.camera)
         diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
@@ -313,6 +319,7 @@ class Animator:
         return self._is_repacked(object_id) if target is None else self._has_sprite(object_id)
 
 
+# A window being dragged replans slots many times a second: glides must keep up.
 GLIDE_SECONDS = 0.25
 
 
@@ -391,6 +398,7 @@ class Glides:
             before = self._poses.get(object_id)
             glide = self._glides.get(object_id)
             if before is not None and (before.center != pose.center).any():
+                # Planned anew in the middle of a glide it goes on from where it is.
                 origin = before.center if glide is None else glide.center(now)
                 glide = Glide(origin, pose.center, now) if planned_anew else None
             if glide is not None and not glide.done(now):
@@ -408,6 +416,7 @@ class Glides:
         self._glides = {}
 
     def _tick(self, now: float) -> None:
+        # First: what is told here finds out which glides are done.
         self._moved()
         if not self._glides:
             self.animation.stop()

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 # Around an object's box that its fringe reaches; see `geometry.grow_labels`.
 FRINGE_VOXELS = 2
 
+# "auto" leaves software renderers alone, which cast slower than our own threads.
 BACKENDS = ("auto", "cpu", "gl")
 
 # What is sent to the graphics card while the canvas draws one frame: a few milliseconds.
@@ -127,6 +128,7 @@ class CanvasBackend:
             or self._renderer is None
         ):
             return False
+        # Asked for by name it is used, however slow.
         return self.wanted == "gl" or not is_software_renderer(self._renderer)
 
     def enter(self) -> None:
@@ -146,6 +148,7 @@ class CanvasBackend:
             self._sent = self._store.send(BYTES_A_FRAME)
         except Exception as error:
             self._break(error)
+        # Once ready it stays so: an image of labels a moment old is better than none.
         self._ready = self._ready or self._sent
 
     def context_replaced(self) -> None:
@@ -195,6 +198,7 @@ class CanvasBackend:
         """
         shape = np.asarray(self._session.labels.shape)
         ends = np.zeros(3), shape - 1.0
+        # A function, asked when it is cast: hues may be on their way until then.
         tints = self.packed_tints
         return self._image("packed", ends, None, camera, size, step, tints, done, self._clipping)
 
@@ -318,6 +322,7 @@ class CanvasBackend:
 
             def where(ids: frozenset[int]) -> PixelWindow | None:
                 known = set(self._session.boxes.ids.tolist())
+                # Only the packed image keeps pixels of before; an object alone is cast whole.
                 if moved is not None or not ids <= known:
                     return 0, 0, part[3], part[2]
                 found = window_of_objects(self._session.scene(), camera, size, part, ids)
@@ -358,6 +363,7 @@ class CanvasBackend:
             return None
         if caster.passes > passes:
             done(perf_counter() - began)
+        # Once a session is enough.
         if self._notice is None and self._store.notice is not None:
             self._notice = self._store.notice
             self._message(self._notice)
@@ -383,6 +389,7 @@ class CanvasBackend:
             or not np.array_equal(known.appearance.tints, tints)
         ):
             spacing = np.asarray(self._session.spacing, dtype=np.float64)
+            # Finding empty bricks takes milliseconds: only after tints or densities changed.
             table = function.table(TABLE_ENTRIES)
             appearance = Appearance(spacing, table, function.domain, tints, LIGHT)
             occupied = subvolume.bricks.occupied(table, function.domain, tints)

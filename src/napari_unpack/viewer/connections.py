@@ -37,6 +37,7 @@ class ControllerConnections:
         """Connect."""
         one = self._controller
         viewer, renderer, scheduler = one.viewer, one.renderer, one.scheduler
+        # Before the layers are drawn, whose first frame must be heard.
         for signal, slot in self._events():
             signal.connect(slot)
         canvas = compat.native_canvas(viewer)

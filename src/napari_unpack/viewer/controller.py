@@ -239,6 +239,7 @@ class SessionController:
         self._connections.decorate()
         for layer in self.layers:
             viewer.add_layer(layer)
+        # napari shows the controls and the status of the active layer.
         viewer.layers.selection.active = self.packed
         self._connections.open()
         self.renderer.open()
@@ -332,6 +333,7 @@ class SessionController:
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
+        # Else an object inspected already would leave and come again.
         if self.inspected != object_id:
             self.renderer.end_inspection()
             self.session.inspect(object_id)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
 
 INK = (0.45, 0.9, 1.0, 1.0)
+# A dark line under it, or it would be lost on bright objects.
 HALO = (0.0, 0.0, 0.0, 0.55)
 # Length of the head's sides, as a part of the arrow.
 HEAD = 0.16
@@ -148,9 +149,11 @@ def surface_normal(
     (3,) ndarray of float64
         Unit vector in world; towards the viewer where there is no surface.
     """
+    # Nine pixels across: a voxel step or noise of depths must not decide.
     reach = 4
     part = depth[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
     rows, cols = np.nonzero(np.isfinite(part))
+    # Three would do for a plane, but not for one to rely on.
     if len(rows) < 6:
         return -camera.direction
     towards = -part[rows, cols].astype(np.float64)

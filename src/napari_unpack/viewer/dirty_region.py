@@ -51,6 +51,7 @@ def recast_objects(
     if window is None:
         return image
     row, col, height, width = window
+    # The image before is still shown, and may be faded from.
     rgba, depth = image.patch.rgba.copy(), image.patch.depth.copy()
     colors, there = cast_tinted(
         subvolume.volume,

@@ -24,6 +24,7 @@ from napari_unpack.viewer.scheduler import Scheduler, Worker
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
+# Quick: the mouse runs along a row of sprites.
 FADE_SECONDS = 0.18
 FILL_OPACITY = 0.4
 # Of a ghost where something stands before it.
@@ -112,6 +113,7 @@ class Ghost:
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the ghost twice, faint before everything and full where nothing is before it."""
         ghost = self._ghost
+        # Of another view it would stand beside the place.
         if ghost is None or self._strength <= 0.0 or not frame.same_as(ghost.frame):
             return ()
         full = ghost.image.quad(frame.camera, self._strength)
@@ -171,6 +173,7 @@ def cast_ghost(scene: Scene, object_id: int, frame: Frame) -> GhostImage | None:
         None where nothing of it is in view.
     """
     pose = packed_pose(_center(scene, object_id), frame.camera)
+    # A flat silhouette needs few samples.
     patch = object_image(scene, object_id, pose, frame.camera, frame.size, 1.5, "cpu").trimmed()
     if patch.is_empty:
         return None

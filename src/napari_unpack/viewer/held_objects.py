@@ -60,6 +60,7 @@ class HeldObjects:
         if self._renderer.frame is None or pose is None:
             return
         camera = self._renderer.frame.camera
+        # At the depth of the sprite: it stays under the hand.
         mm = camera.height / self._renderer.frame.size[0] * (1.0 - pose.center[0] / camera.distance)
         # Never out of the window: there is nothing to take hold of there.
         rows, cols = self._renderer.frame.size

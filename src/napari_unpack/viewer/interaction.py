@@ -100,6 +100,7 @@ class Interaction:
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
         target = self._target
+        # Slices then show the labels of the whole bag, of which this session has none.
         if target.outer_session is not None:
             return 0
         labels = target.session.labels
@@ -107,6 +108,7 @@ class Interaction:
         if len(there) < 3 or not np.isfinite(there).all():
             return 0
         voxel = voxel_at(target.layers[0], there, units_of(target.viewer))
+        # Negative indices would count from the other end.
         if (voxel < 0).any() or (voxel >= labels.shape).any():
             return 0
         return int(labels[tuple(voxel)])
@@ -213,6 +215,7 @@ class Interaction:
 
     def _under(self, pixel: Pixel) -> int:
         inspected = self._target.renderer.inspected
+        # The inspected object covers the view, whatever lies behind it.
         return inspected or self.sprite_at(pixel) or next(iter(self.packed_at(pixel)), 0)
 
     def _double_click(self, viewer: napari.Viewer, event: MouseEvent) -> None:

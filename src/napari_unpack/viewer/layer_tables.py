@@ -27,6 +27,7 @@ def set_table(layer: PictureLayer, session: Session, ids: Iterable[int]) -> None
     ids : iterable of int
         Which, those unknown to the session's boxes left out.
     """
+    # States may still name an object that a repair has just removed.
     known = sorted(set(ids) & set(session.boxes.ids.tolist()))
     rows = [session.boxes.index(i) for i in known]
     low, high = session.boxes.lower[rows], session.boxes.upper[rows]
@@ -37,6 +38,7 @@ def set_table(layer: PictureLayer, session: Session, ids: Iterable[int]) -> None
         features=_features(session.objects, known),
         face_color=tints[known, :3],
         border_color="transparent",
+        # Points to be seen, but that leave their neighbours visible.
         size=np.maximum(edges / 6, 1.0),
     )
 

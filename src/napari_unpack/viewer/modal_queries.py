@@ -115,6 +115,7 @@ def run_to(
         The step reached.
     """
     if step > len(session.steps):
+        # One step ahead may be found by moving a few objects; more need the whole answer.
         one_more = step == session.step + 1
         find_unpackable(session, scheduler, 1 if one_more else None, searching)
     animated = session.animated

@@ -114,6 +114,7 @@ class OutlineRenderer:
 
     def outline(self, outlined: Outlined) -> None:
         """Outline these and no others."""
+        # Asked at every movement of the mouse.
         if outlined != self._outlined:
             self._outlined = outlined
             self.redraw()
@@ -166,6 +167,7 @@ class OutlineRenderer:
             )
 
     def _finish(self, image: RenderedImage | None, revision: int) -> None:
+        # Something has moved since: another image is on its way.
         if revision == self._revision:
             self._image = image
             self._show()
@@ -276,6 +278,7 @@ class Overlays:
         inspecting = ObjectState.INSPECTED in session.states.values()
         selected = frozenset(session.selected)
         wanted = replace(self._wanted, unpackable=self._outlines_unpackable, selected=selected)
+        # Lines of the dimmed bag would lie over the inspected object.
         self.outlines.outline(Outlined() if inspecting else wanted)
 
     def close(self) -> None:

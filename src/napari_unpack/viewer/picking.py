@@ -84,6 +84,7 @@ class ScenePicker:
         """Return the depths of the packed image, (H, W) t in mm; +inf where none is known."""
         shape = (1, 1) if self._renderer.frame is None else self._renderer.frame.size
         depth = np.full(shape, np.inf, np.float32)
+        # What the graphics card cast has its depths there, and is not read back.
         image = self._renderer.packed.image
         if isinstance(image, RenderedImage) and image.size == shape:
             patch = image.patch

@@ -320,6 +320,7 @@ class SceneRenderer:
         if one is not None and one.leaving and one.still(now):
             self.end_inspection()
         active = self.animator.active(now)
+        # One at a time, or the worker would fall behind the flight.
         if not self.transition_renderer.busy:
             self.draw_moving()
         if not active:

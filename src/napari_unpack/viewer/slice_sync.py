@@ -62,6 +62,7 @@ class SliceHues:
         self._theirs = []
 
     def _choose(self, ids: frozenset[int]) -> None:
+        # With several selected the brush keeps what the user gave it.
         if len(ids) == 1:
             for layer, _ in self._theirs:
                 layer.selected_label = self._session.label_of(next(iter(ids)))
@@ -159,6 +160,7 @@ class SliceSteps:
             return
         boxes = self._session.boxes
         row = boxes.index(object_id)
+        # Of the box, which the slice through it always meets.
         middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
         world = transform_points(data_to_world(self._layer, units_of(self._viewer)), middle)
         # Our own step is no scroll of the user.

@@ -63,6 +63,7 @@ class SplitTool:
         position = np.asarray(event.position, dtype=np.float64)
         yield
         while event.type == "mouse_move":
+            # The user turns the bag to see the other part.
             if float(np.abs(np.asarray(event.pos[:2]) - start).max()) > CLICK_PIXELS:
                 return
             yield
@@ -82,6 +83,7 @@ class SplitTool:
         elif found[0] != self._first[0]:
             self._first = found
             self._message(f"That is another object; now click the other part of {name}.")
+        # The same voxel twice, a double click say, tells no two parts apart.
         elif found[1] != self._first[1]:
             self.close()
             self._done(found[0], self._first[1], found[1])
@@ -128,6 +130,7 @@ def surface_voxel(
         frame.camera, frame.size, session.spacing, voxel_from_world(session.spacing), 0.5
     )
     reach = float(np.linalg.norm(np.array(session.labels.shape) * session.spacing))
+    # From one end of the bag to the other, wherever the camera is centred.
     reach += float(np.linalg.norm(frame.camera.center - session.bag.center))
     reach *= float(np.linalg.norm(frame.camera.stretch, 2))
     t = np.arange(max(-reach, rays.near), reach, rays.step)

@@ -30,6 +30,7 @@ class HiddenVolumes:
         layers = dict.fromkeys((*sources, *filter(_is_volume, viewer.layers)))
         self._before = {layer: bool(layer.visible) for layer in layers}
         self._in_slices = dict(self._before)
+        # Empty slices would look like a fault.
         if not any(self._before[layer] for layer in sources):
             self._in_slices |= dict.fromkeys(sources, True)
         self._sliced = False
@@ -46,12 +47,14 @@ class HiddenVolumes:
 
     def _follow(self, _event: Any = None) -> None:
         sliced = self._viewer.dims.ndisplay == 2
+        # napari tells of every change of its dims, also of none.
         if sliced == self._sliced:
             return
         self._sliced = sliced
         if sliced:
             self._show(self._in_slices)
         else:
+            # What the user switched on and off in slices holds when they come back.
             self._in_slices = {layer: bool(layer.visible) for layer in self._in_slices}
             self._show(dict.fromkeys(self._in_slices, False))
 
@@ -157,6 +160,7 @@ class SavedViewerState:
         self.volumes.close()
         viewer.canvas.background_color_override = self.background
         viewer.canvas.overlays.scale_bar.update(self.scale_bar)
+        # Before the camera: napari fits the view anew when the dimensions change.
         viewer.dims.ndisplay = self.ndisplay
         viewer.scene.camera.orientation = self.orientation
         self.view.give_back(viewer.scene.camera)
@@ -165,6 +169,7 @@ class SavedViewerState:
         selection = viewer.layers.selection
         selection.clear()
         selection.update(x for x in self.selection if x in viewer.layers)
+        # Making a layer active deselects the others.
         if self.active is not None and self.active in viewer.layers:
             selection.active = self.active
             selection.update(x for x in self.selection if x in viewer.layers)

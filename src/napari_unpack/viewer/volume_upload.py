@@ -94,6 +94,7 @@ class VolumeUpload:
             return
         self._backend_changed(before)
         self.resume()
+        # Refined piece by piece the image would mix old labels and new.
         if self._relabelled and not self._canvas_backend.waiting:
             self._relabelled = False
             self._packed_renderer.refine()
