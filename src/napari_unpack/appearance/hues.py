@@ -17,15 +17,7 @@ import networkx as nx
 def color_classes(graph: nx.Graph) -> list[list[int]]:
     """Divide objects into as few classes as greedy colouring finds, none with an edge inside.
 
-    Parameters
-    ----------
-    graph : networkx.Graph
-        Nodes are object IDs, edges join interfering objects.
-
-    Returns
-    -------
-    list of list of int
-        C classes, each ascending by ID; the first holds the object with most neighbours.
+    Each ascending by ID; the first holds the object with most neighbours.
 
     Notes
     -----

@@ -180,16 +180,8 @@ class TransferFunction:
     def default_for(cls, volume: ArrayLike) -> TransferFunction:
         """Return a transfer function that shows a scan well before anyone has touched it.
 
-        Parameters
-        ----------
-        volume : (Z, Y, X) array_like
-            Density of any real dtype and range; NaN is ignored.
-
-        Returns
-        -------
-        TransferFunction
-            Transparent up to the foreground, a soft ramp to surfaces that read as solid yet
-            let what is behind them shine through, denser still towards the densest.
+        Transparent up to the foreground, a soft ramp to surfaces that read as solid yet let what is
+        behind them shine through, denser still towards the densest. NaN is ignored.
 
         Raises
         ------
@@ -217,27 +209,12 @@ class TransferFunction:
         return self.points[0][0], self.points[-1][0]
 
     def table(self, n: int = 1024) -> NDArray[np.float32]:
-        """Sample it evenly over its domain.
-
-        Parameters
-        ----------
-        n : int
-            Rows, at least 2; the first and last are the ends of the domain.
+        """Sample it evenly over its domain: (n, 4) float32, straight RGB and opacity per voxel.
 
         Raises
         ------
         ValueError
-            If there are fewer than two rows.
-
-        Returns
-        -------
-        (n, 4) ndarray of float32
-            Straight RGB and opacity per voxel.
-
-        Raises
-        ------
-        ValueError
-            If fewer than two rows are asked for.
+            If there are fewer than two rows: the first and last are the ends of the domain.
         """
         if n < 2:
             raise ValueError(f"n must be at least 2 rows, got {n!r}")

@@ -13,34 +13,12 @@ Matrix = NDArray[np.float64]
 
 
 def flip(vectors: ArrayLike) -> NDArray[np.float64]:
-    """Swap z, y, x and x, y, z along the last axis.
-
-    Parameters
-    ----------
-    vectors : (..., 3) array_like
-        Points or vectors in either order.
-
-    Returns
-    -------
-    (..., 3) ndarray of float64
-        The same in the other order.
-    """
+    """Swap z, y, x and x, y, z along the last axis of (..., 3) points or vectors."""
     return np.asarray(vectors, dtype=np.float64)[..., ::-1]
 
 
 def flip_matrix(matrix: ArrayLike) -> Matrix:
-    """Reorder an affine or projective (4, 4) column-vector matrix between zyx and xyz.
-
-    Parameters
-    ----------
-    matrix : (4, 4) array_like
-        Maps homogeneous column vectors of one axis order.
-
-    Returns
-    -------
-    (4, 4) ndarray of float64
-        The same map for the other order, on both sides.
-    """
+    """Reorder an affine or projective (4, 4) column-vector matrix between zyx and xyz."""
     order = [2, 1, 0, 3]
     return np.asarray(matrix, dtype=np.float64)[np.ix_(order, order)]
 

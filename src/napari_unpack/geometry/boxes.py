@@ -139,17 +139,7 @@ def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArr
 
 
 def label_boxes(labels: NDArray[np.integer]) -> LabelBoxes:
-    """Find the box and voxel count of every object.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int
-        Object IDs, 0 background, none negative.
-
-    Notes
-    -----
-    One pass; memory is proportional to the largest ID.
-    """
+    """Find the box and voxel count of every object: one pass, memory by the largest ID."""
     top = int(labels.max(initial=0))
     lower, upper, counts = _scan(labels, top)
     ids = np.flatnonzero(counts)

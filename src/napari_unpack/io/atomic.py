@@ -35,15 +35,7 @@ def checked_target(path: str | Path, *suffixes: str) -> Path:
 def written_atomically(path: str | Path) -> Iterator[Path]:
     """Give a temporary path that replaces `path` on success and vanishes on any error.
 
-    Parameters
-    ----------
-    path : str or Path
-        What shall be written; its folder must exist.
-
-    Yields
-    ------
-    Path
-        In the same folder, with the same suffixes.
+    It lies in the same folder and has the same suffixes.
 
     Raises
     ------

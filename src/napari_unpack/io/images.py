@@ -12,16 +12,7 @@ from napari_unpack.io.atomic import checked_target, written_atomically
 
 
 def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
-    """Convert a premultiplied image to the straight bytes that files hold.
-
-    Parameters
-    ----------
-    image : (H, W, 4) or (H, W, 3) ndarray of float
-        Premultiplied, from 0 to 1.
-
-    Returns
-    -------
-    (H, W, 4) or (H, W, 3) ndarray of uint8
+    """Convert a premultiplied (H, W, 3 or 4) image from 0 to 1 to the straight uint8 of files.
 
     Raises
     ------

@@ -12,15 +12,9 @@ LayerData = tuple[Any, dict[str, Any], str]
 def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
     """Return a reader for what napari was asked to open, None where it is not ours.
 
-    Parameters
-    ----------
-    path : str or sequence of str
-        File or folder. Of several, the slices of a DICOM series, the first is looked at.
-
-    Notes
-    -----
-    Looks at names alone, so that napari stays quick: broken files are reported when read. An
-    .npz is ours if it holds an array `volume` or `labels`.
+    Of several files, the slices of a DICOM series, the first is looked at. Names alone count, so
+    that napari stays quick: broken files are reported when read. An .npz is ours if it holds an
+    array `volume` or `labels`.
     """
     from napari_unpack.io.volumes import READABLE, suffix_of
 
@@ -37,15 +31,7 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
-    Parameters
-    ----------
-    path : str or sequence of str
-        As for `get_reader`.
-
-    Returns
-    -------
-    list of (data, attributes, layer type)
-        With `scale` and `units` in mm. Names of objects become the labels' `features`.
+    With `scale` and `units` in mm. Names of objects become the labels' `features`.
 
     Raises
     ------

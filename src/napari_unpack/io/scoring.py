@@ -79,12 +79,7 @@ def score_report(
 
 
 def table_text(summary: pd.DataFrame) -> str:
-    """Return a table of `score_by` in columns, shares as percentages.
-
-    Parameters
-    ----------
-    summary : pandas.DataFrame
-    """
+    """Return a table of `score_by` in columns, shares as percentages."""
     shares = ("found", "found_75", "detected", "fragmented", "merged")
     shown = summary.reset_index()
     for column in shown.columns:

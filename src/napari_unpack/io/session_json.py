@@ -474,18 +474,7 @@ def _angle(fields: Fields) -> float:
 
 
 def record_of(session: Session) -> dict[str, Any]:
-    """Return a session as plain data.
-
-    Parameters
-    ----------
-    session : Session
-        What is in the air counts as landed.
-
-    Returns
-    -------
-    dict
-        Of what JSON knows, floats exact; NaN does not occur.
-    """
+    """Return a session as what JSON knows, floats exact; what is in the air counts as landed."""
     view, rules = session.view_state, session.rules
     return {
         "spacing": session.spacing.tolist(),

@@ -194,18 +194,9 @@ def open_session(
 
 
 def standing_of(path: str | Path) -> NDArray[np.float64] | None:
-    """Return how the bag of a saved session stood in its viewer.
+    """Return how the bag of a saved session stood in its viewer, (4, 4); None where it is not told.
 
-    Parameters
-    ----------
-    path : str or Path
-        From `save_session`.
-
-    Returns
-    -------
-    (4, 4) ndarray of float64 or None
-        Affine from mm along the scan's axes to mm of the viewer's world; None where the file
-        does not tell.
+    The affine from mm along the scan's axes to mm of the viewer's world.
 
     Raises
     ------

@@ -90,16 +90,9 @@ class Labels:
 
 
 def checked_labels(labels: ArrayLike) -> Labels:
-    """Check a label volume and make it fit for the kernels.
+    """Check a (Z, Y, X) label volume and make it fit for the kernels.
 
-    Parameters
-    ----------
-    labels : (Z, Y, X) array_like of int
-
-    Returns
-    -------
-    Labels
-        Shares memory with the argument where that is uint16 and C-contiguous.
+    Memory is shared with the argument where that is uint16 and C-contiguous.
 
     Raises
     ------

@@ -176,12 +176,9 @@ def _add(labels, density, inner, start, faces, totals, area):  # type: ignore[no
 
 
 def ranks(voxels: NDArray[np.number]) -> NDArray[np.int32]:
-    """Return the new name of every label, the largest first; 0 for those without voxels.
+    """Return the new name of every label, the largest first, from their voxels, (M,).
 
-    Parameters
-    ----------
-    voxels : (M,) ndarray
-        Of every label; of 0, which is background, none count.
+    0 for background, label 0, and for those without voxels.
     """
     counts = voxels.copy()
     counts[0] = 0
@@ -192,11 +189,5 @@ def ranks(voxels: NDArray[np.number]) -> NDArray[np.int32]:
 
 
 def rank_labels(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Renumber labels 1, 2, ... from the largest to the smallest.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        Not changed.
-    """
+    """Return (Z, Y, X) int32 labels renumbered 1, 2, ... from the largest to the smallest."""
     return ranks(np.bincount(labels.reshape(-1)))[labels]

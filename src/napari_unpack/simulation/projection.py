@@ -143,17 +143,10 @@ class ProjectionScanner:
 
 
 def photoelectric_share(value: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return which share of attenuation at 70 keV falls with the cube of the energy.
+    """Return which share of attenuation at 70 keV falls with the cube of the energy, float32.
 
-    Parameters
-    ----------
-    value : ndarray of float32
-        CT number + 1000.
-
-    Returns
-    -------
-    ndarray of float32
-        Beyond what water has itself: 0 for organic things, 0.28 aluminium, 0.8 steel.
+    Of CT numbers + 1000, beyond what water has itself: 0 for organic things, 0.28 aluminium, 0.8
+    steel.
     """
     share = np.interp(np.log(np.maximum(value, 1.0)), _VALUES, _PHOTOELECTRIC)
     return share.astype(np.float32)

@@ -55,15 +55,7 @@ class ParallelBeam:
         return cls(views or math.ceil(math.pi / 2 * detectors), detectors, pitch, spacing)
 
     def project(self, plane: Plane) -> NDArray[np.float64]:
-        """Return the line integrals of a slice, value times mm.
-
-        Parameters
-        ----------
-        plane : (Y, X) ndarray of float32
-
-        Returns
-        -------
-        (views, detectors) ndarray of float64
+        """Return the (views, detectors) line integrals of a (Y, X) slice, value times mm.
 
         Notes
         -----

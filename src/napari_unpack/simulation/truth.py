@@ -9,17 +9,7 @@ Labels = NDArray[np.integer]
 
 
 def contacts(labels: Labels) -> dict[tuple[int, int], int]:
-    """Count the voxel faces that objects share.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int
-
-    Returns
-    -------
-    dict of (int, int) to int
-        The faces between a and b, a < b; pairs that do not touch are left out.
-    """
+    """Count the voxel faces that objects share, by (a, b) with a < b; pairs apart are left out."""
     found: dict[tuple[int, int], int] = {}
     for axis in range(3):
         moved = np.moveaxis(labels, axis, 0)

@@ -117,18 +117,9 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
 
 
 def hull_vertices(points: ArrayLike) -> NDArray[np.float64]:
-    """Return the corners of a cloud's convex hull; of round things some, within half a per cent.
+    """Return the (m, 3) corners of a cloud's convex hull; all points where they are few, or flat.
 
-    All points where they are few, or flat.
-
-    Parameters
-    ----------
-    points : (n, 3) array_like
-        World mm, at least one.
-
-    Returns
-    -------
-    (m, 3) ndarray of float64
+    Of round things only some, within half a per cent.
     """
     from scipy.spatial import ConvexHull, QhullError
 

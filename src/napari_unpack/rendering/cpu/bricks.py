@@ -101,13 +101,7 @@ class Bricks:
         return out
 
     def packed(self, labels: NDArray[np.uint16]) -> CompressedLabels:
-        """Return the labels of mixed bricks in few bits, packed when first asked for.
-
-        Parameters
-        ----------
-        labels : (Z, Y, X) ndarray of uint16
-            Those the bricks were made of.
-        """
+        """Return the labels of mixed bricks in few bits, packed from those the bricks are of."""
         if not self._packed:
             self._packed.append(CompressedLabels.of(labels, self.starts, self.ids))
         return self._packed[0]
@@ -119,18 +113,10 @@ class Bricks:
         return out
 
     def owners(self, visible: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Tell which bricks show one object only, and which nothing.
+        """Tell which bricks show one object only, and which nothing, (Bz, By, Bx) int32.
 
-        Parameters
-        ----------
-        visible : (M,) ndarray of bool
-            By ID; the background is not visible.
-
-        Returns
-        -------
-        (Bz, By, Bx) ndarray of int32
-            The ID of the one visible object that fills the brick, 0 where the brick shows
-            nothing, -1 where it is mixed.
+        The ID of the one visible object, of (M,) bool by ID, that fills the brick; 0 where it
+        shows nothing, -1 where it is mixed.
         """
         out = np.zeros(self.low.shape, np.int32)
         _owners(self.starts, self.ids, visible, out)

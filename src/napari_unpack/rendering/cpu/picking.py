@@ -68,18 +68,10 @@ def contributions(
 
 
 def by_contribution(shares: dict[int, float]) -> list[tuple[int, float]]:
-    """Order the objects of a pixel for picking.
+    """Order the objects of a pixel for picking, given their `contributions`, nearest first.
 
-    Parameters
-    ----------
-    shares : dict of int to float
-        From `contributions`: by ID, nearest first.
-
-    Returns
-    -------
-    list of (int, float)
-        The object that contributes most, then those behind it by depth, then those in front of
-        it by depth; never ID 0. Ties go to the nearer object.
+    The object that contributes most, then those behind it by depth, then those in front of it by
+    depth; never ID 0. Ties go to the nearer object.
     """
     objects = [(i, share) for i, share in shares.items() if i]
     if not objects:

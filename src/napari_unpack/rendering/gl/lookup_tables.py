@@ -32,18 +32,7 @@ class IdTable:
         return len(self._held)
 
     def update(self, values: NDArray[np.float32]) -> gloo.Texture2D:
-        """Take over new values.
-
-        Parameters
-        ----------
-        values : (M, 4) ndarray of float32
-            By ID.
-
-        Returns
-        -------
-        vispy.gloo.Texture2D
-            The same as before while the number of rows stays.
-        """
+        """Take over new (M, 4) float32 values by ID; the texture stays while their number does."""
         rows = -(-len(values) // WIDTH)
         padded = np.zeros((rows * WIDTH, 4), np.float32)
         padded[: len(values)] = values

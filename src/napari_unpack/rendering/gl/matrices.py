@@ -12,18 +12,10 @@ from napari_unpack.geometry.axes import Matrix
 
 
 def matrix_of(transform: Any) -> Matrix:
-    """Return the matrix of a linear or projective vispy transform.
+    """Return the (4, 4) matrix, for column vectors, of a linear or projective vispy transform.
 
-    Parameters
-    ----------
-    transform : vispy transform
-        A matrix, a scale and translation, nothing, or a chain of these: all that lies between
-        a 3D scene and the screen.
-
-    Returns
-    -------
-    (4, 4) ndarray of float64
-        For column vectors (x, y, z, w); vispy's own act on rows.
+    It may be a matrix, a scale and translation, nothing, or a chain of these: all that lies between
+    a 3D scene and the screen. vispy's own matrices act on rows.
 
     Raises
     ------

@@ -129,18 +129,11 @@ class Leaps:
 
 
 def brick_distances(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return how many bricks away the nearest of the other kind is, at least.
+    """Return how many bricks away the nearest of the other kind is, at least, (Bz, By, Bx) uint8.
 
-    Parameters
-    ----------
-    occupied : (Bz, By, Bx) ndarray of bool
-
-    Returns
-    -------
-    (Bz, By, Bx) ndarray of uint8
-        128 + the chessboard distance to the next occupied brick in empty ones, 128 - that to the
-        next empty one in occupied ones; at most 127 either way, which is also said where there is
-        none. Outside the box of all that is occupied it is the distance to that box.
+    128 + the chessboard distance to the next occupied brick in empty ones, 128 - that to the next
+    empty one in occupied ones; at most 127 either way, which is also said where there is none.
+    Outside the box of all that is occupied it is the distance to that box.
     """
     far = 127
     signed = np.full(occupied.shape, far, np.int16)

@@ -54,12 +54,9 @@ class Source:
 
 
 def source_of(volume: ArrayLike | Any) -> Source:
-    """Wrap a volume, without reading it if it is lazy.
+    """Wrap a (Z, Y, X) volume, without reading it if it is lazy.
 
-    Parameters
-    ----------
-    volume : (Z, Y, X) array_like
-        Densities. What has no `shape`, `dtype` and slicing becomes an ndarray.
+    What has no `shape`, `dtype` and slicing becomes an ndarray.
 
     Raises
     ------

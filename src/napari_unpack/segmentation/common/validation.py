@@ -20,17 +20,9 @@ def proportions(spacing: Spacing) -> Spacing:
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
-    """Return a density volume as an array, or say what is wrong with it.
+    """Return a density volume, NaN and infinities meaning "nothing measured", or say what is wrong.
 
-    Parameters
-    ----------
-    volume : (Z, Y, X) array_like
-        Densities of any integer or real type; NaN and infinities mean "nothing measured".
-
-    Returns
-    -------
-    (Z, Y, X) ndarray
-        Not copied but from types that numba does not know; see `block_dtype`.
+    Not copied but from types that numba does not know; see `block_dtype`.
 
     Raises
     ------
@@ -127,10 +119,6 @@ def check_out(out: Any, shape: tuple[int, int, int]) -> None:
 
 def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
     """Return a voxel size as three floats.
-
-    Parameters
-    ----------
-    spacing : (3,) array_like, mm z y x
 
     Raises
     ------

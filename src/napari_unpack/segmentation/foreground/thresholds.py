@@ -37,12 +37,7 @@ class Levels:
 
 
 def find_levels(volume: NDArray[np.generic]) -> Levels:
-    """Find the levels of air and foreground in a volume of any scale.
-
-    Parameters
-    ----------
-    volume : (Z, Y, X) ndarray
-        Densities; NaN is ignored.
+    """Find the levels of air and foreground in a volume of any scale; NaN is ignored.
 
     Raises
     ------

@@ -95,15 +95,8 @@ def _largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDAr
 def density_candidates(prepared: PreparedRegion) -> Proposals:
     """Propose to split where densities differ.
 
-    Parameters
-    ----------
-    piece : PreparedRegion
-
-    Yields
-    ------
-    Proposal
-        "materials" (Otsu's two classes, then three, of the voxels off the rim) and "basins" (a
-        watershed of the gradient from its calm places).
+    Yields "materials" (Otsu's two classes, then three, of the voxels off the rim) and "basins" (a
+    watershed of the gradient from its calm places).
     """
     # Slow to import, and needed by one method alone.
     from skimage.filters import threshold_multiotsu
@@ -259,17 +252,10 @@ CUTS_OF_EACH_TREE = 3
 
 
 def tree_candidates(prepared: PreparedRegion) -> Proposals:
-    """Propose the significant regional_minima of the ratio along several distance trees.
+    """Propose the significant minima of the ratio along several distance trees.
 
-    Parameters
-    ----------
-    piece : PreparedRegion
-
-    Yields
-    ------
-    Proposal
-        "tree", "tree, wide" (distance conductance), "tree, city-block", "tree, edges" (distance
-        to the outside or to a density edge), "tree, valleys" (distance times density).
+    Yields "tree", "tree, wide" (distance conductance), "tree, city-block", "tree, edges" (distance
+    to the outside or to a density edge), "tree, valleys" (distance times density).
     """
     # Density edges are where the step between blocks exceeds four times its median and a twentieth
     # of the median density.

@@ -163,13 +163,7 @@ def sharpen_borders(
 
 @njit(cache=True, nogil=True)
 def find_inside(labels):  # type: ignore[no-untyped-def]
-    """Return which voxels of objects share all faces with others of their object.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        0 is background, which has no inside.
-    """
+    """Return which voxels of (Z, Y, X) labels share all faces with others of their object."""
     inside = np.zeros(labels.shape, np.bool_)
     size = labels.shape
     for z in range(size[0]):

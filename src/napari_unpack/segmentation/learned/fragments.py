@@ -153,13 +153,7 @@ def measure_inner_affinities(
 
 @njit(cache=True, nogil=True)
 def cells_of(labels):  # type: ignore[no-untyped-def]
-    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int
-        A last odd slice is left out.
-    """
+    """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have."""
     half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
     cells = np.zeros(half, np.int32)
     seen = np.zeros(8, np.int32)
