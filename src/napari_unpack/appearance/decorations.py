@@ -134,17 +134,12 @@ def draw_edges(
 
 
 def draw_scale(camera: Camera, size: tuple[int, int], ink: Color) -> NDArray[np.float32]:
-    """Draw a scale bar with its length in the lower right corner.
+    """Draw a scale bar with its length in the lower right corner: (H, W, 4), premultiplied.
 
     Parameters
     ----------
     camera, size, ink
         As for `draw_edges`.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
-        Premultiplied.
     """
     from PIL import Image, ImageDraw, ImageFont
 

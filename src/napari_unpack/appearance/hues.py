@@ -49,7 +49,7 @@ def hue_distance(a: float, b: float) -> float:
 def hues_between(
     before: Mapping[int, float], after: Mapping[int, float], part: float
 ) -> dict[int, float]:
-    """Return the hues on the way from one assignment to another, each along its shorter arc.
+    """Return the changed hues on the way from one assignment to another, by the shorter arc.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def hues_between(
         Hues by ID; what is new stands at its end from the beginning.
     part : float
         Of the way, in [0, 1].
-
-    Returns
-    -------
-    dict of int to float
-        Those of `after` whose hue is another than before.
     """
     return {
         i: (hue - (1.0 - part) * ((hue - before[i] + 0.5) % 1.0 - 0.5)) % 1.0
@@ -190,7 +185,7 @@ def assign_hues(
     separation: float | None = None,
     locked: Collection[int] = (),
 ) -> dict[int, float]:
-    """Give every object a hue that its neighbours in this view do not have.
+    """Give every object a hue in [0, 1) that its neighbours in this view do not have.
 
     Parameters
     ----------
@@ -207,11 +202,6 @@ def assign_hues(
         margin / C (0.5 / C where there is no margin), which a fresh assignment always meets.
     locked : collection of int
         With `previous`: objects whose hue is not to change.
-
-    Returns
-    -------
-    dict of int to float
-        Hue in [0, 1) of every node.
 
     Raises
     ------

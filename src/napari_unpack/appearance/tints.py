@@ -158,7 +158,7 @@ MOST_OPACITY_GAIN = 8.0
 def packed_tints(
     hues: Mapping[int, float], max_id: int, mode: Mode, show_unlabelled: bool = False
 ) -> NDArray[np.float32]:
-    """Return the table of tints of what is packed, read-only.
+    """Return the (max_id + 1, 4) straight RGBA tints of what is packed by ID, else 0; read-only.
 
     Parameters
     ----------
@@ -170,11 +170,6 @@ def packed_tints(
         How hues become tints.
     show_unlabelled : bool
         Whether row 0, matter without a label, is visible.
-
-    Returns
-    -------
-    (max_id + 1, 4) ndarray of float32
-        Straight RGBA by ID, zero but for what is packed.
     """
     table = tints_of(hues, max_id, mode=mode)
     if show_unlabelled:

@@ -24,7 +24,7 @@ def flip_matrix(matrix: ArrayLike) -> Matrix:
 
 
 def unit(vector: ArrayLike, name: str = "vector") -> Vector:
-    """Scale a vector to length 1.
+    """Scale a (3,) vector to length 1.
 
     Parameters
     ----------
@@ -32,10 +32,6 @@ def unit(vector: ArrayLike, name: str = "vector") -> Vector:
         Any finite vector but zero.
     name : str
         What to call it in the error.
-
-    Returns
-    -------
-    (3,) ndarray of float64
 
     Raises
     ------
@@ -72,7 +68,7 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
 
 
 def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
-    """Apply a (4, 4) column-vector matrix to points, dividing by w.
+    """Apply a (4, 4) column-vector matrix to (..., 3) points, dividing by w.
 
     Parameters
     ----------
@@ -80,10 +76,6 @@ def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
         Affine or projective.
     points : (..., 3) array_like
         Points in the matrix's source space.
-
-    Returns
-    -------
-    (..., 3) ndarray of float64
     """
     p = np.asarray(points, dtype=np.float64)
     q = p @ matrix[:3, :3].T + matrix[:3, 3]

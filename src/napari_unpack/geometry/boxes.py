@@ -102,18 +102,13 @@ class LabelBoxes:
     def front_areas(
         self, spacing: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return what the front faces of every box cover of an orthographic image.
+        """Return the mm^2, (N,), that the three visible faces of every box cover, foreshortened.
 
         Parameters
         ----------
         spacing : (3,) ndarray of float64, mm z y x
         direction : (3,) ndarray of float64
             Direction of looking, world, of length 1.
-
-        Returns
-        -------
-        (N,) ndarray of float64
-            Areas in square mm: those of the three visible faces, foreshortened.
         """
         edges = (self.upper - self.lower) * np.asarray(spacing, dtype=np.float64)
         # A box seen from anywhere shows one face of each of its three pairs.
@@ -174,17 +169,12 @@ def _scan(labels, top):  # type: ignore[no-untyped-def]
 
 
 def differing_box(a: NDArray[np.generic], b: NDArray[np.generic]) -> Box | None:
-    """Return the smallest box outside which two volumes are the same.
+    """Return the smallest box outside which two volumes are the same; None for equal ones.
 
     Parameters
     ----------
     a, b : (Z, Y, X) ndarray
         Of one shape.
-
-    Returns
-    -------
-    (slice, slice, slice) or None
-        None where they are the same everywhere.
     """
     # Plane by plane, so that no array of the whole volume is made.
     planes = [z for z in range(len(a)) if not np.array_equal(a[z], b[z])]

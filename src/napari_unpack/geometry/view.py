@@ -219,7 +219,7 @@ class Camera:
         return matrix
 
     def pixels(self, pivot_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
-        """Project pivot-space points to pixels.
+        """Project pivot-space points to (..., 2) pixels: row 0 at the top, centres at integers.
 
         Parameters
         ----------
@@ -227,11 +227,6 @@ class Camera:
             Points in pivot space, mm.
         size : (int, int)
             Height and width of the image in pixels.
-
-        Returns
-        -------
-        (..., 2) ndarray of float64
-            Row and column; pixel centres are at integers, row 0 is at the top.
         """
         p = np.asarray(pivot_points, dtype=np.float64)
         # The distance is infinite without perspective, which leaves the scale as it is.

@@ -22,7 +22,7 @@ def open_scan(
     progress: Progress | None = None,
     backend: str = "auto",
 ) -> Session:
-    """Open a session on a scan, segmenting it where it has no labels.
+    """Open a session on a scan, coloured for a view; segment it where it has no labels.
 
     Parameters
     ----------
@@ -35,11 +35,6 @@ def open_scan(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels.
     backend : {"auto", "cpu", "gl"}
-
-    Returns
-    -------
-    Session
-        Coloured for this view.
 
     Raises
     ------
@@ -76,7 +71,7 @@ def named_objects(names: Mapping[int, str] | None) -> Any:
 
 
 def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
-    """Give a session the size of an image, and a camera that shows the bag and all slots.
+    """Give a session the size of an image and the camera, returned, that shows bag and all slots.
 
     Parameters
     ----------
@@ -84,11 +79,6 @@ def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
         Its direction of looking is kept.
     size : (int, int)
         Height and width, pixels.
-
-    Returns
-    -------
-    Camera
-        The session's camera from now on.
     """
     # The size first: slots, and so the overview, follow the shape of the image.
     session.canvas_size = size

@@ -515,7 +515,7 @@ def record_of(session: Session) -> dict[str, Any]:
 
 
 def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike) -> Session:
-    """Make the session a record was made of.
+    """Make the session a record was made of, in exactly that state, with nothing to undo.
 
     Parameters
     ----------
@@ -524,11 +524,6 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     volume : (Z, Y, X) array_like
     labels : (Z, Y, X) array_like of int
         Object IDs, with the IDs they were given with.
-
-    Returns
-    -------
-    Session
-        In exactly that state, with nothing to undo.
 
     Raises
     ------

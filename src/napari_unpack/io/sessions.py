@@ -140,7 +140,7 @@ def open_session(
     labels: NDArray[Any] | None = None,
     progress: Progress | None = None,
 ) -> Session:
-    """Open a session where it was left.
+    """Open a session in exactly the state it was saved in, with nothing to undo.
 
     Parameters
     ----------
@@ -150,11 +150,6 @@ def open_session(
         The arrays themselves, for a session that refers to files which are gone.
     progress : callable, optional
         Takes (fraction, text); raising in it cancels.
-
-    Returns
-    -------
-    Session
-        In exactly the state saved, with nothing to undo.
 
     Raises
     ------

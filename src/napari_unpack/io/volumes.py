@@ -56,17 +56,12 @@ def load_volume(path: str | Path) -> Scan:
 
 
 def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
-    """Open a label volume.
+    """Open a (Z, Y, X) label volume and its voxel size, mm z y x.
 
     Parameters
     ----------
     path : str or Path
         As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken.
-
-    Returns
-    -------
-    labels : (Z, Y, X) ndarray of int
-    spacing : (float, float, float) of mm, z y x
 
     Raises
     ------

@@ -117,11 +117,6 @@ def with_backend(backend: str, compute: Callable[[RenderBackend], T]) -> T:
     compute : callable
         Given a RenderBackend, returns the result.
 
-    Returns
-    -------
-    object
-        What `compute` returns.
-
     Raises
     ------
     ValueError

@@ -156,7 +156,7 @@ def cast_ids(
     clipping: ArrayLike | None = None,
     backend: str = "auto",
 ) -> NDArray[np.int32]:
-    """Cast object-ID layers.
+    """Cast object-ID layers, (layers, h, w): the k-th distinct object on each ray, else 0.
 
     Parameters
     ----------
@@ -166,11 +166,6 @@ def cast_ids(
         By ID, M above every label; `visible[0]` False.
     layers : int
         How many objects of a ray to list.
-
-    Returns
-    -------
-    (layers, h, w) ndarray of int32
-        The k-th distinct visible object on each ray, 0 where there is none.
     """
     rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
     clear = off_faces(rays)

@@ -33,7 +33,7 @@ def packed_image(
     backend: str = "auto",
     shading: Shading | None = LIGHT,
 ) -> ImagePatch:
-    """Cast what is packed.
+    """Cast what is packed, in the window of the image that the volume's box covers.
 
     Parameters
     ----------
@@ -45,11 +45,6 @@ def packed_image(
         Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
     backend : {"auto", "cpu", "gl"}
     shading : Shading, optional
-
-    Returns
-    -------
-    ImagePatch
-        The window of the image that the volume's box covers.
     """
     # The subvolume first: tints may be of more objects than the labels have, never of fewer.
     subvolume = scene.subvolumes.whole()
@@ -70,7 +65,7 @@ def object_image(
     *,
     smooth: bool = False,
 ) -> ImagePatch:
-    """Cast one object alone where a pose places it; only its projected box is cast.
+    """Cast one object where a pose places it, in its projected box; no pixels if that is out.
 
     Parameters
     ----------
@@ -87,11 +82,6 @@ def object_image(
     shading : Shading, optional
     smooth : bool
         Cast a small object from a finer grid (`upsampling.upsampled`), without stairs.
-
-    Returns
-    -------
-    ImagePatch
-        Without pixels where the object is out of the image.
 
     Raises
     ------
@@ -187,7 +177,7 @@ def scene_image(
     shading: Shading | None = LIGHT,
     decorations: Decorations | None = None,
 ) -> Image:
-    """Put together what a person sees: the bag, what flies, the sprites, what is inspected.
+    """Put together what a person sees, premultiplied: the bag, flights, sprites, the inspected.
 
     Parameters
     ----------
@@ -202,11 +192,6 @@ def scene_image(
     shading : Shading, optional
     decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
-        Premultiplied.
 
     Notes
     -----

@@ -93,7 +93,7 @@ def nothing(plane: float = 0.0) -> ImagePatch:
 def window_of(
     pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]
 ) -> tuple[int, int, int, int] | None:
-    """Find the pixels that a box can touch.
+    """Find the window (row, col, height, width) that a box can touch; None where it is out.
 
     Parameters
     ----------
@@ -102,11 +102,6 @@ def window_of(
     camera : Camera
     size : (int, int)
         Height and width of the image, pixels.
-
-    Returns
-    -------
-    (row, col, height, width) or None
-        None where the box lies outside the image or behind the eye.
 
     Notes
     -----
@@ -134,7 +129,7 @@ def compose(
     patches: Iterable[ImagePatch],
     background: Background | Sequence[float] = (0.0, 0.0, 0.0, 0.0),
 ) -> Image:
-    """Lay patches over each other by depth, pixel by pixel.
+    """Lay patches over each other by depth, pixel by pixel: (H, W, 4), premultiplied.
 
     Parameters
     ----------
@@ -144,11 +139,6 @@ def compose(
         What lies outside the image is cut off.
     background : Background, or what `Background.of` takes
         Behind everything.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
-        Premultiplied.
 
     Raises
     ------

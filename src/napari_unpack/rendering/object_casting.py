@@ -64,7 +64,7 @@ def cast_subvolume(
     size: tuple[int, int],
     appearance: Appearance,
 ) -> ImagePatch:
-    """Cast a subvolume where it appears in an image.
+    """Cast a subvolume where it appears in an image; without pixels where it is out of it.
 
     Parameters
     ----------
@@ -75,11 +75,6 @@ def cast_subvolume(
     size : (int, int)
         Height and width of the whole image, pixels.
     appearance : Appearance
-
-    Returns
-    -------
-    ImagePatch
-        Without pixels where the subvolume is out of the image.
     """
     pivot, voxel_from_world = camera.pivot_from_world(), subvolume.voxel_from_world
     if moved is not None:

@@ -33,7 +33,7 @@ class Ink:
 
 
 def outlined(ids: NDArray[np.int32], inks: Mapping[int, Ink]) -> NDArray[np.float32]:
-    """Draw the outlines of some objects.
+    """Draw the outlines of some objects: (H, W, 4), premultiplied, else transparent.
 
     Parameters
     ----------
@@ -41,11 +41,6 @@ def outlined(ids: NDArray[np.int32], inks: Mapping[int, Ink]) -> NDArray[np.floa
         Object shown at every pixel, 0 for none.
     inks : mapping of int to Ink
         By ID; others are left out.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
-        Premultiplied, transparent elsewhere.
     """
     from scipy import ndimage
 

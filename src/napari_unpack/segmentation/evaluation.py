@@ -77,17 +77,12 @@ def _checked(truth: ArrayLike, found: ArrayLike) -> tuple[NDArray[np.integer], N
 
 
 def contingency(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Count the voxels of every pair of labels.
+    """Count the voxels of every pair of labels; row and column 0 are background.
 
     Parameters
     ----------
     truth, found : (Z, Y, X) ndarray of int
         0 is background.
-
-    Returns
-    -------
-    (1 + true objects, 1 + found objects) ndarray of int64
-        Row 0 and column 0 are background, present or not; labels are compacted.
     """
     rows, columns = (_small(labels.reshape(-1)) for labels in (truth, found))
     table = coo_matrix((np.ones(len(rows), np.int64), (rows, columns))).toarray()

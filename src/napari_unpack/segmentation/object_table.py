@@ -122,17 +122,12 @@ def confidences(
     spacing: Spacing,
     oracle: Oracle | None = None,
 ) -> dict[int, float]:
-    """Rate every object.
+    """Rate every object, by label; 0 where the oracle has no number, as of densities too large.
 
     Parameters
     ----------
     labels, density, spacing, oracle
         As for `object_table`.
-
-    Returns
-    -------
-    dict of int to float
-        By label; 0 where the oracle has no number, as of densities too large to be squared.
     """
     boxes = label_boxes(labels)
     confidence_of = oracle or default_oracle()

@@ -79,7 +79,7 @@ def tailor(rng: np.random.Generator, kind: str, length: float, wall: float) -> C
 def drape(
     rng: np.random.Generator, cloth: Cloth, stack: Stack, spacing: NDArray[np.float64]
 ) -> Draped | None:
-    """Lay a piece of clothing on the stack where it comes to lie lowest.
+    """Lay a piece of clothing on the stack where it lies lowest; None where it fits nowhere.
 
     Parameters
     ----------
@@ -90,11 +90,6 @@ def drape(
     stack : Stack
         What it is laid on. Not changed.
     spacing : (3,) ndarray of float64, mm z y x
-
-    Returns
-    -------
-    Draped or None
-        None where it fits nowhere.
     """
     # Twenty places are judged at a few points; only the four best are laid, which is slow.
     tries = [_place(rng, cloth, stack, spacing) for _ in range(20)]

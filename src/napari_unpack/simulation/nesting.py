@@ -57,7 +57,7 @@ class Content:
 
 
 def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list[Content]:
-    """Choose what a container holds.
+    """Choose what a container holds: coins in a pouch, small things in a carton.
 
     Parameters
     ----------
@@ -66,11 +66,6 @@ def contents(rng: np.random.Generator, container: Blueprint, count: int) -> list
         With room.
     count : int
         How many things.
-
-    Returns
-    -------
-    list of Content
-        Coins in a pouch, small things in a carton.
     """
     if container.room is None:
         return []

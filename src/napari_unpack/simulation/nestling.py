@@ -59,11 +59,6 @@ def nestle(labels: NDArray[np.uint16], skin: NDArray[np.int32], rest: Rest) -> R
         The surface of the thing, voxels of its box.
     rest : Rest
         Where it lies.
-
-    Returns
-    -------
-    Rest
-        Where it comes to lie, never higher.
     """
     z, y, x = rest.z, rest.y, rest.x
     for _ in range(ROUNDS):

@@ -59,7 +59,7 @@ class Order:
 def plan(
     rng: np.random.Generator, count: int, shape: tuple[int, int, int], spacing: NDArray[np.float64]
 ) -> list[Order]:
-    """Choose `count` things, contents of containers included, sized to fill a bag.
+    """Choose `count` things, contents included, to fill a bag; large first, clothes between.
 
     Parameters
     ----------
@@ -69,11 +69,6 @@ def plan(
     shape : (int, int, int)
         Of the bag, voxels.
     spacing : (3,) ndarray of float64, mm z y x
-
-    Returns
-    -------
-    list of Order
-        In the order of packing: large before small, with clothes between.
     """
     extent = float(np.max(np.array(shape) * spacing))
     orders = _choose(rng, count, extent)

@@ -82,7 +82,7 @@ class ProjectionScanner:
         rng: np.random.Generator,
         spacing: tuple[float, float, float] = (1.0, 1.0, 1.0),
     ) -> NDArray[np.uint16]:
-        """Scan a volume.
+        """Return a scan of a volume: CT number + 1000, clipped to [0, 32000].
 
         Parameters
         ----------
@@ -91,11 +91,6 @@ class ProjectionScanner:
         rng : numpy.random.Generator
             Of the noise.
         spacing : (float, float, float) of mm, z y x
-
-        Returns
-        -------
-        (Z, Y, X) ndarray of uint16
-            CT number + 1000, clipped to [0, 32000].
 
         Notes
         -----

@@ -66,7 +66,7 @@ def _bounds(
 
 
 def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64]) -> Raster:
-    """Paint an object, turned, into voxels of a given size.
+    """Paint an object, turned, into voxels of a given size, cropped to a voxel around it.
 
     Parameters
     ----------
@@ -75,11 +75,6 @@ def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.flo
     rotation : (3, 3) ndarray of float64
         World from object.
     spacing : (3,) ndarray of float64, mm z y x
-
-    Returns
-    -------
-    Raster
-        Cropped to a voxel around the object.
 
     Notes
     -----
@@ -107,7 +102,7 @@ def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.flo
 def silhouette(
     clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64], pool: int
 ) -> Profile:
-    """Return what an object looks like from below and above, in columns of pool x pool voxels.
+    """Return what an object looks like from below and above, columns pool voxels wide, in rows.
 
     Parameters
     ----------
@@ -115,11 +110,6 @@ def silhouette(
         As for `rasterize`.
     pool : int
         Columns are so many voxels wide. They are a little too full rather than too empty.
-
-    Returns
-    -------
-    Profile
-        In rows of voxels.
     """
     program = clay.program()
     low, high = _bounds(clay, rotation)

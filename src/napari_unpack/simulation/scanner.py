@@ -75,7 +75,7 @@ class Scanner:
         rng: np.random.Generator,
         spacing: tuple[float, float, float] = (1.0, 1.0, 1.0),
     ) -> NDArray[np.uint16]:
-        """Scan a volume.
+        """Return a scan of a volume: CT number + 1000, clipped to [0, 32000].
 
         Parameters
         ----------
@@ -85,11 +85,6 @@ class Scanner:
             Of the noise.
         spacing : (float, float, float)
             mm, z y x; changes nothing: this scanner thinks in voxels.
-
-        Returns
-        -------
-        (Z, Y, X) ndarray of uint16
-            CT number + 1000, clipped to [0, 32000].
 
         Notes
         -----

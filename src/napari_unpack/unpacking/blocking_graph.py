@@ -117,7 +117,7 @@ class BlockingGraph:
 def blocking_graph(
     blocks: NDArray[np.bool_], ids: Iterable[int], unpackable: Iterable[int] = ()
 ) -> nx.DiGraph:
-    """Make the graph of a table of blockers.
+    """Make the graph of a table of blockers: edge i -> j where i blocks j.
 
     Parameters
     ----------
@@ -127,11 +127,6 @@ def blocking_graph(
         The IDs of rows and columns.
     unpackable : iterable of int
         IDs to be taken as blocked by no object.
-
-    Returns
-    -------
-    networkx.DiGraph
-        Edge i -> j where i blocks j.
 
     Raises
     ------

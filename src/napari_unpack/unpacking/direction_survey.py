@@ -139,7 +139,7 @@ class BestDirection:
 def best_direction(
     blockings: Sequence[DirectionalBlocking], packed: Collection[int], most: int, near: Vector
 ) -> BestDirection | None:
-    """Return the direction along which the most objects could leave.
+    """Return the direction along which the most objects could leave; None without any.
 
     Parameters
     ----------
@@ -151,11 +151,6 @@ def best_direction(
         Groups larger than this do not count.
     near : (3,) ndarray of float64
         Ties go to the direction nearest this one.
-
-    Returns
-    -------
-    BestDirection or None
-        None where no object is unpackable along any of them.
     """
     ways = []
     for blocking in blockings:

@@ -43,7 +43,7 @@ class Ball:
 def path_around_bag(
     start: Vector, along: Vector, target: Vector, center: Vector, radius: float, gone: float
 ) -> Vector:
-    """Return a place on the way round a ball, all in pivot space, mm.
+    """Return a place, (3,), on the way round a ball, all in pivot space, mm.
 
     Parameters
     ----------
@@ -57,10 +57,6 @@ def path_around_bag(
         The ball.
     gone : float
         How much of the way is behind, 0 to 1.
-
-    Returns
-    -------
-    (3,) ndarray of float64
 
     Notes
     -----
@@ -108,7 +104,7 @@ NEAREST_TO_EYE = 0.6
 def clearance(
     lower: ArrayLike, upper: ArrayLike, bag_lower: ArrayLike, bag_upper: ArrayLike, d: ArrayLike
 ) -> float:
-    """Return how far along d an object must go until its box is clear of the bag's.
+    """Return how far along d an object must go until its box is clear of the bag's, mm; 0 if it is.
 
     Parameters
     ----------
@@ -118,11 +114,6 @@ def clearance(
         The bag's.
     d : (3,) array_like
         Unit vector in world.
-
-    Returns
-    -------
-    float
-        mm, 0 where the boxes are apart already.
     """
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     bag_low, bag_high = np.asarray(bag_lower, dtype=float), np.asarray(bag_upper, dtype=float)

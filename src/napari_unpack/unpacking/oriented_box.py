@@ -45,7 +45,7 @@ class OrientedBox:
 
 
 def outline(mask: NDArray[np.bool_], origin: ArrayLike, spacing: ArrayLike) -> NDArray[np.float64]:
-    """Return the points of a mask that can lie on its hull.
+    """Return the points of a mask that can lie on its hull, (n, 3) mm: the ends of every row.
 
     Parameters
     ----------
@@ -54,11 +54,6 @@ def outline(mask: NDArray[np.bool_], origin: ArrayLike, spacing: ArrayLike) -> N
     origin : (3,) array_like
         Voxel coordinates of the box's first voxel.
     spacing : (3,) array_like, mm z y x
-
-    Returns
-    -------
-    (n, 3) ndarray of float64
-        World mm, z y x: the two ends of every row, as voxel centres.
     """
     z, y = np.nonzero(mask.any(axis=2))
     rows = mask[z, y]
@@ -275,10 +270,6 @@ def image_extent(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tup
         From world axes to pivot axes, a stretch of the bag included.
     spacing : (3,) array_like
         Voxel size in mm, added around the centres.
-
-    Returns
-    -------
-    width, height : float
     """
     extent = np.ptp(np.asarray(points, dtype=np.float64) @ rotation.T, axis=0)
     extent += np.abs(rotation) @ np.asarray(spacing, dtype=np.float64)

@@ -78,7 +78,7 @@ class Bricks:
     def occupied(
         self, table: NDArray[np.float32], domain: tuple[float, float], tints: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Tell which bricks may hold a sample that is not fully transparent.
+        """Tell which bricks, (Bz, By, Bx), may hold a sample that is not fully transparent.
 
         Parameters
         ----------
@@ -88,10 +88,6 @@ class Bricks:
             Densities of the table's first and last row.
         tints : (M, 4) ndarray of float32
             Tints by ID; alpha 0 hides.
-
-        Returns
-        -------
-        (Bz, By, Bx) ndarray of bool
         """
         opaque = np.concatenate([[0], np.cumsum(table[:, 3] > 0)])
         seen = np.ascontiguousarray(tints[:, 3] > 0)
@@ -184,7 +180,7 @@ class Strides:
 
 
 def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.uint8]:
-    """Measure the bricks ahead in one octant of directions.
+    """Measure the bricks ahead in one octant of directions; see `Strides.grids`.
 
     Parameters
     ----------
@@ -192,11 +188,6 @@ def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.ui
         From `Bricks.owners`; -1 is mixed.
     forward : (3,) sequence of bool
         Whether z, y, x grow on the way.
-
-    Returns
-    -------
-    (Bz, By, Bx) ndarray of uint8
-        See `Strides.grids`.
 
     Notes
     -----
@@ -341,7 +332,7 @@ def _stride(owners, out):  # type: ignore[no-untyped-def]
 def relabelled(
     bricks: Bricks, labels: NDArray[np.uint16], box: tuple[slice, slice, slice]
 ) -> Bricks:
-    """Return bricks of other labels of the same volume.
+    """Return the bricks of other labels of the same volume, whose ranges of density are shared.
 
     Parameters
     ----------
@@ -351,11 +342,6 @@ def relabelled(
         Object IDs now.
     box : (slice, slice, slice)
         Voxels outside which they are as before.
-
-    Returns
-    -------
-    Bricks
-        As `Bricks.of` makes them from nothing; ranges of density are shared with those before.
     """
     touched = tuple(slice(s.start // BRICK, -(-s.stop // BRICK)) for s in box)
     voxels = tuple(slice(s.start * BRICK, s.stop * BRICK) for s in touched)

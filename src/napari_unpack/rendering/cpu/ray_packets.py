@@ -52,7 +52,7 @@ MOST = 255
 def looks_of(
     owners: NDArray[np.int32], reach: NDArray[np.uint8], number: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Return owner and distance of every brick in one number, 256 owner + distance.
+    """Return 256 owner + distance of every brick in one number; -1 - number where it is mixed.
 
     Parameters
     ----------
@@ -62,11 +62,6 @@ def looks_of(
         From `DirectionalSkipping.grids`: 0 where a brick is mixed.
     number : (Bz * By * Bx,) ndarray of int32
         Of mixed bricks, from `CompressedLabels`.
-
-    Returns
-    -------
-    (n, Bz, By, Bx) ndarray of int32
-        Negative where a brick is mixed: -1 - number.
     """
     looks = np.where(reach > 0, owners * (MOST + 1) + reach, ~number.reshape(owners.shape))
     return np.ascontiguousarray(looks, np.int32)

@@ -272,7 +272,7 @@ ROWS = 3
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def enter_tile(box, planes, table, step, near, first, last, left, right, out):  # type: ignore[no-untyped-def]
-    """List the rays of a tile that have samples in a box.
+    """List the rays of a tile that have samples in a box; return how many.
 
     Parameters
     ----------
@@ -285,11 +285,6 @@ def enter_tile(box, planes, table, step, near, first, last, left, right, out):  
     out : (n, 4) ndarray of int64
         Row, column, first sample and the one after the last are written to it; n as many as the
         tile has pixels.
-
-    Returns
-    -------
-    int
-        How many rays have.
 
     Notes
     -----

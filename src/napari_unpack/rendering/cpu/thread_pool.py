@@ -69,7 +69,7 @@ def over_bands(
     threads: int | None = None,
     band: int | None = None,
 ) -> list[State]:
-    """Run work over all rows, a band at a time, each thread taking the next band when free.
+    """Run work over all rows, bands taken by free threads; return the state of every worker.
 
     Parameters
     ----------
@@ -83,11 +83,6 @@ def over_bands(
         Workers, by default one a core.
     band : int, optional
         Rows of a band; by default about 16 bands a worker.
-
-    Returns
-    -------
-    list
-        The state of every worker, to be reduced by the caller.
 
     Notes
     -----

@@ -67,10 +67,6 @@ def id_layers(
     labels, rays, visible, layers, bricks, clipping
         As there.
 
-    Returns
-    -------
-    (layers, H, W) ndarray of int32
-
     Raises
     ------
     ValueError

@@ -239,7 +239,7 @@ Place = ScreenPlace | PivotPlace
 
 
 def depth_row(clip_from_pivot: Matrix, ndc_depth: float | None = None) -> NDArray[np.float64]:
-    """Return (a, b, c, d) of z_ndc(t) = (a t + b) / (c t + d).
+    """Return the (4,) numbers a, b, c, d of z_ndc(t) = (a t + b) / (c t + d).
 
     Parameters
     ----------
@@ -248,10 +248,6 @@ def depth_row(clip_from_pivot: Matrix, ndc_depth: float | None = None) -> NDArra
         must not depend on down and right, which holds for every camera that is not sheared.
     ndc_depth : float, optional
         The answer for every t instead.
-
-    Returns
-    -------
-    (4,) ndarray of float64
     """
     if ndc_depth is not None:
         return np.array([0.0, ndc_depth, 0.0, 1.0])

@@ -61,7 +61,7 @@ class Stroke:
     def quad(
         self, ends: NDArray[np.float64], camera: Camera, size: tuple[int, int], opacity: float
     ) -> Quad | None:
-        """Return the line's quad.
+        """Return the line's quad; None where it reaches behind the eye or has no length.
 
         Parameters
         ----------
@@ -72,11 +72,6 @@ class Stroke:
             Height and width of the view, pixels.
         opacity : float
             Of the line.
-
-        Returns
-        -------
-        Quad or None
-            None where the line reaches behind the eye, or has no length in the image.
         """
         if (ends[:, 0] >= 0.98 * camera.distance).any():
             return None

@@ -114,17 +114,12 @@ def regional_minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArr
 
 
 def intersected_labels(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Split labels where others end.
+    """Split labels where others end: 1, 2, ... for every pair, by basin and then by host.
 
     Parameters
     ----------
     basins, hosts : (Z, Y, X) ndarray of int32
         Labels; 0 is none.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        1, 2, ... for every pair that occurs, by basin and then by host; 0 where basins are.
     """
     names, of_basin, of_host = _pairs(basins, hosts, int(basins.max(initial=0)))
     order = np.lexsort((of_host, of_basin))

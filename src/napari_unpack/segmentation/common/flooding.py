@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 def flood(
     seeds: NDArray[np.int32], mask: NDArray[np.bool_], cost: NDArray[np.uint8] | None = None
 ) -> NDArray[np.int32]:
-    """Grow seeds over a mask in order of cost: Meyer's watershed with an array of buckets.
+    """Grow seeds over a mask in order of cost (Meyer's watershed in buckets); 0 where none reaches.
 
     Parameters
     ----------
@@ -20,11 +20,6 @@ def flood(
         Where labels may grow to, through faces.
     cost : (Z, Y, X) ndarray of uint8, optional
         Height of the landscape, flooded from low to high; None floods by steps from the seeds.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        The seeds grown. Voxels that no seed reaches stay 0.
     """
     # Linear in the voxels. Equal costs are flooded first come, first served, so that plateaus are
     # shared half-way between their seeds.

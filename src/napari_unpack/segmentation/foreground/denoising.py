@@ -119,7 +119,7 @@ def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> ND
 def grow_to_half_height(
     labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing
 ) -> NDArray[np.int32]:
-    """Move every object's border to half its height: half as bright as its middle, above ground.
+    """Move every object's border to half its height above ground, by four voxels at most.
 
     Parameters
     ----------
@@ -128,11 +128,6 @@ def grow_to_half_height(
     density : (Z, Y, X) ndarray
         With its noise and haze.
     spacing : (float, float, float) of mm, z y x
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of int32
-        Each object 6-connected, at most four voxels larger on every side.
     """
     # A blurred edge lies at half of its height, and staining differs from object to object.
     found = np.zeros_like(labels)

@@ -27,7 +27,7 @@ def cut_between(
     a: Sequence[int],
     b: Sequence[int],
 ) -> NDArray[np.bool_]:
-    """Cut a shape in two so that one part holds voxel `a` and the other voxel `b`.
+    """Cut a shape in two: return the part that holds voxel `b`, the rest holds voxel `a`.
 
     Parameters
     ----------
@@ -38,11 +38,6 @@ def cut_between(
     spacing : (3,) sequence of float, mm z y x
     a, b : (3,) sequence of int
         Two different voxels of the mask.
-
-    Returns
-    -------
-    (Z, Y, X) ndarray of bool
-        The part that holds `b`; what is left of the mask holds `a`.
 
     Raises
     ------

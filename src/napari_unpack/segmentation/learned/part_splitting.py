@@ -124,7 +124,7 @@ def split_and_measure(
     far: NDArray[np.uint8],
     weights: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], Pieces]:
-    """Split objects at their density steps, and measure the pieces.
+    """Split objects at their density steps; return and measure the pieces 1, 2, ...
 
     Parameters
     ----------
@@ -139,12 +139,6 @@ def split_and_measure(
         See `boundary_network.Prediction`.
     weights : (K,) ndarray of float64
         Of the reaches in a mean.
-
-    Returns
-    -------
-    pieces : (Z, Y, X) ndarray of int32
-        1, 2, ...
-    measured : Pieces
     """
     mask = labels > 0
     pieces = density_regions(
