@@ -41,7 +41,7 @@ KNOWN = frozenset(
 
 # Limits of issue 13, with what was found when they were first counted. Lower them as the code
 # gets there; never raise one.
-LINES = 53500
+LINES = 53200
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5

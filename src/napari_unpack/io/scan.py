@@ -91,10 +91,7 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
 
     Parameters
     ----------
-    array : ndarray
-        What a file holds.
-    source : object
-        Its name, for messages.
+    array, source : see `checked_volume_array`
 
     Raises
     ------

@@ -23,7 +23,7 @@ from napari_unpack.io.session_archive import (
     read_array,
     write_array,
 )
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, no_progress
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.view import Camera
@@ -83,7 +83,7 @@ def save_session(
     from napari_unpack.io.session_json import given_labels, record_of
 
     target = Path(path).expanduser()
-    tell = progress or (lambda fraction, text: None)
+    tell = progress or no_progress
     if not copy and volume_path is None:
         raise ValueError("copy=False needs volume_path, the file the volume came from")
     tell(0.0, "Saving")
@@ -162,7 +162,7 @@ def open_session(
     from napari_unpack.io.session_json import session_from
 
     source = Path(path).expanduser()
-    tell = progress or (lambda fraction, text: None)
+    tell = progress or no_progress
     tell(0.0, "Opening the session")
     try:
         with opened_for_reading(source) as store:

@@ -187,9 +187,7 @@ def smoothed(array: Array, axis: int, parts: int) -> Array:
 
     Parameters
     ----------
-    array : (z, y, x) ndarray of float32
-    axis, parts : int
-        Which axis, and into how many parts its voxels are divided.
+    array, axis, parts : see `between`
     """
     count = array.shape[axis]
     # Four knots beyond either end, where coverage is 0: edges at the box fade too.

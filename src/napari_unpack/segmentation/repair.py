@@ -124,10 +124,7 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
 
     Parameters
     ----------
-    labels : (Z, Y, X) ndarray of int
-    boxes : LabelBoxes
-    ids : iterable of int
-        Objects.
+    labels, boxes, ids : see `merge_objects`
 
     Raises
     ------

@@ -14,7 +14,7 @@ from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
 from napari_unpack.simulation.scanner import Scanner
 from napari_unpack.simulation.shell import Shell
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, no_progress
 
 SMALLEST_SHAPE = 24
 """Voxels of the shortest edge: in less, shell and margins leave no room for things."""
@@ -99,7 +99,7 @@ def simulate_bag(
         raise ValueError(f"fidelity must be 'image' or 'projection', got {fidelity!r}")
     # One generator for the whole bag: a draw added anywhere changes every bag of every seed.
     rng = np.random.default_rng(seed)
-    report = progress or (lambda fraction, text: None)
+    report = progress or no_progress
     report(0.0, "Choosing what to pack")
     shell = Shell.around(size, table)
     packing = Packing.empty(size, shell.room(size), mm)

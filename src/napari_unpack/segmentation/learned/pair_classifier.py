@@ -85,14 +85,26 @@ class Parts:
         self.sums[one] += self.sums[two]
         self.sums[two] = 0
         for table in (self.area, self.middle, self.step):
-            table[one] += table[two]
-            table[:, one] += table[:, two]
-            table[two] = 0
-            table[:, two] = 0
-            table[one, one] = 0
+            join_rows(table, one, two)
         self.hulls[one] = support_points(np.concatenate([self.hulls[one], self.hulls[two]]))
         self.hull_volumes[one] = hull_volume(self.hulls[one])
         self.hulls[two] = self.hulls[two][:0]
+
+
+def join_rows(table: NDArray[np.float64], one: int, two: int) -> None:
+    """Add what a symmetric table has of part `two` to part `one`, in place.
+
+    Parameters
+    ----------
+    table : (M, M, ...) ndarray of float64
+    one, two : int
+    """
+    table[one] += table[two]
+    table[:, one] += table[:, two]
+    table[two] = 0
+    table[:, two] = 0
+    # What both had in common lies inside now.
+    table[one, one] = 0
 
 
 def measure_parts(

@@ -25,6 +25,7 @@ from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     Parts,
     agglomerate,
+    join_rows,
     measure_parts,
 )
 
@@ -77,11 +78,7 @@ class PredictedParts(Parts):
         super().join(one, two)
         for across, inside in ((self.between, self.within), (self.pairs, self.inner)):
             inside[one] += inside[two] + across[one, two]
-            across[one] += across[two]
-            across[:, one] += across[:, two]
-            across[two] = 0
-            across[:, two] = 0
-            across[one, one] = 0
+            join_rows(across, one, two)
 
     def features(self, one: int, two: int, row: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the features of a pair, in the order of `FEATURES`.
