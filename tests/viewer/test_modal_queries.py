@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from threading import Event
 
+import pytest
 from qtpy.QtWidgets import QApplication
 
+from manual_scheduler import ManualScheduler
 from napari_unpack.session import queries
+from napari_unpack.viewer.modal_queries import find_unpackable, run_to
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 
@@ -68,3 +71,16 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     assert asked[0] == [(True, "Looking for unpackable objects…")]
     assert [searching for searching, _ in said] == [True, False]
     panel.end()
+
+
+def test_a_viewer_closed_while_a_command_waits_unpacks_nothing(session, monkeypatch) -> None:
+    scheduler = ManualScheduler()
+
+    def close(waiting: bool) -> None:
+        if waiting:
+            scheduler.close()
+
+    monkeypatch.setattr(type(session), "unpackable", lambda _: pytest.fail("asked at once"))
+    assert run_to(session, scheduler, 2, False, close) == 0
+    assert session.steps == ()
+    assert find_unpackable(session, ManualScheduler(), None, lambda _: None)

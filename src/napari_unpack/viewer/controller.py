@@ -279,7 +279,10 @@ class SessionController:
         """Fly unpackable objects out, or these; see `Session.unpack`."""
         self.renderer.end_inspection()
         wanted = int(n_or_ids) if isinstance(n_or_ids, int | np.integer) else tuple(n_or_ids)
-        find_unpackable(self.session, self.scheduler, wanted, self.events.searching.emit)
+        searching = self.events.searching.emit
+        # A window closed in the wait would freeze: the session would cast all rays at once.
+        if not find_unpackable(self.session, self.scheduler, wanted, searching):
+            return ()
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:

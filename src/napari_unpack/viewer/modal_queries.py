@@ -25,7 +25,7 @@ def find_unpackable(
     scheduler: Scheduler,
     n_or_ids: int | Iterable[int] | None,
     searching: Callable[[bool], None],
-) -> None:
+) -> bool:
     """Find out what it takes to unpack so many or these.
 
     Parameters
@@ -37,11 +37,27 @@ def find_unpackable(
     searching : callable
         Given True when it takes longer than a moment, and False after.
 
+    Returns
+    -------
+    bool
+        False where the scheduler was closed in the wait: nothing is to be unpacked any more.
+
     Notes
     -----
     At once where moving a few objects tells; the question about all of them is then asked when
     nothing moves. Else that answer is waited for, drawing meanwhile.
     """
+    was_open = not scheduler.closed
+    _find(session, scheduler, n_or_ids, searching)
+    return not (was_open and scheduler.closed)
+
+
+def _find(
+    session: Session,
+    scheduler: Scheduler,
+    n_or_ids: int | Iterable[int] | None,
+    searching: Callable[[bool], None],
+) -> None:
     queries = session.queries
     quick = None
     if n_or_ids is not None:
@@ -117,7 +133,8 @@ def run_to(
     if step > len(session.steps):
         # One step ahead may be found by moving a few objects; more need the whole answer.
         one_more = step == session.step + 1
-        find_unpackable(session, scheduler, 1 if one_more else None, searching)
+        if not find_unpackable(session, scheduler, 1 if one_more else None, searching):
+            return session.step
     animated = session.animated
     session.animated = animated and flying
     try:
