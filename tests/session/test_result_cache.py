@@ -76,3 +76,19 @@ def test_labels_worked_out_ahead_are_not_kept_after_their_step():
     found = queries.labels_at(task.key.edit)
     assert found.revision == session.label_data.revision + 1
     assert queries.labels_task("redo") is not None
+
+
+def test_a_result_within_a_tolerance_does_not_outlive_removals_by_other_rules():
+    labels = np.zeros((10, 8, 8), np.uint16)
+    labels[8, 1:7, 1:7] = 1
+    labels[5, 1:7, 1:4] = 2
+    labels[2, 1:7, 1:3] = 3
+    session = session_of(labels)
+    session.direction = "+z"
+    session.tolerance = 0.4
+    everything = session.queries.occlusion().packed
+    session.tolerance = 0.0
+    session.unpack(1)
+    session.queries.occlusion(afresh=True)
+    session.tolerance = 0.4
+    assert session.queries.occlusion().packed == everything - {1}

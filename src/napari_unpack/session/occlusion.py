@@ -64,6 +64,13 @@ class OcclusionKey:
         """Tell whether a result under this key serves: for fewer packed objects it does."""
         return self.same_question(wanted) and wanted.packed <= self.packed
 
+    def gives_way(self, new: OcclusionKey) -> bool:
+        """Tell whether a result under this key goes as one under a new key comes."""
+        # What a tolerance exempts depends on all that was packed: kept while objects leave by other
+        # rules, a result would hide what has become unpackable since.
+        kept = (self.rule, self.tolerance) in (("exact", 0.0), (new.rule, new.tolerance))
+        return self.same_question(new) or not (kept or self.packed == new.packed)
+
     def equals(self, wanted: OcclusionKey) -> bool:
         """Tell whether a result under this key is for just these packed objects."""
         return self.same_question(wanted) and wanted.packed == self.packed

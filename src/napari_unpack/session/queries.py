@@ -146,7 +146,7 @@ class Queries:
             case OcclusionKey():
                 # The fewer are packed, the more of the result is swept and not left to rays, so
                 # the latest is the finer one, also after some of it have come back.
-                self._cache.keep(key, found, replaces=OcclusionKey.same_question)
+                self._cache.keep(key, found, replaces=OcclusionKey.gives_way)
             case LabelsKey() | SurveyKey():
                 # Volumes, and 26 tables of all pairs of objects: one of each is large enough.
                 self._cache.keep(key, found, most=1)
