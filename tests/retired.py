@@ -15,7 +15,8 @@ best_way_out cast_crop default_affinity delete_question director free_groups fre
 glimpse_question hue_question join_parts judge_by labels_question least_blocked least_unearthing
 mark_good merge_question object_patch occlusion_question packed_patch paint_question projector
 refine_by_oracle repair_question reveal_question right_of_way shape_cuts skirt split_question
-sprite_patch survey_question take_apart take_in take_off unearthing way_out written_whole
+picture_size sprite_patch survey_question take_apart take_in take_off unearthing way_out
+written_whole
 """
 """Classes and functions."""
 
