@@ -379,3 +379,11 @@ def test_the_real_ray_caster_gives_the_same_order():
     assert session.unpack(5) == (1, 2, 3, 4, 5)
     session.restore(5)
     assert set(session.recolor()) == {1, 2, 3, 4, 5}
+
+
+def test_where_fewer_can_leave_than_were_asked_for_the_queue_is_the_one_they_left():
+    session = session_of(hooked())
+    session.direction = "+z"
+    session.max_group_size, session.take_least_occluded = 1, False
+    assert session.unpack(3) == (3,)
+    assert (session.queue.ids, session.queue.packed) == ((), {1, 2, 3})

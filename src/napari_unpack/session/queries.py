@@ -383,9 +383,9 @@ class Queries:
                     found.append(Removal(group, self.direction, len(packed), quick))
                     packed, queue, left = packed - {*group}, queue.without(group), left + len(group)
         while left < count and packed:
-            queue = self.filled_queue(queue, packed)
+            filled = self.filled_queue(queue, packed)
             source = self._known_occlusion(self._occlusion_key(packed=packed))
-            if not queue.groups:
+            if not filled.groups:
                 # Fewer than were asked for, but those can leave.
                 if found:
                     break
@@ -393,9 +393,9 @@ class Queries:
                     f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed, source)}. "
                     "Choose another direction, or unpack the least occluded object."
                 )
-            group, least = queue.groups[0], queue.least_occluded
+            group, least = filled.groups[0], filled.least_occluded
             found.append(Removal(group, self.direction, len(packed), source, least))
-            packed, queue, left = packed - {*group}, queue.without(group), left + len(group)
+            packed, queue, left = packed - {*group}, filled.without(group), left + len(group)
         return RemovalPlan(tuple(found), queue)
 
     def _chosen_removals(self, ids: list[int], state: SessionState) -> RemovalPlan:
