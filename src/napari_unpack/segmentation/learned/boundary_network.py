@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.tasks import Progress
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
 
 # Cells between the two of a pair; a cell is 2 x 2 x 2 voxels.
 REACHES = (1, 3, 6, 12)
@@ -59,7 +62,7 @@ class BoundaryNetwork:
         From (1, 8, z, y, x) float32 cells of log density to (1, CHANNELS, z, y, x) uint8.
     """
 
-    session: Any
+    session: InferenceSession
 
     @staticmethod
     def load(path: str | Path, threads: int = 2) -> BoundaryNetwork:
