@@ -71,7 +71,7 @@ def test_an_object_that_leaves_recasts_its_window_to_the_same_picture(staged) ->
     controller.finish()
     passes = settled_passes(controller)
     patched = controller.packed.image.patch
-    controller.session.events.transfer_function.emit(controller.session.transfer_function)
+    controller.renderer.packed_renderer.recast()
     assert settled_passes(controller) > passes
     np.testing.assert_allclose(controller.packed.image.patch.rgba, patched.rgba, atol=2e-3)
 

@@ -81,6 +81,7 @@ class PackedRenderer:
         self.fade = HueFade(scheduler, self._on_fade)
         self._session, self._scheduler, self._layer = session, scheduler, layer
         self._canvas_backend = canvas_backend
+        self._scene = session.scene()
         self._hues = self._hues_before = session.hues
         self._recolored = False
         self._seconds = 0.0
@@ -125,6 +126,19 @@ class PackedRenderer:
         if not frame.same_as(self._frame):
             self._frame = frame
             self._cast_preview()
+
+    def set_scene(self, scene: Scene) -> None:
+        """Cast again what differs from the scene before."""
+        found, self._scene = scene.difference(self._scene), scene
+        # Repaired labels come with everything else, once they are made ready and sent.
+        if found.labels:
+            return
+        if found.appearance:
+            self.recast()
+            return
+        if found.tints:
+            self.refine()
+        self.recast_objects(found.ids)
 
     def recast(self) -> None:
         """Cast again since the look of everything has changed."""

@@ -106,7 +106,6 @@ class SceneRenderer:
         self.packed, self.transition, self.sprites = packed, transition, sprites
         self.frame: Frame | None = None
         self._drawn, self._landed = drawn, landed
-        self._packed_ids: frozenset[int] = frozenset()
         self._scheduler, self._failed = scheduler, failed
         self.canvas_backend = canvas = CanvasBackend(session, self._gl_failed, failed)
         self.packed_renderer = bag = PackedRenderer(session, scheduler, packed, canvas)
@@ -192,11 +191,9 @@ class SceneRenderer:
     def states_changed(self) -> None:
         """Follow the session's states."""
         self._follow_inspection()
-        packed = frozenset(i for i, s in self.session.states.items() if s is ObjectState.PACKED)
-        changed, self._packed_ids = packed ^ self._packed_ids, packed
         # What flies first: it answers the click.
         self.draw_moving()
-        self.packed_renderer.recast_objects(changed)
+        self.packed_renderer.set_scene(self.session.scene())
         self.show_sprites()
         self._set_tables()
         if self.animator.active(self.flight_animation.now()):
@@ -204,21 +201,20 @@ class SceneRenderer:
 
     def labels_changed(self) -> None:
         """Follow the session's labels, which were repaired."""
-        self._packed_ids = frozenset(
-            i for i, s in self.session.states.items() if s is ObjectState.PACKED
-        )
-        self._upload.make_ready(self.session.scene(), relabelled=True)
+        scene = self.session.scene()
+        self.packed_renderer.set_scene(scene)
+        self._upload.make_ready(scene, relabelled=True)
         self._set_tables()
 
     def hues_changed(self) -> None:
         """Follow the session's hues."""
-        self.packed_renderer.refine()
+        self.packed_renderer.set_scene(self.session.scene())
         self.show_sprites()
         self._set_tables()
 
     def transfer_function_changed(self) -> None:
         """Follow the session's transfer function."""
-        self.packed_renderer.recast()
+        self.packed_renderer.set_scene(self.session.scene())
         self.sprite_renderer.appearance_changed()
         self.show_sprites()
 
@@ -372,7 +368,7 @@ class SceneRenderer:
 
     def _set_tables(self) -> None:
         session = self.session
-        set_table(self.packed, session, self._packed_ids)
+        set_table(self.packed, session, session.scene().packed)
         set_table(self.transition, session, session.flights)
         set_table(self.sprites, session, session.poses)
 
