@@ -2,14 +2,17 @@
 
 from types import SimpleNamespace
 
+import dask.array
 import numpy as np
 import pytest
 from napari.layers import Image, Labels
 
+from napari_unpack.layers.placement import place_of
 from napari_unpack.widgets.layer_inputs import (
+    extra_axes,
     labels_of,
+    misfit,
     names_of,
-    same_shape,
     spacing_of,
     volume_of,
 )
@@ -60,9 +63,40 @@ def test_a_picture_is_not_a_volume() -> None:
         volume_of(Image(np.zeros((5, 6)), name="slice"))
 
 
-def test_a_colour_volume_is_not_a_volume() -> None:
-    with pytest.raises(ValueError, match="colour"):
-        volume_of(Image(np.zeros((5, 6, 7, 3), np.uint8), rgb=True))
+def test_of_a_colour_volume_one_colour_is_taken() -> None:
+    data = np.random.default_rng(0).integers(0, 255, (5, 6, 7, 3), np.uint8)
+    layer = Image(data, rgb=True, name="photos")
+    (axis,) = extra_axes(layer)
+    assert (axis.title, axis.choices) == ("Colour", ("Red", "Green", "Blue"))
+    volume = volume_of(layer, (1,))
+    np.testing.assert_array_equal(volume.data, data[..., 1])
+    assert volume.name == "photos (Green)"
+
+
+def test_of_a_series_one_time_point_and_channel_is_taken_and_stays_lazy() -> None:
+    data = np.random.default_rng(0).integers(0, 255, (3, 2, 5, 6, 7), np.uint16)
+    lazy = dask.array.from_array(data, chunks=(1, 1, 5, 6, 7))
+    layer = Image(
+        lazy,
+        name="cells",
+        axis_labels=("t", "c", "z", "y", "x"),
+        scale=(60, 1, 0.3, 0.1, 0.2),
+        translate=(0, 0, 4, 5, 6),
+    )
+    assert [axis.title for axis in extra_axes(layer)] == ["Time", "Channel"]
+    volume = volume_of(layer, (2, 1))
+    assert isinstance(volume.data, dask.array.Array)
+    np.testing.assert_array_equal(volume.data.compute(), data[2, 1])
+    assert volume.name == "cells (time point 2, channel 1)"
+    assert volume.spacing == pytest.approx((0.3, 0.1, 0.2))
+    assert place_of(layer)["affine"][:3, 3] == pytest.approx((4, 5, 6))
+    objects = Labels(data[:, 0] % 5, name="objects")
+    with pytest.raises(ValueError, match="'objects' are 6 x 7"):
+        labels_of(Labels(data[0, 0, 0] % 5, name="objects"), volume)
+    assert misfit(layer, objects) == "3 x 5 x 6 x 7, not 2 x 5 x 6 x 7"
+    assert misfit(layer, Labels(data % 5)) == misfit(layer, Labels(data[0, 0] % 5)) == ""
+    np.testing.assert_array_equal(labels_of(Labels(data % 5), volume, (2, 1)), data[2, 1] % 5)
+    np.testing.assert_array_equal(labels_of(Labels(data[0, 0]), volume, (2, 1)), data[0, 0])
 
 
 def test_a_volume_without_voxels_is_refused() -> None:
@@ -82,9 +116,3 @@ def test_names_come_from_the_features_of_labels() -> None:
     labels = Labels(np.zeros((4, 5, 6), np.uint8), features=features)
     assert names_of(labels) == {1: "Mug", 3: "Shoe"}
     assert names_of(Labels(np.zeros((4, 5, 6), np.uint8))) == {}
-
-
-def test_shapes_are_compared_without_reading_data() -> None:
-    image = Image(np.zeros((4, 5, 6)))
-    assert same_shape(image, Labels(np.zeros((4, 5, 6), np.uint8)))
-    assert not same_shape(image, Labels(np.zeros((4, 5, 7), np.uint8)))

@@ -27,7 +27,7 @@ def placement_of(sources: Sequence[Layer], spacing: NDArray[np.float64]) -> dict
     Parameters
     ----------
     sources : sequence of napari layers
-        The session's volume and labels come from the first of three dimensions.
+        The session's volume and labels come from the first of three dimensions or more.
     spacing : (3,) ndarray of float64
         Voxel size of the session, mm z y x, for a session that comes from no layer.
 
@@ -36,11 +36,9 @@ def placement_of(sources: Sequence[Layer], spacing: NDArray[np.float64]) -> dict
     dict
         Arguments of a napari layer whose data are voxels.
     """
-    layer = next((layer for layer in sources if layer.ndim == 3), None)
-    if layer is None:
-        return {"scale": np.asarray(spacing, dtype=np.float64)}
+    layer = next((layer for layer in sources if layer.ndim >= 3), None)
     # The very same, or the bag would stand beside the slices it is of.
-    return {name: getattr(layer, name) for name in FIELDS}
+    return {"scale": np.asarray(spacing, dtype=np.float64)} if layer is None else place_of(layer)
 
 
 def units_of(viewer: napari.Viewer) -> Sequence[Any] | None:
@@ -50,7 +48,7 @@ def units_of(viewer: napari.Viewer) -> Sequence[Any] | None:
 
 
 def data_to_world(layer: Layer, units: Sequence[Any] | None = None) -> Matrix:
-    """Return a 3D layer's (4, 4) map from its data to napari's world, z y x.
+    """Return a layer's (4, 4) map from its data to napari's world, both by z y x alone.
 
     Parameters
     ----------
@@ -59,13 +57,20 @@ def data_to_world(layer: Layer, units: Sequence[Any] | None = None) -> Matrix:
         Of that world (`units_of`), by default the layer's own.
     """
     # By its images of points: napari keeps the parts of the map in private.
-    origin = np.asarray(layer.data_to_world((0.0, 0.0, 0.0)), dtype=np.float64)
+    points = np.vstack([np.zeros(layer.ndim), np.eye(layer.ndim)[-3:]])
+    origin, *ends = (np.asarray(layer.data_to_world(point))[-3:] for point in points)
     matrix = np.eye(4)
     matrix[:3, 3] = origin
-    for axis in range(3):
-        matrix[:3, axis] = np.asarray(layer.data_to_world(np.eye(3)[axis])) - origin
-    matrix[:3] *= unit_ratios(layer, units)[:, None]
+    matrix[:3, :3] = np.stack(ends, axis=1) - origin[:, None]
+    matrix[:3] *= unit_ratios(layer, units)[-3:, None]
     return matrix
+
+
+def place_of(layer: Layer) -> dict[str, Any]:
+    """Return where a layer stands, as arguments of a 3D layer: without time or channels."""
+    if layer.ndim == 3:
+        return {name: getattr(layer, name) for name in FIELDS}
+    return {"affine": data_to_world(layer), "units": layer.units[-3:]}
 
 
 def unit_ratios(layer: Layer, units: Sequence[Any] | None) -> NDArray[np.float64]:

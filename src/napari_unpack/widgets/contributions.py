@@ -107,8 +107,8 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     Returns
     -------
     list of (array, dict, str)
-        The labels of the true objects, not shown, and above them the density volume, which
-        napari therefore makes the active layer: the one to segment.
+        The density volume, and above it the labels of the true objects, not shown: the volume is
+        the one to segment.
     """
     from napari_unpack.simulation import simulate_bag
 
@@ -123,7 +123,7 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
         "contrast_limits": (0, 3000),
         "rendering": "attenuated_mip",
     }
-    return [(bag.labels, truth | placed, "labels"), (bag.volume, shown | placed, "image")]
+    return [(bag.volume, shown | placed, "image"), (bag.labels, truth | placed, "labels")]
 
 
 def get_session_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:

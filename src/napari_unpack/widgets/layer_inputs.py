@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -35,7 +35,9 @@ class LayerInput(QComboBox):
     none : str, optional
         Text of a first entry that means no layer.
     prefers : callable, optional
-        Takes a layer and returns whether to choose it first.
+        Takes a layer and returns whether to choose it before others.
+    refusal : callable, optional
+        Takes a listed layer and returns why it cannot be chosen, in a few words; "" where it can.
     """
 
     chosen = Signal()
@@ -46,12 +48,15 @@ class LayerInput(QComboBox):
         accepts: Callable[[Layer], bool],
         none: str | None = None,
         prefers: Callable[[Layer], bool] | None = None,
+        refusal: Callable[[Layer], str] | None = None,
     ) -> None:
         super().__init__()
         self._viewer = viewer
         self._accepts = accepts
         self._none = none
         self._prefers = prefers
+        self._refusal = refusal
+        self._refused: dict[Layer, str] = {}
         self._layers: list[Layer] = []
         # Long layer names must not widen the panel.
         self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
@@ -69,35 +74,51 @@ class LayerInput(QComboBox):
         return self._layers[index] if 0 <= index < len(self._layers) else None
 
     def choose(self, layer: Layer | None) -> None:
-        """Choose a listed layer; one that is not listed, or None, means the first entry."""
-        position = next((k for k, each in enumerate(self._layers) if each == layer), None)
-        # -1 is how Qt says that nothing is chosen.
-        first = 0 if self.count() else -1
-        self.setCurrentIndex(first if position is None else position + (self._none is not None))
+        """Choose a listed layer; one that cannot be chosen, or None, means the first that can."""
+        able = [each for each in self._layers if each not in self._refused]
+        first = None if self._none is not None else next(iter(able), None)
+        wanted = layer if layer in able else first
+        if wanted is not None:
+            self.setCurrentIndex(self._layers.index(wanted) + (self._none is not None))
+        else:
+            # -1 is how Qt says that nothing is chosen.
+            self.setCurrentIndex(-1 if self._none is None else 0)
 
     def refresh(self, _event: Event | None = None) -> None:
         """List the viewer's layers anew, keeping the choice where it is still there."""
         kept = self.layer
         self._unlink()
         self._layers = [unwrap(layer) for layer in self._viewer.layers if self._accepts(layer)]
+        reasons = {} if self._refusal is None else {x: self._refusal(x) for x in self._layers}
+        self._refused = {layer: why for layer, why in reasons.items() if why}
         blocked = self.blockSignals(True)
-        self.clear()
-        if self._none is not None:
-            self.addItem(self._none)
-        self.addItems([str(layer.name) for layer in self._layers])
+        self._fill()
         self.choose(kept if kept in self._layers else self._first_choice())
         self.blockSignals(blocked)
-        for layer in self._layers:
-            # Names are shown, so a renamed layer must be listed anew.
-            layer.events.name.connect(self.refresh)
+        for event in self._followed():
+            event.connect(self.refresh)
         # Also where the chosen layer was removed.
         if self.layer is not kept:
             self.chosen.emit()
 
+    def _fill(self) -> None:
+        self.clear()
+        if self._none is not None:
+            self.addItem(self._none)
+        for layer in self._layers:
+            why = self._refused.get(layer, "")
+            self.addItem(f"{layer.name} ({why})" if why else str(layer.name))
+            item = self.model().item(self.count() - 1)
+            item.setEnabled(not why)
+            item.setToolTip(f"{layer.name}: {why}." if why else str(layer.name))
+        # As wide as the reasons, which the narrow box would cut off.
+        self.view().setMinimumWidth(self.view().sizeHintForColumn(0))
+
     def _first_choice(self) -> Layer | None:
         if self._none is not None or self._prefers is None:
             return None
-        return next(filter(self._prefers, self._layers), None)
+        able = (layer for layer in self._layers if layer not in self._refused)
+        return next(filter(self._prefers, able), None)
 
     def close_links(self) -> None:
         """Stop listening to the viewer."""
@@ -107,8 +128,13 @@ class LayerInput(QComboBox):
             event.disconnect(self.refresh)
 
     def _unlink(self) -> None:
-        for layer in self._layers:
-            layer.events.name.disconnect(self.refresh)
+        for event in self._followed():
+            event.disconnect(self.refresh)
+
+    def _followed(self) -> list[Any]:
+        # Names and reasons are shown; other data may have another shape.
+        events = [layer.events for layer in self._layers]
+        return [event for each in events for event in (each.name, each.data)]
 
 
 def is_users(layer: Layer) -> bool:
@@ -149,33 +175,108 @@ class Volume:
     name: str
 
 
-def volume_of(layer: Layer) -> Volume:
+def shape_of(layer: Layer) -> tuple[int, ...]:
+    """Return the shape of a layer's data at its finest, without colours; reads no voxels."""
+    shape = np.shape(_finest(layer))
+    return shape[:-1] if getattr(layer, "rgb", False) else shape
+
+
+def refusal_of(layer: Layer) -> str:
+    """Return in a few words why a layer is no volume, "" where it is one."""
+    shape = shape_of(layer)
+    if len(shape) < 3:
+        return f"{len(shape)}D"
+    return "no voxels" if 0 in shape else ""
+
+
+def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
     """Take the density volume out of an Image layer.
 
     Parameters
     ----------
     layer : napari.layers.Image or napari.layers.Labels
-        Three-dimensional, one channel. Of a multiscale layer the finest level is taken. Labelled
-        voxels of a Labels layer count as water.
+        Of a multiscale layer the finest level is taken. Labelled voxels of a Labels layer count
+        as water.
+    index : sequence of int, optional
+        One for each of `extra_axes(layer)`; by default the first of all.
 
     Raises
     ------
     ValueError
-        If the layer is not one 3D volume, or has no voxels.
+        If the layer is no volume, or has no voxels.
     """
-    data = layer.data[0] if layer.multiscale else layer.data
-    shape = tuple(int(n) for n in data.shape)
+    shape = shape_of(layer)
     extent = " x ".join(map(str, shape))
-    if getattr(layer, "rgb", False) or len(shape) != 3:
-        kind = "a colour image" if getattr(layer, "rgb", False) else f"{len(shape)}D"
-        raise ValueError(
-            f"'{layer.name}' is {kind} ({extent}): choose a 3D volume with one value a voxel"
-        )
+    if len(shape) < 3:
+        raise ValueError(f"'{layer.name}' is {len(shape)}D ({extent}): choose a 3D volume")
     if 0 in shape:
         raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
+    data = _at(layer, index)
     if isinstance(layer, Labels):
         data = np.where(np.asarray(data) != 0, np.uint16(WATER), np.uint16(0))
-    return Volume(data, spacing_of(layer), str(layer.name))
+    words = [axis.words(i) for axis, i in zip(extra_axes(layer), index, strict=False)]
+    name = f"{layer.name} ({', '.join(words)})" if words else str(layer.name)
+    return Volume(data, spacing_of(layer), name)
+
+
+@dataclass(frozen=True)
+class ExtraAxis:
+    """An axis of a layer beside z, y and x: one volume for each index.
+
+    Parameters
+    ----------
+    title : str
+        As people call it, in a word.
+    size : int
+    step : int or None
+        Which axis of the viewer it is; None for colours, which have none.
+    choices : tuple of str
+        What its indices are called, where they have names.
+    """
+
+    title: str
+    size: int
+    step: int | None
+    choices: tuple[str, ...] = ()
+
+    def words(self, index: int) -> str:
+        """Say which one it is."""
+        which = "time point" if self.title == TIME else self.title.lower()
+        return self.choices[index] if self.choices else f"{which} {index}"
+
+
+# What files call these axes.
+TIME = "Time"
+TITLES = {"t": TIME, "time": TIME, "c": "Channel", "channel": "Channel"}
+COLORS = ("Red", "Green", "Blue", "Opacity")
+
+
+def extra_axes(layer: Layer) -> tuple[ExtraAxis, ...]:
+    """Return the axes of a layer beside its last three, then its colours; reads no voxels."""
+    shape, labels = shape_of(layer), [str(each) for each in layer.axis_labels]
+    # napari names axes without a name -1, -2 and so on; its sliders count them from 0.
+    names = [f"Axis {k}" if name.lstrip("-").isdigit() else name for k, name in enumerate(labels)]
+    axes = [
+        ExtraAxis(TITLES.get(name.lower(), name), size, k - len(shape))
+        for k, (name, size) in enumerate(zip(names[:-3], shape[:-3], strict=True))
+    ]
+    if getattr(layer, "rgb", False):
+        count = int(_finest(layer).shape[-1])
+        axes.append(ExtraAxis("Colour", count, None, COLORS[:count]))
+    return tuple(axes)
+
+
+def _finest(layer: Layer) -> LazyArray:
+    return layer.data[0] if layer.multiscale else layer.data
+
+
+def _at(layer: Layer, index: Sequence[int]) -> LazyArray:
+    """Return the three-dimensional part of a layer's data; lazy arrays stay lazy."""
+    axes = extra_axes(layer)
+    where = [*index, *[0] * (len(axes) - len(index))]
+    steps = [i for axis, i in zip(axes, where, strict=True) if axis.step is not None]
+    data = _finest(layer)[tuple(steps)] if steps else _finest(layer)
+    return data[..., where[-1]] if axes and axes[-1].step is None else data
 
 
 def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
@@ -218,7 +319,7 @@ def _memory() -> float | None:
         return None
 
 
-def labels_of(layer: Labels, volume: Volume) -> LazyArray:
+def labels_of(layer: Labels, volume: Volume, index: Sequence[int] = ()) -> LazyArray:
     """Take the label volume that belongs to a density volume.
 
     Parameters
@@ -226,6 +327,8 @@ def labels_of(layer: Labels, volume: Volume) -> LazyArray:
     layer : napari.layers.Labels
     volume : Volume
         The labels must have its shape.
+    index : sequence of int, optional
+        That of the volume; labels without more axes hold for every index.
 
     Returns
     -------
@@ -237,7 +340,7 @@ def labels_of(layer: Labels, volume: Volume) -> LazyArray:
     ValueError
         If the shapes differ.
     """
-    data = layer.data[0] if layer.multiscale else layer.data
+    data = _at(layer, index[: len(extra_axes(layer))])
     if tuple(data.shape) != tuple(volume.data.shape):
         given, wanted = (" x ".join(map(str, a.shape)) for a in (data, volume.data))
         raise ValueError(
@@ -263,7 +366,7 @@ def names_of(layer: Labels) -> dict[int, str]:
 
 
 def spacing_of(layer: Layer) -> tuple[float, float, float]:
-    """Read the voxel size of a 3D layer from its transform.
+    """Read the voxel size of a layer of three dimensions or more from its transform.
 
     Returns
     -------
@@ -292,13 +395,17 @@ def _millimetres(unit: pint.Unit) -> float:
     return float((1.0 * unit).to("millimeter").magnitude)
 
 
-def same_shape(image: Layer, labels: Layer) -> bool:
-    """Return whether labels may belong to an image; reads no voxels.
+def misfit(image: Layer, labels: Layer) -> str:
+    """Return in a few words why labels cannot belong to an image, "" where they may.
 
     Parameters
     ----------
     image, labels : napari.layers.Layer
+        No voxels are read.
     """
-    a = image.data[0] if image.multiscale else image.data
-    b = labels.data[0] if labels.multiscale else labels.data
-    return np.shape(a) == np.shape(b)
+    theirs, wanted = shape_of(labels), shape_of(image)
+    # Labels of one time point may belong to every one.
+    if theirs in (wanted, wanted[-3:]):
+        return ""
+    given, needed = (" x ".join(map(str, shape)) for shape in (theirs, wanted[-len(theirs) :]))
+    return f"{given}, not {needed}"

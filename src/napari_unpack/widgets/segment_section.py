@@ -7,20 +7,25 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+import numpy as np
 from napari.layers import Image, Labels, Layer
 
 from napari_unpack.layers.compat import unwrap
+from napari_unpack.layers.placement import place_of
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import LayerData, packed_bag
+from napari_unpack.widgets.index_chooser import IndexChooser
 from napari_unpack.widgets.layer_inputs import (
     LayerInput,
+    LazyArray,
     Volume,
     is_users,
     labels_of,
+    misfit,
     names_of,
-    same_shape,
+    refusal_of,
     volume_of,
 )
 from napari_unpack.widgets.preferences import preferences
@@ -43,6 +48,7 @@ class _Order:
     image: Layer
     labels: Labels | None
     volume: Volume
+    ids: LazyArray | None
 
 
 class SegmentSection(Section):
@@ -55,11 +61,15 @@ class SegmentSection(Section):
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
         viewer = workspace.viewer
-        self.volume_input = LayerInput(viewer, self._is_source, prefers=_is_volume)
+        self.volume_input = LayerInput(
+            viewer, self._is_source, prefers=_is_image, refusal=refusal_of
+        )
         self.volume_input.setToolTip(
             "The volume to unpack: any 3D Image layer, or Labels without one."
         )
-        self.labels_input = LayerInput(viewer, self._fits, none=FIND)
+        self.volume_input.setPlaceholderText("No volume yet")
+        self.index = IndexChooser()
+        self.labels_input = LayerInput(viewer, _is_users_labels, none=FIND, refusal=self._misfit)
         self.labels_input.setToolTip(
             "Labels that you have already, of the same shape; without them the volume is segmented."
         )
@@ -71,7 +81,9 @@ class SegmentSection(Section):
             workspace.scheduler, "Stop the work; nothing that is open changes."
         )
         self.options = SegmentOptions()
-        self.contents.addLayout(form(Volume=self.volume_input, Objects=self.labels_input))
+        self.contents.addLayout(form(Volume=self.volume_input))
+        self.contents.addWidget(self.index)
+        self.contents.addLayout(form(Objects=self.labels_input))
         for widget in (self.start, self.sample, self.options, self.progress):
             self.contents.addWidget(widget)
 
@@ -85,28 +97,29 @@ class SegmentSection(Section):
         workspace.switched.connect(lambda: self.fold.setChecked(workspace.session is not None))
         workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
-        self._refresh()
+        # What was in the viewer before the panel counts as if it came now.
+        self._choose_volume()
+        self._follow_selection()
 
-    def _fits(self, layer: Layer) -> bool:
+    def _misfit(self, layer: Layer) -> str:
         image = self.volume_input.layer
-        return (
-            _is_labels(layer) and is_users(layer) and image is not None and same_shape(image, layer)
-        )
+        return "no volume" if image is None else misfit(image, layer)
+
+    def _images_of(self, labels: Layer) -> list[Layer]:
+        """Return the images that labels may belong to."""
+        images = [unwrap(each) for each in self._workspace.viewer.layers if _is_image(each)]
+        return [each for each in images if not refusal_of(each) and not misfit(each, labels)]
 
     def _is_source(self, layer: Layer) -> bool:
-        if not _is_labels(layer):
-            return _is_image(layer)
-        images = (unwrap(each) for each in self._workspace.viewer.layers)
-        return (
-            is_users(layer)
-            and layer.ndim == 3
-            and not any(isinstance(each, Image) and same_shape(each, layer) for each in images)
-        )
+        if _is_users_labels(layer):
+            return not self._images_of(layer)
+        return _is_image(layer)
 
     def _choose_volume(self) -> None:
+        layer = self.volume_input.layer
+        self.index.show_axes(layer, self._workspace.viewer)
         # Which labels fit depends on the volume.
         self.labels_input.refresh()
-        layer = self.volume_input.layer
         was_alone, self._labels_alone = self._labels_alone, _is_labels(layer)
         if was_alone or self._labels_alone:
             self.labels_input.choose(layer if self._labels_alone else None)
@@ -118,9 +131,12 @@ class SegmentSection(Section):
         # During a segmentation the inputs must stay as they were at its start.
         if layer is None or self._order is not None or not is_users(layer) or not layer.visible:
             return
-        if self._fits(layer):
+        images = self._images_of(layer) if _is_labels(layer) else []
+        if images:
+            chosen = self.volume_input.layer
+            self.volume_input.choose(chosen if chosen in images else images[0])
             self.labels_input.choose(layer)
-        elif self._is_source(layer) and _is_volume(layer):
+        elif self._is_source(layer) and not refusal_of(layer):
             self.volume_input.choose(layer)
 
     def _refresh(self) -> None:
@@ -134,11 +150,13 @@ class SegmentSection(Section):
         )
         self.start.setEnabled(image is not None and idle)
         # Offered only where there is nothing else to begin with.
-        self.sample.setVisible(image is None or not _is_volume(image))
+        self.sample.setVisible(image is None)
         self.sample.setEnabled(idle)
         self.options.setVisible(image is not None and labels is None and idle)
-        for layer_input in (self.volume_input, self.labels_input):
-            layer_input.setEnabled(image is not None and idle)
+        self.volume_input.setEnabled(image is not None and idle)
+        self.index.setEnabled(idle)
+        # Labels without a volume have no densities to find other objects by.
+        self.labels_input.setEnabled(image is not None and idle and not _is_labels(image))
         session = self._workspace.session
         count = 0 if session is None else len(session.boxes.ids)
         objects = "1 object" if count == 1 else f"{count} objects"
@@ -160,11 +178,12 @@ class SegmentSection(Section):
             notifications.inform("Open a 3D volume first, or press Try a simulated bag.")
             return
         with notifications.errors_shown():
-            volume = volume_of(image)
+            index = self.index.index
+            volume = volume_of(image, index)
             ids = names = None
             if _is_labels(labels):
-                ids, names = labels_of(labels, volume), names_of(labels)
-            order = _Order(image, labels if _is_labels(labels) else None, volume)
+                ids, names = labels_of(labels, volume, index), names_of(labels)
+            order = _Order(image, labels if _is_labels(labels) else None, volume, ids)
             settings = self.options.settings()
             self._order, self._then = order, then
             self._explain_missing_volume(image)
@@ -173,7 +192,7 @@ class SegmentSection(Section):
     def _explain_missing_volume(self, layer: Layer) -> None:
         """Say why labels are shown without a volume although the viewer has one."""
         others = [unwrap(each) for each in self._workspace.viewer.layers]
-        volumes = [each.name for each in others if _is_image(each) and _is_volume(each)]
+        volumes = [each.name for each in others if _is_image(each) and not refusal_of(each)]
         if _is_labels(layer) and volumes:
             notifications.inform(
                 f"{layer.name!r} has another shape than {listed(map(repr, volumes))}: its objects "
@@ -205,17 +224,14 @@ class SegmentSection(Section):
         # An open session hides the image: the new labels must take over its real visibility.
         self._workspace.close()
         image, labels = order.image, order.labels
-        if built.found is not None:
+        # Objects of one time point are labels of their own, as those that were found are.
+        new = order.ids if labels is not None and labels.ndim > 3 else built.found
+        if new is not None:
             labels = unwrap(
                 self._workspace.viewer.add_labels(
-                    built.found,
-                    name=f"{image.name} objects",
-                    scale=image.scale,
-                    translate=image.translate,
-                    rotate=image.rotate,
-                    shear=image.shear,
-                    affine=image.affine,
-                    units=image.units,
+                    np.asarray(new),
+                    name=f"{order.volume.name} objects",
+                    **place_of(image if labels is None else labels),
                     visible=image.visible,
                 )
             )
@@ -254,5 +270,5 @@ def _is_labels(layer: Layer | None) -> TypeGuard[Labels]:
     return isinstance(layer, Labels)
 
 
-def _is_volume(layer: Layer) -> bool:
-    return _is_labels(layer) or (_is_image(layer) and layer.ndim == 3 and not layer.rgb)
+def _is_users_labels(layer: Layer) -> TypeGuard[Labels]:
+    return isinstance(layer, Labels) and is_users(layer)
