@@ -285,6 +285,12 @@ class Sprite:
         drawn = sum(8 * p.size[0] * p.size[1] for p in self.textures.values())
         return self.patch.rgba.nbytes + self.patch.depth.nbytes + drawn
 
+    @property
+    def place(self) -> PivotPlace:
+        """The rectangle of its image, without a silhouette's margin."""
+        z, y, x = (float(v) for v in self.pose.center)
+        return sprite_place(self.patch, (z, y, x), self.mm)
+
     def moved(self, pose: Pose) -> Sprite:
         """Return the same image elsewhere."""
         return replace(self, pose=pose)
@@ -308,9 +314,7 @@ class Sprite:
             Laid under it.
         opacity : float, optional
         """
-        z, y, x = (float(v) for v in self.pose.center)
-        place = sprite_place(self.patch, (z, y, x), self.mm)
-        margin = silhouette.margin * self.mm
+        place, margin = self.place, silhouette.margin * self.mm
         half = place.half[0] + margin, place.half[1] + margin
         return Quad(self.texture(silhouette), replace(place, half=half), opacity)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -17,6 +17,7 @@ from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
 from napari_unpack.viewer.layer_tables import describe
+from napari_unpack.viewer.multi_selection import RubberBand, chosen
 from napari_unpack.viewer.protocols import MouseEvent, Pixel, PointerTarget
 
 if TYPE_CHECKING:
@@ -131,9 +132,18 @@ class Interaction:
         target.overlays.ghost.point_at(0 if target.renderer.inspected else object_id)
         self.selection_changed()
 
-    def select(self, object_id: int) -> None:
-        """Select an object, 0 for none."""
-        self._target.session.select([object_id] if object_id else [])
+    def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
+        """Select an object, or add it to what is selected.
+
+        Parameters
+        ----------
+        object_id : int
+            0 for none.
+        modifiers : collection of str
+            Keys held, see `chosen`.
+        """
+        session = self._target.session
+        session.select(chosen(session.selected, object_id, modifiers))
 
     def selection_changed(self) -> None:
         """Outline the selected objects and the one under the mouse."""
@@ -254,7 +264,7 @@ class Interaction:
         if grip is not None and (moved or self.drawing):
             grip.release()
         elif not moved and not self._target.renderer.inspected:
-            self._click(start, "Alt" in modifiers)
+            self._click(start, modifiers)
 
     def _grip(self, start: Pixel, modifiers: set[str]) -> _Grip | None:
         """Return what a drag that begins here does; None turns the view."""
@@ -262,6 +272,8 @@ class Interaction:
         held = inspected or self.sprite_at(start)
         if self.drawing:
             return _Pencil(self, start, "Shift" in modifiers)
+        if "Control" in modifiers and not inspected:
+            return RubberBand(self._target, self.frame_pixel, start)
         if held and not modifiers:
             return _Turn(self._target, held)
         if held and modifiers == {"Shift"} and not inspected:
@@ -270,6 +282,7 @@ class Interaction:
 
     def _click_in_slice(self, event: MouseEvent) -> Generator[None, None, None]:
         start, there, moved = _pixel(event), event.position, False
+        modifiers = _modifiers(event)
         yield
         while event.type == "mouse_move":
             moved = moved or _is_far(_pixel(event), start)
@@ -277,7 +290,7 @@ class Interaction:
         if not moved:
             steps = self._target.slice_steps
             with nullcontext() if steps is None else steps.held():
-                self.select(self.in_slice(there))
+                self.select(self.in_slice(there), modifiers)
 
     @contextmanager
     def _camera_held(self, held: bool) -> Generator[None, None, None]:
@@ -292,19 +305,19 @@ class Interaction:
             if held:
                 camera.mouse_pan = before
 
-    def _click(self, pixel: Pixel, deeper: bool) -> None:
+    def _click(self, pixel: Pixel, modifiers: set[str]) -> None:
         sprite = self.sprite_at(pixel)
         if sprite:
-            self.select(sprite)
+            self.select(sprite, modifiers)
             return
         there, which = self.packed_at(pixel), 0
-        if deeper and there:
+        if "Alt" in modifiers and there:
             # Another click at the same place goes on from where the last one got.
             last, step = self._clicked
             near = last is not None and not _is_far(pixel, last)
             which = (step + 1 if near else 1) % len(there)
         self._clicked = pixel, which
-        self.select(there[which] if there else 0)
+        self.select(there[which] if there else 0, modifiers)
 
 
 class _Grip(Protocol):

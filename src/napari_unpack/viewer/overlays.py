@@ -18,6 +18,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.direction_arrow import DirectionArrow
 from napari_unpack.viewer.ghost import Ghost
+from napari_unpack.viewer.protocols import Drawing
 from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
 if TYPE_CHECKING:
@@ -224,6 +225,8 @@ class Overlays:
     outlines : OutlineRenderer
     ghost : Ghost
     arrow : DirectionArrow
+    drawings : list of Drawing
+        What else is drawn, for as long as it is in the list.
     """
 
     def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
@@ -233,6 +236,7 @@ class Overlays:
         self.outlines = OutlineRenderer(session, scheduler, show)
         self.ghost = Ghost(session, scheduler, show)
         self.arrow = DirectionArrow(session)
+        self.drawings: list[Drawing] = []
 
     @property
     def outlines_unpackable(self) -> bool:
@@ -288,5 +292,5 @@ class Overlays:
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return everything to draw."""
-        parts = (self.outlines, self.ghost, self.arrow)
+        parts: tuple[Drawing, ...] = (self.outlines, self.ghost, self.arrow, *self.drawings)
         return [quad for part in parts for quad in part.quads_at(frame)]

@@ -14,10 +14,13 @@ if TYPE_CHECKING:
     from napari_unpack.layers.packed_layer import PackedLayer
     from napari_unpack.layers.sprite_layer import SpriteLayer
     from napari_unpack.layers.transition_layer import TransitionLayer
+    from napari_unpack.layers.view_camera import Frame
+    from napari_unpack.rendering.gl.depth_quads import Quad
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import ControllerEvents
     from napari_unpack.viewer.overlays import Overlays
     from napari_unpack.viewer.scene_renderer import SceneRenderer
+    from napari_unpack.viewer.scheduler import Scheduler
     from napari_unpack.viewer.slice_sync import SliceSteps
 
 # (2,) row and column of the canvas, logical pixels.
@@ -45,6 +48,13 @@ class MouseEvent(Protocol):
     handled: bool
 
 
+class Drawing(Protocol):
+    """Something drawn over the bag."""
+
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return what is drawn on a frame, called at every draw."""
+
+
 class PointerTarget(Protocol):
     """What `Interaction` needs of a controller."""
 
@@ -67,6 +77,10 @@ class PointerTarget(Protocol):
     @property
     def overlays(self) -> Overlays:
         """Follows what the mouse is on."""
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """Runs what the mouse asks for."""
 
     @property
     def outer_session(self) -> Session | None:

@@ -27,13 +27,14 @@ KEYS = (
     ("C", "recolour"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
-    ("Esc", "leave or cancel"),
+    ("Esc", "leave, cancel or select nothing"),
 )
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),
     ("Shift+drag", "moves a sprite"),
     ("Double click", "on a sprite inspects it"),
-    ("Click", "selects; with Alt, the object behind"),
+    ("Click", "selects; with Ctrl or Shift, several; with Alt, the object behind"),
+    ("Ctrl+drag", "selects what it encloses"),
     ("Wheel", "zooms"),
 )
 
@@ -120,6 +121,8 @@ class Shortcuts:
             self._commands.leave()
         elif self._planner.plan is not None:
             self._planner.forget()
+        elif controller.session.selected:
+            self._commands.select(())
         else:
             self._commands.leave_container()
 

@@ -1,0 +1,204 @@
+"""Several objects selected by hand: Ctrl and Shift with a click, and a rubber band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.layers.rendered_image import FRONT, Sprite
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.gl.depth_quads import Quad
+from napari_unpack.rendering.gl.lines import FlatStroke
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.protocols import Pixel, PointerTarget
+from napari_unpack.viewer.scheduler import Worker
+
+if TYPE_CHECKING:
+    from napari_unpack.appearance import TransferFunction
+    from napari_unpack.rendering.scene import Scene
+    from napari_unpack.session.ray_queries import RayQueries
+
+INK, HALO = (0.45, 0.9, 1.0, 0.95), (0.0, 0.0, 0.0, 0.5)
+
+# Of an object's visible pixels so many may lie outside the band: nobody draws along edges.
+STRAY = 0.03
+# Rays of the longer side: enough for a coin, and below a tenth of a second.
+MOST_RAYS = 800
+# Voxels of an object that are looked at to see whether it shows at all.
+MOST_VOXELS = 50_000
+
+
+def chosen(selected: frozenset[int], object_id: int, modifiers: Collection[str]) -> frozenset[int]:
+    """Return what is selected after a click.
+
+    Parameters
+    ----------
+    selected : frozenset of int
+        Before it.
+    object_id : int
+        What was clicked, 0 for nothing.
+    modifiers : collection of str
+        Keys held: Control adds the object or takes it out, Shift adds it. On macOS Qt calls Cmd
+        Control.
+    """
+    clicked = frozenset([object_id]) - {0}
+    if "Control" in modifiers:
+        return selected ^ clicked
+    return selected | clicked if "Shift" in modifiers else clicked
+
+
+class RubberBand:
+    """A rectangle drawn by a drag; what it encloses is added to the selection when it is let go.
+
+    Parameters
+    ----------
+    target : PointerTarget
+    frame_pixel : callable
+        Returns the frame's pixel of one of the canvas.
+    start : (2,) ndarray of float64
+        Pixel of the canvas where the drag begins, row and column.
+    """
+
+    def __init__(
+        self,
+        target: PointerTarget,
+        frame_pixel: Callable[[Pixel], tuple[float, float]],
+        start: Pixel,
+    ) -> None:
+        self._target, self._frame_pixel = target, frame_pixel
+        self._corners = np.array([frame_pixel(start)] * 2)
+        self._strokes = FlatStroke(HALO, 3.0, FRONT), FlatStroke(INK, 1.5, FRONT)
+
+    def drag(self, _last: Pixel, pixel: Pixel) -> None:
+        """Draw it up to a corner.
+
+        Parameters
+        ----------
+        _last, pixel : (2,) ndarray of float64
+            Of the canvas.
+        """
+        self._corners[1] = self._frame_pixel(pixel)
+        drawings = self._target.overlays.drawings
+        if self not in drawings:
+            drawings.append(self)
+        self._target.renderer.transition.repaint()
+
+    def release(self) -> None:
+        """Draw it no longer, and select."""
+        target = self._target
+        if self in target.overlays.drawings:
+            target.overlays.drawings.remove(self)
+        target.renderer.transition.repaint()
+        frame, session = target.renderer.frame, target.session
+        if frame is None:
+            return
+        low, high = self._corners.min(axis=0), self._corners.max(axis=0)
+        sprites = target.renderer.sprites
+        found = enclosed_sprites(sprites.sprites if sprites.visible else {}, frame, low, high)
+        session.select(session.selected | found)
+        if not target.renderer.packed.visible:
+            return
+        scene, rays = session.scene(), session.ray_queries
+        packed = [i for i, state in session.states.items() if state is ObjectState.PACKED]
+        target.scheduler.submit(
+            Task("rubber band", lambda _: enclosed(scene, rays, packed, frame, low, high)),
+            Worker.BACKGROUND,
+            lambda ids: session.select(session.selected | (ids & set(session.ids))),
+        )
+
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the lines of its four sides."""
+        (top, left), (bottom, right) = self._corners
+        corners = np.array([(top, left), (top, right), (bottom, right), (bottom, left)])
+        sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        return [quad for stroke in self._strokes for quad in stroke.quads(sides, frame.size)]
+
+
+def enclosed(
+    scene: Scene,
+    rays: RayQueries,
+    packed: Sequence[int],
+    frame: Frame,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> frozenset[int]:
+    """Return the packed objects all of whose visible pixels lie in a rectangle; for workers.
+
+    Parameters
+    ----------
+    scene : Scene
+    rays : RayQueries
+        Of the scene's labels.
+    packed : sequence of int
+        What is in the bag.
+    frame : Frame
+        What the canvas shows.
+    low, high : (2,) ndarray of float64
+        Corners of the rectangle, row and column of the frame.
+    """
+    visible = np.zeros(len(scene.packed_tints), np.bool_)
+    visible[[i for i in packed if _shows(scene, i, scene.transfer_function)]] = True
+    share = min(1.0, MOST_RAYS / max(frame.size))
+    size = max(1, round(frame.size[0] * share)), max(1, round(frame.size[1] * share))
+    # Threads have no GL context.
+    ids = rays.object_ids(frame.camera, visible, size, 1, scene.clipping, "cpu")[0]
+    first, last = (low + 0.5) * share - 0.5, (high + 0.5) * share - 0.5
+    rows, cols = (np.arange(n) for n in size)
+    in_rows = (rows >= first[0]) & (rows <= last[0])
+    in_cols = (cols >= first[1]) & (cols <= last[1])
+    whole = np.bincount(ids.ravel(), minlength=len(visible))
+    inside = np.bincount(ids[np.ix_(in_rows, in_cols)].ravel(), minlength=len(visible))
+    found = (whole > 0) & (inside >= (1 - STRAY) * whole)
+    return frozenset(int(i) for i in np.flatnonzero(found) if i > 0)
+
+
+def _shows(scene: Scene, object_id: int, function: TransferFunction) -> bool:
+    """Return whether anything of an object is opaque enough to be seen."""
+    window = scene.boxes.slices(object_id)
+    volume, labels = scene.volume[window], scene.label_data.labels[window]
+    step = max(1, int((labels.size / MOST_VOXELS) ** (1 / 3)))
+    thin = (slice(None, None, step),) * 3
+    densities = np.asarray(volume[thin])[labels[thin] == object_id]
+    return bool(densities.size) and bool((function.opacity_at(densities) > 0).any())
+
+
+def enclosed_sprites(
+    sprites: Mapping[int, Sprite],
+    frame: Frame,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> frozenset[int]:
+    """Return the objects whose sprites lie in a rectangle.
+
+    Parameters
+    ----------
+    sprites : mapping of int to Sprite
+    frame : Frame
+        What the canvas shows.
+    low, high : (2,) ndarray of float64
+        Corners of the rectangle, row and column of the frame.
+    """
+    found = []
+    for object_id, sprite in sprites.items():
+        box = sprite_pixels(sprite, frame)
+        if (box[0] >= low).all() and (box[1] <= high).all():
+            found.append(object_id)
+    return frozenset(found)
+
+
+def sprite_pixels(sprite: Sprite, frame: Frame) -> NDArray[np.float64]:
+    """Return the rectangle that a sprite covers, (2, 2): first and last row and column.
+
+    Parameters
+    ----------
+    sprite : Sprite
+    frame : Frame
+        What the canvas shows.
+    """
+    place = sprite.place
+    center, half = np.array(place.center), np.array([0.0, *place.half])
+    return frame.camera.pixels(np.stack([center - half, center + half]), frame.size)
