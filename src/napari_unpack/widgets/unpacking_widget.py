@@ -20,6 +20,7 @@ from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import Shortcuts, help_text
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
+from napari_unpack.widgets.wheel_guard import WheelGuard
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class UnpackingWidget(QWidget):
         self._ended = False
         self._was_docked = False
         self._arrange()
+        WheelGuard(self)
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
         scheduler = self.workspace.scheduler
