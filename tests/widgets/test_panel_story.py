@@ -232,17 +232,6 @@ def test_objects_found_once_more_take_the_place_of_those_found_before(
     assert [viewer.layers[name].visible for name in own] == [False, True, True, True]
 
 
-def test_closing_the_dock_takes_the_controller_down(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
-) -> None:
-    image, expert = add_bag(viewer)
-    controller_with(panel, qtbot, expert)
-    assert len(viewer.layers) == 5
-    viewer.window.remove_dock_widget(panel)
-    qtbot.waitUntil(lambda: len(viewer.layers) == 2, timeout=20000)
-    assert image.visible
-
-
 def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
     viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:

@@ -25,6 +25,7 @@ from vispy.gloo.context import get_current_canvas
 
 if TYPE_CHECKING:
     import napari
+    from qtpy.QtWidgets import QMainWindow
     from vispy.scene import SceneCanvas
 
     from napari_unpack.layers.view_camera import Frame
@@ -93,6 +94,12 @@ def native_canvas(viewer: napari.Viewer) -> SceneCanvas | None:
     qt_viewer = getattr(window, "_qt_viewer", None)
     canvas = getattr(qt_viewer, "canvas", None)
     return getattr(canvas, "_scene_canvas", None)
+
+
+def native_window(viewer: napari.Viewer) -> QMainWindow | None:
+    """Return the Qt window of a viewer, or None where it has none any more."""
+    window = getattr(unwrap(viewer), "window", None)
+    return getattr(window, "_qt_window", None)
 
 
 class RedrawHook:
@@ -240,8 +247,7 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     -----
     The window keeps the owner of the callback alive until then.
     """
-    window = getattr(unwrap(viewer), "window", None)
-    qt_window = getattr(window, "_qt_window", None)
+    qt_window = native_window(viewer)
     if qt_window is None:
         return lambda: None
 

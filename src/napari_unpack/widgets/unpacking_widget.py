@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Self
 
 import napari
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
-from qtpy.QtWidgets import QScrollArea, QVBoxLayout, QWidget
+from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
+from napari_unpack.layers import compat
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
@@ -26,6 +28,15 @@ from napari_unpack.widgets.workspace import Change, Workspace
 if TYPE_CHECKING:
     from napari.utils.events import Event
     from qtpy.QtGui import QCloseEvent, QShowEvent
+
+
+def outermost(widget: QWidget) -> QWidget:
+    """Return the window that a widget stands in, of a floating dock the one it belongs to."""
+    window = widget.window()
+    # A floating dock is a window of its own: closing it hides what is in it, and ends nothing.
+    while window.parentWidget() is not None:
+        window = window.parentWidget().window()
+    return window
 
 
 class KeepFramed(QObject):
@@ -79,10 +90,26 @@ class UnpackingWidget(QWidget):
     ----------
     napari_viewer : napari.Viewer
         Passed by napari.
+
+    Notes
+    -----
+    A viewer has one panel. When its dock is closed it lives on, unseen, in the viewer's window,
+    and its session stays in the 3D view: opened again, from whichever menu, it is as it was.
     """
 
+    _ended = True
+
+    def __new__(cls, napari_viewer: napari.viewer.Viewer) -> Self:
+        """Return the panel that this viewer has already, or else a new one."""
+        window = compat.native_window(napari_viewer)
+        known = [] if window is None else window.findChildren(cls)
+        return next((one for one in known if not one._ended), None) or super().__new__(cls)
+
     def __init__(self, napari_viewer: napari.viewer.Viewer) -> None:
+        if not self._ended:
+            return
         super().__init__()
+        self._ended = False
         self.setObjectName("unpacking_panel")
         self.setWindowTitle("Virtual Unpacking")
         self._viewer = napari_viewer
@@ -100,8 +127,6 @@ class UnpackingWidget(QWidget):
         self.workspace.unpackable.connect(
             lambda ids: self.objects.mark_unpackable(ids or frozenset())
         )
-        self._ended = False
-        self._was_docked = False
         self._arrange()
         WheelGuard(self)
         self._dress()
@@ -164,9 +189,9 @@ class UnpackingWidget(QWidget):
         super().closeEvent(event)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Watch the window that the panel stands in, to end when that closes."""
+        """Watch the viewer's window, to end when that closes."""
         super().showEvent(event)
-        self.window().installEventFilter(self)
+        outermost(self).installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """End after the window closed.
@@ -176,21 +201,30 @@ class UnpackingWidget(QWidget):
         watched : QObject
         event : QEvent
         """
-        if event.type() == QEvent.Type.Close and watched is self.window():
+        if event.type() == QEvent.Type.Close and watched is outermost(self):
             # Only after: the user may still call a close off, and then nothing may have ended.
             self.workspace.scheduler.soon(self._end_with_window)
         return False
 
     def _end_with_window(self) -> None:
-        if not self.window().isVisible():
+        if not outermost(self).isVisible():
             self.end()
 
     def event(self, event: QEvent) -> bool:
-        """End when napari takes the panel out of its dock: it is neither hidden nor closed then."""
-        if event.type() == QEvent.Type.ParentAboutToChange:
-            self._was_docked = self.parent() is not None
-        # napari neither hides nor closes a widget that it removes from its dock.
-        taken_out = event.type() == QEvent.Type.ParentChange and self.parent() is None
-        if taken_out and self._was_docked:
-            self.end()
+        """Follow napari, which puts the panel into docks and takes it out of them."""
+        if event.type() == QEvent.Type.ParentAboutToChange and isinstance(self.parent(), QWidget):
+            # Only after: Qt has not done with this change of parents.
+            follow = partial(self._leave_dock, self.parent(), outermost(self))
+            self.workspace.scheduler.soon(follow)
         return bool(super().event(event))
+
+    def _leave_dock(self, dock: QWidget, window: QWidget) -> None:
+        """Stay in the viewer's window without a dock, or be seen in another."""
+        if self.parent() is None:
+            self.setParent(window)
+            return
+        self.show()
+        # napari's menu and its API know the dock by two names: the one may follow the other.
+        for other in window.findChildren(QDockWidget):
+            if other is dock and other.widget() is None:
+                self._viewer.window.remove_dock_widget(other)
