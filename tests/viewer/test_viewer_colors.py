@@ -63,7 +63,7 @@ def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> Non
     assert controller.statistics.packed_passes == passes + 1
     # The picture under the hand, coarser, comes as soon as this is told.
     shown = canvas(viewer)
-    session.events.transfer_function.emit(session.transfer_function)
+    controller.renderer.packed_renderer.recast()
     assert controller.settle(30)
     assert np.abs(canvas(viewer) - shown).mean() < 0.3
 
