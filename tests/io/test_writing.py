@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from napari_unpack.atomic import written_atomically
 from napari_unpack.io import save_objects_csv, save_png
-from napari_unpack.io.atomic import written_atomically
 
 
 def test_the_table_of_objects_has_the_id_first(tmp_path: Path) -> None:

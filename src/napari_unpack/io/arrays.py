@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_atomically
+from napari_unpack.atomic import written_atomically
 from napari_unpack.io.scan import (
     Scan,
     Spacing,

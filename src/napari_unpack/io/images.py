@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import checked_target, written_atomically
+from napari_unpack.atomic import checked_target, written_atomically
 
 
 def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:

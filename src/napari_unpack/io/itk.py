@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_atomically
+from napari_unpack.atomic import written_atomically
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
@@ -45,9 +45,7 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     try:
         image = sitk.ReadImage(str(path))
     except RuntimeError as error:
-        # Only the last line says what is wrong; those before name ITK's sources.
-        reason = str(error).strip().splitlines()[-1]
-        raise ValueError(f"{path} is not a readable volume: {reason}") from error
+        raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
     if image.GetNumberOfComponentsPerPixel() != 1:
         raise ValueError(
             f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
@@ -80,9 +78,46 @@ def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     ------
     ImportError
         If SimpleITK is missing.
+    ValueError
+        If the format knows no such numbers.
+    OSError
+        If it could not be written whole.
     """
     sitk = needed("SimpleITK", "SimpleITK", f"writing {path.suffix} files")
-    image = sitk.GetImageFromArray(array)
+    # ITK prints to the terminal what the errors below say in a sentence.
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    try:
+        image = sitk.GetImageFromArray(array)
+    except (TypeError, KeyError) as error:
+        raise ValueError(f"{path.name} cannot hold {array.dtype} numbers; write .npz") from error
     image.SetSpacing(spacing[::-1])
-    with written_atomically(path) as temporary:
-        sitk.WriteImage(image, str(temporary), useCompression=True)
+    with written_atomically(path, lambda file: _check_written(sitk, file, array)) as temporary:
+        try:
+            sitk.WriteImage(image, str(temporary), useCompression=True)
+        except RuntimeError as error:
+            raise OSError(_last_line(error)) from error
+
+
+def _check_written(sitk: Any, path: Path, array: NDArray[Any]) -> None:
+    """Check size, type, and the first and last slice of a file: ITK reports no full disk."""
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    planes, rows, columns = array.shape
+    try:
+        reader.ReadImageInformation()
+        whole = reader.GetSize() == (columns, rows, planes)
+        for plane in (0, planes - 1) if whole else ():
+            reader.SetExtractIndex((0, 0, plane))
+            reader.SetExtractSize((columns, rows, 1))
+            found = sitk.GetArrayFromImage(reader.Execute())[0]
+            equal = np.array_equal(found, array[plane], equal_nan=array.dtype.kind == "f")
+            whole = whole and found.dtype == array.dtype and equal
+    except RuntimeError as error:
+        raise OSError("it cannot be read back: is the disk full?") from error
+    if not whole:
+        raise OSError("it is not whole: is the disk full?")
+
+
+def _last_line(error: RuntimeError) -> str:
+    # Only the last line says what is wrong; those before name ITK's sources.
+    return str(error).strip().splitlines()[-1]

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory, TemporaryFile
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.atomic import folder_written_atomically, written_atomically
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
-from napari_unpack.io.atomic import folder_written_atomically, written_atomically
 from napari_unpack.io.headless import copy_session, decorated, frame_bag, packed_count
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene_image
@@ -83,18 +83,17 @@ def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable
     size : (int, int)
         Height and width, even.
     fps : int
+
+    Raises
+    ------
+    OSError
+        If it could not be written whole.
     """
-    with _encoded(
-        path,
-        size,
-        fps=fps,
-        codec="libx264",
-        # Of 10, where the library's own 5 blurs the grain of textures.
-        quality=8,
-        macro_block_size=2,
-        # The index stands in front, so that a browser plays it while it loads.
-        output_params=["-movflags", "+faststart"],
-    ) as write:
+    # Colour at half the resolution, which is what browsers play.
+    codec = ("-vcodec", "libx264", "-pix_fmt", "yuv420p")
+    # Of 0 to 51, where ffmpeg's own 23 blurs the grain of textures. The index stands in front,
+    # so that a browser plays it while it loads.
+    with _encoded(path, size, fps, *codec, "-crf", "10", "-movflags", "+faststart") as write:
         yield write
 
 
@@ -105,12 +104,10 @@ def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Fram
     A ninth as large as with colours chosen frame by frame and dithered: what stands still
     stays the same and is left out.
     """
-    with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
+    with TemporaryDirectory(dir=path.parent, prefix=f"{path.stem}-") as folder:
         # Without loss in between: a second encoder would turn noise of the first into colours.
         lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
-        with _encoded(
-            lossless, size, fps=fps, codec="ffv1", pix_fmt_out="bgr0", macro_block_size=2
-        ) as write:
+        with _encoded(lossless, size, fps, "-vcodec", "ffv1", "-pix_fmt", "bgr0") as write:
             yield write
         _ffmpeg("-i", str(lossless), "-vf", "palettegen", str(colors))
         # No dithering: its pattern changes from frame to frame, and nothing would stand still.
@@ -120,33 +117,61 @@ def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Fram
 
 @contextmanager
 def _encoded(
-    path: Path, size: tuple[int, int], **options: Any
+    path: Path, size: tuple[int, int], fps: int, *options: str
 ) -> Iterator[Callable[[Frame], None]]:
-    import imageio_ffmpeg
+    # ffmpeg counts width first.
+    raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[1]}x{size[0]}", "-r", str(fps))
+    command = _command(*raw, "-i", "-", "-an", *options, str(path))
+    # A file takes what ffmpeg says: a pipe that nobody reads would fill and stop it.
+    with TemporaryFile() as said:
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said
+        )
+        frames = process.stdin
+        assert frames is not None, "it was asked for"
+        broken = False
+        try:
+            try:
+                yield lambda frame: _send(frames, frame)
+                frames.close()
+            except BrokenPipeError:
+                # ffmpeg has ended early; what it said tells why.
+                broken = True
+            # imageio-ffmpeg's own writer ignores this status: a full disk left half a film.
+            if process.wait() or broken:
+                said.seek(0)
+                raise _unwritten(process, said.read().decode(errors="replace"))
+        finally:
+            process.kill()
+            process.wait()
+            with suppress(BrokenPipeError):
+                frames.close()
 
-    writer = imageio_ffmpeg.write_frames(
-        # ffmpeg counts width first.
-        str(path),
-        (size[1], size[0]),
-        ffmpeg_log_level="error",
-        **options,
-    )
-    # Starts the generator, which takes frames from its first yield on.
-    writer.send(None)
-    try:
-        yield lambda frame: writer.send(np.ascontiguousarray(frame))
-    finally:
-        writer.close()
+
+def _send(stream: IO[bytes], frame: Frame) -> None:
+    stream.write(np.ascontiguousarray(frame).data)
 
 
 def _ffmpeg(*arguments: str) -> None:
+    # No stdin: ffmpeg would read the terminal's keys.
+    done = subprocess.run(
+        _command(*arguments), capture_output=True, text=True, stdin=subprocess.DEVNULL
+    )
+    if done.returncode:
+        raise _unwritten(done, done.stderr)
+
+
+def _command(*arguments: str) -> list[str]:
     from imageio_ffmpeg import get_ffmpeg_exe
 
-    command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
-    # No stdin: ffmpeg would read the terminal's keys.
-    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-    if done.returncode:
-        raise OSError(f"the movie could not be written: {done.stderr.strip()[-300:]}")
+    return [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
+
+
+def _unwritten(
+    process: subprocess.Popen[bytes] | subprocess.CompletedProcess[str], said: str
+) -> OSError:
+    # Its last words: those before repeat them for every stream. A killed one says nothing.
+    return OSError(said.strip()[-300:] or f"ffmpeg ended with status {process.returncode}")
 
 
 def _images_writer(folder: Path) -> Callable[[Frame], None]:

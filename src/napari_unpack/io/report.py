@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.atomic import checked_target, written_atomically
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.io.atomic import checked_target, written_atomically
 from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene_image, sprite_image

@@ -19,7 +19,11 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import folder_written_atomically, written_atomically
+from napari_unpack.atomic import (
+    folder_written_atomically,
+    recover_folder,
+    written_atomically,
+)
 
 # 16 MB: progress moves and cancelling works, yet zlib has enough to work on.
 SLAB = 1 << 24
@@ -276,6 +280,7 @@ def opened_for_reading(path: Path) -> Iterator[Source]:
     FileNotFoundError, ValueError
         If there is no session.
     """
+    recover_folder(path)
     if not path.exists():
         raise FileNotFoundError(f"no such session: {path}")
     if path.is_dir():
@@ -290,6 +295,7 @@ def opened_for_reading(path: Path) -> Iterator[Source]:
 def holds_session(path: Path) -> bool:
     """Tell, from names alone, whether a file or folder is a session."""
     try:
+        recover_folder(path)
         if path.is_dir():
             return (path / MANIFEST).is_file()
         # A broken one is a session too: opening it says what is wrong.

@@ -100,36 +100,29 @@ def save_session(
     files = {"volume": volume_path, "labels": labels_path}
     # Shares of the progress: the volume compresses worst and takes longest.
     ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
-    try:
-        with opened_for_writing(target) as sink:
-            for name, array in arrays.items():
-                file = files[name]
-                told = _part(tell, *ends[name], f"Saving the {name}")
-                if copy or file is None:
-                    with sink.open(f"{name}.npz") as stream:
-                        facts = write_array(stream, array, told)
-                    where = {"file": f"{name}.npz"}
-                else:
-                    # Measured even where it is not copied in, so that a changed file is noticed.
-                    facts = ArrayFacts.of(array)
-                    where = {"reference": _reference(Path(file), target, name, facts)}
-                manifest[name] = where | {
-                    "shape": list(facts.shape),
-                    "dtype": facts.dtype,
-                    "sha256": facts.sha256,
-                }
-            tell(0.9, "Saving the state")
-            # Small and before the manifest, which makes a folder a session: it comes last.
-            with sink.open("picture.png") as stream:
-                stream.write(_picture(scene, camera))
-            with sink.open(MANIFEST) as stream:
-                stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
-    except OSError as error:
-        # These say all there is to say; the system's own errors lack what became of the old file.
-        if error.errno is None or isinstance(error, FileNotFoundError):
-            raise
-        reason = f"could not save {target}: {error.strerror}; what was there before is unchanged"
-        raise OSError(error.errno, reason) from error
+    with opened_for_writing(target) as sink:
+        for name, array in arrays.items():
+            file = files[name]
+            told = _part(tell, *ends[name], f"Saving the {name}")
+            if copy or file is None:
+                with sink.open(f"{name}.npz") as stream:
+                    facts = write_array(stream, array, told)
+                where = {"file": f"{name}.npz"}
+            else:
+                # Measured even where it is not copied in, so that a changed file is noticed.
+                facts = ArrayFacts.of(array)
+                where = {"reference": _reference(Path(file), target, name, facts)}
+            manifest[name] = where | {
+                "shape": list(facts.shape),
+                "dtype": facts.dtype,
+                "sha256": facts.sha256,
+            }
+        tell(0.9, "Saving the state")
+        # Small and before the manifest, which makes a folder a session: it comes last.
+        with sink.open("picture.png") as stream:
+            stream.write(_picture(scene, camera))
+        with sink.open(MANIFEST) as stream:
+            stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
     tell(1.0, "Saved")
     return target
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.io.atomic import written_atomically
+from napari_unpack.atomic import written_atomically
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "micron": 1e-3, "nm": 1e-6}
@@ -70,7 +70,7 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
         raise ValueError(
             f"a TIFF stack must be uint8, uint16 or float32, got {array.dtype}; write .npz or .mha"
         )
-    with written_atomically(path) as temporary:
+    with written_atomically(path, lambda file: _check_written(file, array)) as temporary:
         tifffile.imwrite(
             temporary,
             array,
@@ -79,6 +79,22 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
             resolution=(1 / spacing[2], 1 / spacing[1]),
             metadata={"axes": "ZYX", "spacing": spacing[0], "unit": "mm"},
         )
+
+
+def _check_written(path: Path, array: NDArray[Any]) -> None:
+    """Check the number of slices, and the first and the last, of a file."""
+    import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        stack = file.series[0]
+        whole = stack.shape == array.shape and stack.dtype == array.dtype
+        # ImageJ's stacks are one block behind one header: slices are cut from a map of it.
+        found = tifffile.memmap(path, mode="r") if whole else None
+    ends = [0, -1]
+    if found is None or not np.array_equal(
+        found[ends], array[ends], equal_nan=array.dtype.kind == "f"
+    ):
+        raise OSError("it is not whole: is the disk full?")
 
 
 def _imagej(file: Any) -> Spacing | None:

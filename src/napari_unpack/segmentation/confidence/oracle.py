@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.atomic import written_atomically
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture, fit_mixture, pooled
@@ -117,7 +118,7 @@ class Oracle:
         for side, mixture in (("good", self.good), ("bad", self.bad)):
             if mixture is not None:
                 arrays |= {f"{side}_{name}": getattr(mixture, name) for name in _MIXTURE}
-        with Path(path).open("wb") as file:
+        with written_atomically(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, format=FORMAT, features=np.array(FEATURES), **arrays)
 
     @staticmethod

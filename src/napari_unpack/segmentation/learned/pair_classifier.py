@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.atomic import written_atomically
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
 from napari_unpack.segmentation.common.validation import Spacing
@@ -259,7 +260,7 @@ class PairClassifier:
         layers = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"offset{k}": o for k, o in enumerate(self.offsets)}
         layers |= {"center": self.center, "scale": self.scale}
-        with Path(path).open("wb") as file:
+        with written_atomically(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, features=np.array(self.features), **layers)  # type: ignore[arg-type]
 
     @staticmethod

@@ -1,0 +1,317 @@
+"""Write a file, or a folder, wholly or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import secrets
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+# Hidden, and of a name that no other program uses: what a killed process left can be found again.
+_PREFIX = ".unpack-"
+
+_OLD = ".before"
+"""Ends the name under which a folder stands aside while another takes its place."""
+
+# Longer than any save takes: what another machine left in a shared folder is not swept before.
+_STALE_SECONDS = 7 * 86400.0
+
+
+def checked_target(path: str | Path, *suffixes: str) -> Path:
+    """Return where a file goes.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where it goes.
+    *suffixes : str
+        What its name may end in, lower case.
+
+    Raises
+    ------
+    ValueError
+        If its name ends in none of the suffixes, upper or lower case.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise ValueError(f"path must end in {' or '.join(suffixes)}, got {target.name!r}")
+    return target
+
+
+def check_writable(path: str | Path) -> None:
+    """Refuse a place where nothing can be written, before the work that makes the file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder does not exist.
+    PermissionError
+        If the file is read-only, or its folder takes no files.
+    """
+    target = _followed(path)
+    _check_mode(target)
+    # Tried, not asked: access rights say nothing of a read-only file system.
+    try:
+        _new_file(target).unlink()
+    except OSError as error:
+        raise PermissionError(
+            f"{target.name} cannot be written into {target.parent}: {error.strerror}"
+        ) from error
+
+
+def check_space(path: str | Path, size: int) -> None:
+    """Refuse a result that cannot fit beside what is there.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where it goes.
+    size : int
+        Bytes it takes at least.
+
+    Raises
+    ------
+    OSError
+        If so many are not free.
+    """
+    folder = Path(os.path.realpath(path)).parent
+    free = shutil.disk_usage(folder).free
+    if size > free:
+        raise OSError(
+            f"{Path(path).name} needs about {size / 1e6:,.0f} MB, but {folder} has "
+            f"{free / 1e6:,.0f} MB free: free some, or choose another folder"
+        )
+
+
+@contextmanager
+def written_atomically(
+    path: str | Path, check: Callable[[Path], None] | None = None
+) -> Iterator[Path]:
+    """Give a temporary path that replaces `path` on success and vanishes on any error.
+
+    It lies in the same folder and has the same suffixes. The new file has the mode and, where
+    allowed, the owner of the one it replaces; a link is followed and stays. The data are on the
+    disk before the name is taken.
+
+    Parameters
+    ----------
+    path : str or Path
+        What shall be written.
+    check : callable, optional
+        Given the temporary path once it is written; raising in it keeps the old file. For
+        writers that report no errors of their own.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder does not exist.
+    PermissionError
+        If the file that is there is read-only.
+    OSError
+        If the disk is full or refuses.
+    """
+    target = _followed(path)
+    _check_mode(target)
+    _sweep(target.parent)
+    temporary = _new_file(target)
+    try:
+        with _failure_told(target):
+            yield temporary
+            if check is not None:
+                check(temporary)
+            _keep_mode(temporary, target)
+            _sync(temporary)
+            temporary.replace(target)
+            _sync(target.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]:
+    """Give a temporary folder that replaces `path` on success and vanishes on any error.
+
+    Parameters
+    ----------
+    path : str or Path
+        What shall be written; the folder it stands in must exist.
+    is_ours : callable
+        Given what is there already, tells whether it may be replaced; an empty folder may.
+
+    Yields
+    ------
+    Path
+        An empty folder beside it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder it stands in does not exist.
+    ValueError
+        If something else is there.
+    """
+    target = _followed(path)
+    recover_folder(target)
+    if target.exists() and not (target.is_dir() and (is_ours(target) or not any(target.iterdir()))):
+        raise ValueError(f"{target} is there and holds something else: choose another name")
+    _sweep(target.parent)
+    # Hidden and beside it: one rename on one file system, and no half folder in sight.
+    temporary = target.parent / _own_name()
+    temporary.mkdir()
+    try:
+        with _failure_told(target):
+            yield temporary
+            for file in temporary.rglob("*"):
+                _sync(file)
+            _keep_mode(temporary, target)
+            _sync(temporary)
+            _replace_folder(temporary, target)
+    finally:
+        # After the rename there is nothing left to remove, which is no error.
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def recover_folder(path: Path) -> None:
+    """Put a folder back that a killed process had moved aside and not yet replaced.
+
+    To be called before a folder is looked for.
+    """
+    old = _aside(path)
+    if old.exists() and not path.exists():
+        old.replace(path)
+
+
+def _replace_folder(new: Path, path: Path) -> None:
+    # A folder cannot be renamed over another: the old one steps aside, and back on an error.
+    # Its name is known, so that `recover_folder` finds it after a kill between the two renames.
+    old = _aside(path)
+    shutil.rmtree(old, ignore_errors=True)
+    if path.exists():
+        path.replace(old)
+    try:
+        new.replace(path)
+    except OSError:
+        recover_folder(path)
+        raise
+    _sync(path.parent)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(f".{path.name}{_OLD}")
+
+
+@contextmanager
+def _failure_told(target: Path) -> Iterator[None]:
+    """Have errors of the system say which file they meant, and what became of the old one."""
+    try:
+        yield
+    except FileNotFoundError:
+        # Of something that is read meanwhile, which its own message names.
+        raise
+    except OSError as error:
+        reason = str(error.strerror or error).strip()
+        told = OSError(
+            f"{target} could not be written: {reason}; what was there before is unchanged"
+        )
+        # Set apart: given to the constructor, the number would stand before the sentence.
+        told.errno = error.errno
+        raise told from error
+
+
+def _followed(path: str | Path) -> Path:
+    """Return where a path leads, links followed, in a folder that exists."""
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
+    return target
+
+
+def _check_mode(target: Path) -> None:
+    # A rename asks nobody: without this a file that was write-protected would be replaced.
+    if target.is_file() and not target.stat().st_mode & 0o222:
+        raise PermissionError(f"{target} is read-only: choose another name, or make it writable")
+
+
+def _machine() -> str:
+    # Only told apart from others: a name of letters and digits fits every file system.
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+
+
+def _own_name() -> str:
+    return f"{_PREFIX}{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
+
+
+def _new_file(target: Path) -> Path:
+    """Make an empty file beside a target, with the mode that any new file has."""
+    # The last two suffixes: writers choose the format by `.nii.gz`, not by `.gz`.
+    suffix = "".join(target.suffixes[-2:])[-16:] or ".part"
+    temporary = target.with_name(_own_name() + suffix)
+    # Closed at once: writers open it by name, and Windows lets no two have it open.
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    return temporary
+
+
+def _keep_mode(temporary: Path, target: Path) -> None:
+    if not target.exists():
+        return
+    found = target.stat()
+    # Not everybody may give a file away, and not every file system knows owners and modes.
+    for owner in (found.st_uid, -1) if hasattr(os, "chown") else ():
+        with suppress(OSError):
+            os.chown(temporary, owner, found.st_gid)
+            break
+    with suppress(OSError):
+        temporary.chmod(found.st_mode & 0o7777)
+
+
+def _sync(path: Path) -> None:
+    """Have the disk store a file's data, or a folder's names, now."""
+    # Windows opens no folders; its renames are stored by the file system's own journal.
+    if path.is_dir() and os.name == "nt":
+        return
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what killed processes left half written in a folder."""
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            if entry.name.startswith(_PREFIX) and _is_stale(entry):
+                with suppress(OSError):
+                    if entry.is_dir(follow_symlinks=False):
+                        shutil.rmtree(entry.path, ignore_errors=True)
+                    else:
+                        os.unlink(entry.path)
+
+
+def _is_stale(entry: os.DirEntry[str]) -> bool:
+    parts = entry.name.removeprefix(_PREFIX).split("-")
+    if len(parts) < 3 or not parts[1].isdigit():
+        return False
+    # A process number means something on its own machine alone.
+    if parts[0] == _machine() and not _is_alive(int(parts[1])):
+        return True
+    return time.time() - entry.stat(follow_symlinks=False).st_mtime > _STALE_SECONDS
+
+
+def _is_alive(process: int) -> bool:
+    if os.name == "nt":
+        # There a signal of 0 would end the process.
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,185 @@
+"""Save every kind of file on a full disk, and while the process is killed.
+
+Run as `python tests/io/saves_at_risk.py full|killed FOLDER [ROUNDS [SEED]]`; prints one line of
+JSON for each format. A process of its own: limits and signals would meet the tests' as well.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import random
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+# The last three are imported late by the package: here, lest every child takes the time.
+import imageio.v3 as iio
+import imageio_ffmpeg  # noqa: F401
+import numpy as np
+import pandas as pd
+import SimpleITK  # noqa: F401
+import tifffile  # noqa: F401
+
+from napari_unpack.io import (
+    Scan,
+    load_volume,
+    open_session,
+    save_objects_csv,
+    save_png,
+    save_scan,
+    save_session,
+)
+from napari_unpack.io.movies import movie_writer
+from napari_unpack.session import Session
+
+SHAPE = (24, 96, 96)
+
+
+def noise(shape: tuple[int, ...], seed: int) -> Any:
+    """Return what no format can make small."""
+    return np.random.default_rng(seed).integers(0, 256, shape).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a kind of file is written, and which of two contents a file of it holds."""
+
+    write: Callable[[Path, int], object]
+    read: Callable[[Path], int]
+
+
+def _seed(array: Any, shape: tuple[int, ...]) -> int:
+    (found,) = [seed for seed in (0, 1) if np.array_equal(array, noise(shape, seed))]
+    return found
+
+
+def _film(path: Path, seed: int) -> None:
+    # The contents differ in length: what a lossy codec keeps of noise is no matter here.
+    with movie_writer(path, (128, 128), 10) as write:
+        for frame in noise((10 + 2 * seed, 128, 128, 3), seed):
+            write(frame)
+
+
+def _film_seed(path: Path) -> int:
+    if path.is_dir():
+        return (len(list(path.glob("frame-*.png"))) - 10) // 2
+    frames = iio.imread(path, index=None) if path.suffix == ".gif" else iio.imread(path)
+    return (len(frames) - 10) // 2
+
+
+def _session(path: Path, seed: int) -> None:
+    labels = np.zeros(SHAPE, np.uint16)
+    labels[4:20, 10:50, 10:50] = 1
+    save_session(Session(noise(SHAPE, seed), labels), path)
+
+
+_VOLUME = Kind(
+    lambda path, seed: save_scan(Scan(noise(SHAPE, seed), (1.0, 1.0, 1.0)), path),
+    lambda path: _seed(load_volume(path).volume, SHAPE),
+)
+_FILM = Kind(_film, _film_seed)
+_SESSION = Kind(_session, lambda path: _seed(open_session(path).volume, SHAPE))
+KINDS = {
+    **dict.fromkeys((".npz", ".nii", ".nii.gz", ".mha", ".nrrd", ".tif"), _VOLUME),
+    **dict.fromkeys((".mp4", ".gif", ""), _FILM),
+    **dict.fromkeys((".unpack", ".folder"), _SESSION),
+    ".csv": Kind(
+        lambda path, seed: save_objects_csv(pd.DataFrame({"x": noise((20000,), seed)}), path),
+        lambda path: _seed(pd.read_csv(path)["x"], (20000,)),
+    ),
+    ".png": Kind(
+        lambda path, seed: save_png(noise((200, 200, 3), seed), path),
+        lambda path: _seed(iio.imread(path), (200, 200, 3)),
+    ),
+}
+
+
+def digest(path: Path) -> str:
+    """Return what tells the bytes of a file, or of all files of a folder."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest()
+
+
+def size(path: Path) -> int:
+    """Return the bytes of a file, or of the largest of a folder."""
+    return max(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
+
+
+def on_a_full_disk(kind: Kind, path: Path) -> dict[str, Any]:
+    """Save over a good file where files may grow to a half of what is needed."""
+    kind.write(path, 0)
+    before, limits = digest(path), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size(path) // 2, limits[1]))
+    try:
+        kind.write(path, 1)
+    except OSError as error:
+        said = str(error)
+    else:
+        said = ""
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    return {
+        "said": said,
+        "kept": digest(path) == before,
+        "alone": [other.name for other in path.parent.iterdir()] == [path.name],
+    }
+
+
+def while_killed(kind: Kind, path: Path, rounds: int, chance: random.Random) -> dict[str, Any]:
+    """Save over a good file in children that are killed at any moment."""
+    kind.write(path, 0)
+    # Once to the end, for how long it takes; in a child, as libraries start threads.
+    seconds, held = _child(kind, path, 1, None), {0: 0, 1: 0}
+    for _ in range(rounds):
+        before = kind.read(path)
+        _child(kind, path, 1 - before, chance.uniform(0.0, 1.1 * seconds))
+        held[kind.read(path)] += 1
+    # The next save sweeps what the killed ones left.
+    _child(kind, path, 0, None)
+    alone = [other.name for other in path.parent.iterdir()] == [path.name]
+    return {"held": held, "alone": alone, "last": kind.read(path)}
+
+
+def _child(kind: Kind, path: Path, seed: int, after: float | None) -> float:
+    start = time.perf_counter()
+    child = os.fork()
+    # A group of its own, so that the encoder it starts is killed with it. On both sides: neither
+    # may go on before it is so.
+    with suppress(OSError):
+        os.setpgid(child, child)
+    if child == 0:
+        kind.write(path, seed)
+        os._exit(0)
+    if after is not None:
+        time.sleep(after)
+        os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return time.perf_counter() - start
+
+
+def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
+    """Try every kind of file."""
+    # Without this the system ends the process, where a full disk gives an error.
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    for suffix, kind in KINDS.items():
+        room = folder / (suffix.replace(".", "-") or "-images")
+        room.mkdir(parents=True)
+        path = room / f"bag{suffix}"
+        found = (
+            on_a_full_disk(kind, path)
+            if risk == "full"
+            else while_killed(kind, path, rounds, random.Random(seed))
+        )
+        print(json.dumps({"format": suffix, **found}), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), *map(int, sys.argv[3:]))

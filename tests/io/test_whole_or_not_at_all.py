@@ -1,0 +1,138 @@
+"""Every writer leaves the old file or the new one, whatever happens: see `saves_at_risk.py`."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from napari_unpack.atomic import (
+    check_space,
+    check_writable,
+    folder_written_atomically,
+    recover_folder,
+    written_atomically,
+)
+
+SCRIPT = Path(__file__).with_name("saves_at_risk.py")
+FORMATS = 13
+
+
+def tried(risk: str, folder: Path) -> list[dict[str, Any]]:
+    done = subprocess.run(
+        [sys.executable, SCRIPT, risk, folder], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == FORMATS
+    return found
+
+
+def test_a_full_disk_is_told_and_keeps_the_old_file(tmp_path: Path) -> None:
+    for found in tried("full", tmp_path):
+        assert found["kept"], found
+        assert found["alone"], found
+        assert "could not be written: " in found["said"], found
+        assert "what was there before is unchanged" in found["said"], found
+
+
+def test_a_kill_at_any_moment_leaves_one_of_the_two_files_whole(tmp_path: Path) -> None:
+    # Reading either of the two contents back is part of the script: anything else ends it.
+    for found in tried("killed", tmp_path):
+        assert sum(found["held"].values()) == 5, found
+        assert found["last"] == 0, found
+        assert found["alone"], "the next save sweeps what killed ones left"
+
+
+def save(path: Path, text: str) -> None:
+    with written_atomically(path) as temporary:
+        temporary.write_text(text)
+
+
+def test_a_link_is_followed_and_modes_are_kept(tmp_path: Path) -> None:
+    real, link = tmp_path / "real.txt", tmp_path / "link.txt"
+    save(real, "old")
+    mask = os.umask(0o022)
+    os.umask(mask)
+    assert stat.S_IMODE(real.stat().st_mode) == 0o666 & ~mask
+    real.chmod(0o640)
+    link.symlink_to(real)
+    save(link, "new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
+
+
+def test_a_read_only_file_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    save(path, "old")
+    path.chmod(0o444)
+    with pytest.raises(PermissionError, match="is read-only: choose another name"):
+        check_writable(path)
+    with pytest.raises(PermissionError, match="is read-only"):
+        save(path, "new")
+    assert path.read_text() == "old"
+
+
+def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        check_writable(tmp_path / "none" / "a.npz")
+    check_space(tmp_path / "a.npz", 1000)
+    with pytest.raises(OSError, match=r"needs about .* MB, but .* has .* MB free"):
+        check_space(tmp_path / "a.npz", 10**18)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_check_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    save(path, "old")
+
+    def refuse(written: Path) -> None:
+        assert written.read_text() == "new"
+        raise OSError("it is not whole")
+
+    with (
+        pytest.raises(OSError, match="it is not whole; what was there before is unchanged"),
+        written_atomically(path, refuse) as temporary,
+    ):
+        temporary.write_text("new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def save_folder(path: Path, text: str) -> None:
+    with folder_written_atomically(path, lambda _: True) as temporary:
+        (temporary / "a.txt").write_text(text)
+
+
+def test_a_folder_survives_a_kill_between_its_two_renames(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "bag"
+    save_folder(path, "old")
+    replace, moved = Path.replace, []
+
+    class KilledError(BaseException):
+        """What no handler catches."""
+
+    def killed(self: Path, target: Path) -> Path:
+        # The first rename moves the old folder aside, the second never comes.
+        if moved:
+            raise KilledError
+        moved.append(target)
+        return replace(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(KilledError):
+            save_folder(path, "new")
+    assert not path.exists()
+    recover_folder(path)
+    assert (path / "a.txt").read_text() == "old"
+    # A kill after the second rename leaves the old folder behind: the next save removes it.
+    (tmp_path / ".bag.before").mkdir()
+    save_folder(path, "new")
+    assert (path / "a.txt").read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
