@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from napari.layers import Image, Labels
 
-from napari_unpack.layers.placement import place_of
+from napari_unpack.layers.placement import place_of, spacing_of
 from napari_unpack.widgets.layer_inputs import (
     extra_axes,
     labels_of,
     misfit,
     names_of,
-    spacing_of,
     volume_of,
 )
 

@@ -14,6 +14,7 @@ from napari_unpack.geometry.rays import voxel_from_world
 
 if TYPE_CHECKING:
     import napari
+    import pint
 
     from napari_unpack.layers.compat import PictureLayer
 
@@ -125,6 +126,51 @@ def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
     ]
     matrix[:3] *= np.array(ratios)[:, None]
     return matrix
+
+
+def spacing_of(layer: Layer) -> tuple[float, float, float]:
+    """Read the voxel size of a layer of three dimensions or more from its transform.
+
+    Returns
+    -------
+    (float, float, float)
+        Millimetres, z y x. A world without a unit of length counts as millimetres.
+
+    Notes
+    -----
+    Scale, affine and units together. Where the layer is sheared, as by the gantry of a CT
+    scanner, it is the length of a pixel along x, the distance of rows, and the distance of
+    slices: their product is a voxel's true volume.
+    """
+    units = [_millimetres(unit) for unit in layer.units[-3:]]
+    edges = np.diag(units) @ data_to_world(layer)[:3, :3]
+    # A QR decomposition of the edges, x first: on its diagonal stands what each edge adds at
+    # right angles to those before it.
+    lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
+    # Products of affines leave 0.7999999999: twelve digits hide it and keep real differences.
+    z, y, x = (float(f"{mm:.12g}") for mm in lengths)
+    return (z, y, x)
+
+
+def _millimetres(unit: pint.Unit) -> float:
+    if dict(unit.dimensionality) != {"[length]": 1.0}:
+        return 1.0
+    return float((1.0 * unit).to("millimeter").magnitude)
+
+
+# Of a voxel's edge: less than this is rounding in a product of affines.
+SAME_SIZE = 1e-6
+
+
+def equal_spacing(a: ArrayLike, b: ArrayLike) -> bool:
+    """Return whether two voxel sizes are the same.
+
+    Parameters
+    ----------
+    a, b : (3,) array_like
+        mm, z y x.
+    """
+    return bool(np.allclose(a, b, rtol=SAME_SIZE, atol=0))
 
 
 def voxel_at(

@@ -11,6 +11,7 @@ from napari_unpack.layers.packed_layer import decorate_canvas
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.clipping_sync import ClippingSync
+from napari_unpack.viewer.placement_sync import PlacementSync
 from napari_unpack.viewer.protocols import Event
 from napari_unpack.viewer.redraw_throttle import RedrawThrottle
 from napari_unpack.viewer.slice_sync import SliceSteps
@@ -45,6 +46,7 @@ class ControllerConnections:
         one.slice_steps = steps = SliceSteps(viewer, followed, one.packed)
         one.interaction.open()
         clipping = ClippingSync(one.packed, one.session, one.sources, one.queries.moved)
+        placement = PlacementSync(viewer, one.session, one.layers, one.sources, self._rescaled)
         context = ContextWatch(canvas, self._replace_context, scheduler.later)
         throttle = RedrawThrottle(
             compat.RedrawHook(canvas),
@@ -59,6 +61,7 @@ class ControllerConnections:
             self._disconnect,
             steps.close,
             clipping.close,
+            placement.close,
             context.close,
             throttle.close,
         ]
@@ -141,6 +144,10 @@ class ControllerConnections:
     def _follow_transfer_function(self) -> None:
         self._controller.renderer.transfer_function_changed()
         self._controller.overlays.outlines.redraw()
+
+    def _rescaled(self, words: str) -> None:
+        self._controller.events.message.emit(words)
+        self._controller.events.rescaled.emit()
 
     def _replace_context(self) -> None:
         one = self._controller

@@ -51,7 +51,8 @@ class ControllerEvents(SignalGroup):
     message: a sentence for the user. closed: the session is off the viewer. searching: whether a
     command waits until it is known what can leave. unpackable: a frozenset of the IDs that can
     leave now, or None as soon as that is out of date. direction_drawn: a direction was drawn, or
-    that was called off.
+    that was called off. rescaled: the voxels of the user's layer have another size than the
+    session's.
     """
 
     frame = Signal()
@@ -59,6 +60,7 @@ class ControllerEvents(SignalGroup):
     message = Signal(str)
     closed = Signal()
     direction_drawn = Signal()
+    rescaled = Signal()
     searching = Signal(bool)
     unpackable = Signal(object)
 

@@ -14,11 +14,10 @@ from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QComboBox
 
 from napari_unpack.layers.compat import unwrap
-from napari_unpack.layers.placement import data_to_world
+from napari_unpack.layers.placement import spacing_of
 
 if TYPE_CHECKING:
     import napari
-    import pint
     from napari.utils.events import Event
 
 
@@ -363,36 +362,6 @@ def names_of(layer: Labels) -> dict[int, str]:
         return {}
     pairs = zip(features["index"], features["name"], strict=True)
     return {int(i): name for i, name in pairs if isinstance(name, str) and name}
-
-
-def spacing_of(layer: Layer) -> tuple[float, float, float]:
-    """Read the voxel size of a layer of three dimensions or more from its transform.
-
-    Returns
-    -------
-    (float, float, float)
-        Millimetres, z y x. A world without a unit of length counts as millimetres.
-
-    Notes
-    -----
-    Scale, affine and units together. Where the layer is sheared, as by the gantry of a CT
-    scanner, it is the length of a pixel along x, the distance of rows, and the distance of
-    slices: their product is a voxel's true volume.
-    """
-    units = [_millimetres(unit) for unit in layer.units[-3:]]
-    edges = np.diag(units) @ data_to_world(layer)[:3, :3]
-    # A QR decomposition of the edges, x first: on its diagonal stands what each edge adds at
-    # right angles to those before it.
-    lengths = np.abs(np.diag(np.linalg.qr(edges[:, ::-1], mode="r")))[::-1]
-    # Products of affines leave 0.7999999999: twelve digits hide it and keep real differences.
-    z, y, x = (float(f"{mm:.12g}") for mm in lengths)
-    return (z, y, x)
-
-
-def _millimetres(unit: pint.Unit) -> float:
-    if dict(unit.dimensionality) != {"[length]": 1.0}:
-        return 1.0
-    return float((1.0 * unit).to("millimeter").magnitude)
 
 
 def misfit(image: Layer, labels: Layer) -> str:

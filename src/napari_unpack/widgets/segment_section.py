@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -11,7 +11,7 @@ import numpy as np
 from napari.layers import Image, Labels, Layer
 
 from napari_unpack.layers.compat import unwrap
-from napari_unpack.layers.placement import place_of
+from napari_unpack.layers.placement import equal_spacing, place_of, spacing_of
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
@@ -77,6 +77,10 @@ class SegmentSection(Section):
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
         )
+        self.rescale = button(
+            "Use the new voxel size",
+            "Show the objects anew, with the voxel size that their layer has now.",
+        )
         self.progress = TaskProgress(
             workspace.scheduler, "Stop the work; nothing that is open changes."
         )
@@ -84,17 +88,16 @@ class SegmentSection(Section):
         self.contents.addLayout(form(Volume=self.volume_input))
         self.contents.addWidget(self.index)
         self.contents.addLayout(form(Objects=self.labels_input))
-        for widget in (self.start, self.sample, self.options, self.progress):
+        for widget in (self.start, self.rescale, self.sample, self.options, self.progress):
             self.contents.addWidget(widget)
 
         self.start.clicked.connect(lambda: self.run())
         self.sample.clicked.connect(self._add_sample)
+        self.rescale.clicked.connect(self._use_new_size)
         self.progress.ended.connect(self._finish)
         self.volume_input.chosen.connect(self._choose_volume)
         self.labels_input.chosen.connect(self._refresh)
-        workspace.switched.connect(self._refresh)
-        # The step is done and makes room for the next; without a session it opens again.
-        workspace.switched.connect(lambda: self.fold.setChecked(workspace.session is not None))
+        workspace.switched.connect(self._reload)
         workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)
         viewer.layers.selection.events.active.connect(self._follow_selection)
         # What was in the viewer before the panel counts as if it came now.
@@ -139,6 +142,30 @@ class SegmentSection(Section):
         elif self._is_source(layer) and not refusal_of(layer):
             self.volume_input.choose(layer)
 
+    def _reload(self) -> None:
+        controller = self._workspace.controller
+        # The step is done and makes room for the next; without a session it opens again.
+        self.fold.setChecked(controller is not None)
+        if controller is not None:
+            controller.events.rescaled.connect(self._offer_new_size)
+        self._refresh()
+
+    def _offer_new_size(self) -> None:
+        self.fold.setChecked(False)
+        self._refresh()
+
+    def _use_new_size(self) -> None:
+        """Open the labels of the session anew, under the names they have."""
+        controller = self._workspace.controller
+        if controller is None:
+            return
+        session, (volume, *labels) = controller.session, controller.sources
+        objects = session.objects["name"]
+        names = {session.label_of(i): str(objects[i]) for i in session.ids}
+        self.volume_input.choose(volume)
+        self.labels_input.choose(labels[0] if labels else volume)
+        self.run(names=names)
+
     def _refresh(self) -> None:
         image, labels = self.volume_input.layer, self.labels_input.layer
         idle = not self.progress.running
@@ -157,19 +184,31 @@ class SegmentSection(Section):
         self.index.setEnabled(idle)
         # Labels without a volume have no densities to find other objects by.
         self.labels_input.setEnabled(image is not None and idle and not _is_labels(image))
+        self.rescale.setVisible(idle and self._has_other_size())
         session = self._workspace.session
         count = 0 if session is None else len(session.boxes.ids)
         objects = "1 object" if count == 1 else f"{count} objects"
         self.set_status("" if session is None else objects)
         self.lock(None)
 
-    def run(self, then: Callable[[], None] | None = None) -> None:
+    def _has_other_size(self) -> bool:
+        controller = self._workspace.controller
+        # The contents of an object are measured with the whole bag.
+        if controller is None or self._workspace.is_inside or not controller.sources:
+            return False
+        return not equal_spacing(spacing_of(controller.sources[0]), controller.session.spacing)
+
+    def run(
+        self, then: Callable[[], None] | None = None, names: Mapping[int, str] | None = None
+    ) -> None:
         """Segment the chosen volume, or take the chosen labels.
 
         Parameters
         ----------
         then : callable, optional
             Called with nothing once the session is shown.
+        names : mapping of int to str, optional
+            Of objects of the chosen labels, by ID; by default those of the layer.
         """
         if self.progress.running:
             return
@@ -180,9 +219,9 @@ class SegmentSection(Section):
         with notifications.errors_shown():
             index = self.index.index
             volume = volume_of(image, index)
-            ids = names = None
+            ids = None
             if _is_labels(labels):
-                ids, names = labels_of(labels, volume, index), names_of(labels)
+                ids, names = labels_of(labels, volume, index), names or names_of(labels)
             order = _Order(image, labels if _is_labels(labels) else None, volume, ids)
             settings = self.options.settings()
             self._order, self._then = order, then

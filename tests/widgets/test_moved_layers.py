@@ -1,0 +1,56 @@
+"""The user's own layer is moved, turned or scaled while its session is open."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from napari.utils.notifications import notification_manager
+from pytestqt.qtbot import QtBot
+
+from opened_panel import press, rest
+
+
+@pytest.fixture
+def image(viewer: Any, piled: Any) -> Any:
+    """Return the image of the pile of balls, whose session is open."""
+    return viewer.layers["bag"]
+
+
+def _world(layer: Any) -> np.ndarray:
+    return np.array([layer.data_to_world(point) for point in np.vstack([np.zeros(3), np.eye(3)])])
+
+
+@pytest.mark.filterwarnings("ignore:Non-orthogonal slicing")
+def test_the_picture_goes_with_a_layer_that_is_moved_and_turned(
+    panel: Any, image: Any, qtbot: QtBot
+) -> None:
+    session = panel.workspace.session
+    rest(panel, qtbot)
+    image.translate = (30, -20, 5)
+    image.rotate = (0, 0, 40)
+    rest(panel, qtbot)
+    for layer in panel.workspace.controller.layers:
+        np.testing.assert_allclose(_world(layer), _world(image), atol=1e-9)
+    assert panel.workspace.session is session
+    assert panel.segment.rescale.isHidden()
+
+
+def test_another_voxel_size_is_said_and_used_on_demand(
+    panel: Any, image: Any, qtbot: QtBot
+) -> None:
+    session = panel.workspace.session
+    panel.commands.rename(2, "Mug")
+    before = len(notification_manager.records)
+    image.scale = (4, 1, 1)
+    rest(panel, qtbot)
+    (said,) = [notice.message for notice in notification_manager.records[before:]]
+    assert said.startswith("The voxels of 'bag' are 4 x 1 x 1 mm now, and 2 x 1 x 1 mm in the 3D")
+    assert not panel.segment.fold.isChecked()
+    press(qtbot, panel.segment.rescale)
+    qtbot.waitUntil(lambda: panel.workspace.session not in (session, None), timeout=20000)
+    rest(panel, qtbot)
+    fresh = panel.workspace.session
+    np.testing.assert_allclose(fresh.spacing, (4, 1, 1))
+    np.testing.assert_array_equal(fresh.labels, session.labels)
+    assert fresh.objects["name"][2] == "Mug"
+    assert panel.segment.rescale.isHidden()
