@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import imageio.v3 as iio
@@ -139,7 +139,7 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
             ("movie", bag, tmp_path / "a.avi", "--backend", "cpu"),
             "error: a movie must end in .mp4 or .gif",
         ),
-        (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no such folder"),
+        (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no folder"),
         (("render", bag, tmp_path / "a.jpg"), "a.jpg: the output must end in .png"),
         (("simulate", tmp_path / "a.foo"), "a.foo: the output must end in .npz"),
         (("segment", bag, tmp_path / "a"), "the output must end in .npz"),
@@ -250,3 +250,52 @@ def test_steps_of_the_demo_are_lines_of_their_own_where_there_is_no_terminal(
     tell(0.0, "Inspecting")
     tell.done("Finished")
     assert capsys.readouterr().out.count("\n") == 2
+
+
+def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_work(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*args: object, **settings: object) -> None:
+        raise AssertionError("the work began")
+
+    monkeypatch.setattr(nu, "segment", never)
+    link = bag.with_name("link.npz")
+    link.symlink_to(bag)
+    wide = bag.with_name("wide.npy")
+    np.save(wide, np.ones((4, 4, 4), np.float64))
+    locked = bag.with_name("locked.npz")
+    locked.write_bytes(b"")
+    locked.chmod(0o444)
+    before = bag.read_bytes()
+    for source, output, sentence in (
+        (bag, bag, "is the input and would be overwritten"),
+        (bag, link, "is the input and would be overwritten"),
+        (bag, locked, "is read-only"),
+        (wide, bag.with_name("wide.tif"), "must be uint8, uint16 or float32, got float64"),
+    ):
+        result = run("segment", source, output)
+        assert result.exit_code == 1
+        assert sentence in result.output.replace("\n", " ")
+    assert bag.read_bytes() == before
+
+
+def test_a_segmentation_that_cannot_be_saved_goes_elsewhere_and_says_where(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    labels = load_labels(bag)[0]
+    found = SimpleNamespace(labels=labels, objects=[])
+    out = tmp_path / "there"
+    out.mkdir()
+
+    def segment(*args: object, **settings: object) -> SimpleNamespace:
+        # The folder goes while the work is done.
+        out.rmdir()
+        return found
+
+    monkeypatch.setattr(nu, "segment", segment)
+    result = run("segment", bag, out / "found.nii.gz")
+    assert result.exit_code == 1
+    assert "no folder" in result.output
+    (path,) = [Path(line[6:]) for line in result.output.splitlines() if line.startswith("wrote ")]
+    np.testing.assert_array_equal(load_labels(path)[0], labels)
+    path.unlink()

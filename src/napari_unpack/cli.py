@@ -124,16 +124,20 @@ def _segment(
 ) -> None:
     """Segment a volume into its objects."""
     from napari_unpack import segment
-    from napari_unpack.io import load_volume, save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE
+    from napari_unpack.io import load_volume, save_objects_csv
+    from napari_unpack.io.volumes import WRITABLE, check_savable, save_scan_somewhere
 
-    check_output(output, WRITABLE)
+    check_output(output, WRITABLE, source)
     if csv is not None:
-        check_output(csv, ("",))
+        check_output(csv, ("",), source)
     scan = load_volume(source)
+    check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
-    for path in save_scan(scan.with_labels(_smallest_dtype(found.labels)), output):
+    paths, error = save_scan_somewhere(scan.with_labels(_smallest_dtype(found.labels)), output)
+    for path in paths:
         typer.echo(f"wrote {path}")
+    if error is not None:
+        raise error
     if csv is not None:
         typer.echo(f"wrote {save_objects_csv(found.objects, csv)}")
     typer.echo(f"{len(found.objects)} objects")
@@ -152,7 +156,7 @@ def _train(
     from napari_unpack import train
     from napari_unpack.io import load_volume
 
-    check_output(output, (".npz",))
+    check_output(output, (".npz",), *bags)
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
@@ -236,7 +240,7 @@ def _render(
     from napari_unpack.io.session_archive import holds_session
     from napari_unpack.rendering.compose import scene_image
 
-    check_output(output, (".png",))
+    check_output(output, (".png",), source, labels)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
     if decorated is not None:
@@ -282,7 +286,7 @@ def _movie(
     from napari_unpack.io.movies import checked_movie_path
 
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
-    check_output(checked_movie_path(output), ("",))
+    check_output(checked_movie_path(output), ("",), source, labels)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend)
     if decorated is not None:
@@ -315,7 +319,7 @@ def _table(
     """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_objects_csv, save_objects_page
 
-    check_output(output, (".html", ".csv"))
+    check_output(output, (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend)
     if output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output)}")

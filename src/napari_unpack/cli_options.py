@@ -109,7 +109,7 @@ def open_input(
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 
-def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
+def check_output(path: Path, suffixes: tuple[str, ...], *inputs: Path | None) -> None:
     """Refuse what cannot be written before the long work, not after it.
 
     Parameters
@@ -118,19 +118,26 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
         The output.
     suffixes : tuple of str
         What its name may end in, lower case.
+    *inputs : Path, optional
+        What the command reads.
 
     Raises
     ------
     ValueError
-        If it ends in none of them.
+        If it ends in none of them, or is one of the inputs.
     FileNotFoundError
         If its folder does not exist.
+    PermissionError
+        If nothing can be written there.
     """
+    from napari_unpack.atomic import check_writable
+
     if not path.name.lower().endswith(suffixes):
         raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
-    # A bare name has the empty parent, which only the absolute path turns into the folder.
-    if not path.absolute().parent.is_dir():
-        raise FileNotFoundError(f"no such folder: {path.parent}")
+    # By what it is and not by its name: links and upper case lead to one file as well.
+    if any(path.exists() and given and given.exists() and path.samefile(given) for given in inputs):
+        raise ValueError(f"{path} is the input and would be overwritten: choose another output")
+    check_writable(path)
 
 
 def direction_of(text: str | None) -> str | tuple[float, float, float] | None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import checked_target, written_atomically
+from napari_unpack.atomic import check_writable, checked_target, written_atomically
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
@@ -156,6 +156,7 @@ def save_objects_page(
         If the file is to be no .html.
     """
     target = checked_target(path, ".html", ".htm")
+    check_writable(target)
     report = progress or no_progress
     report(0.0, "Drawing the bag")
     # A copy may be drawn on a worker thread while the user goes on.

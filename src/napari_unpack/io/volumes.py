@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.atomic import check_space, check_writable
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_volume_array
 
@@ -109,6 +112,62 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     beside = file.with_name(f"{stem_of(file)}.labels{suffix}")
     _write(beside, scan.labels, scan.spacing)
     return [file, beside]
+
+
+def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
+    """Refuse what `save_scan` could not save, before the work that makes its labels.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the scan goes.
+    volume : (Z, Y, X) ndarray
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If nothing can be written there.
+    ValueError
+        If the format is unknown, or cannot hold numbers of this type.
+    OSError
+        If the disk has too little space.
+    """
+    file = Path(path)
+    check_writable(file)
+    # Tried on eight voxels: no list of types can fall behind what the writers take.
+    with TemporaryDirectory() as folder:
+        corner = np.resize(volume[:1, :1, :1], (2, 2, 2))
+        save_scan(Scan(corner, (1.0, 1.0, 1.0)), Path(folder) / f"try{suffix_of(file)}")
+    # TIFF is not compressed, and has labels of two bytes beside it. CT deflates to a half or a
+    # third; an eighth is refused to nobody who might have enough.
+    needed = volume.nbytes + 2 * volume.size
+    check_space(file, needed if suffix_of(file) in TIFF_SUFFIXES else needed // 8)
+
+
+def save_scan_somewhere(scan: Scan, path: str | Path) -> tuple[list[Path], OSError | None]:
+    """Save a scan; where that fails, as .npz in the folder for temporary files.
+
+    Parameters
+    ----------
+    scan, path : see `save_scan`
+
+    Returns
+    -------
+    files : list of Path
+        What was written.
+    error : OSError or None
+        Why it is not where it should be.
+
+    Raises
+    ------
+    OSError
+        If it can be saved in neither place.
+    """
+    try:
+        return save_scan(scan, path), None
+    except OSError as error:
+        fallback = Path(mkdtemp(prefix="napari-unpack-")) / f"{stem_of(Path(path))}.npz"
+        return save_scan(scan, fallback), error
 
 
 def _existing(path: str | Path) -> Path:
