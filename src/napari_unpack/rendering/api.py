@@ -21,7 +21,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.rendering.backends import chosen
+from napari_unpack.rendering.backends import chosen, on_cpu
 from napari_unpack.rendering.casting import (
     TABLE_ENTRIES,
     TransferFunctionLike,
@@ -31,7 +31,7 @@ from napari_unpack.rendering.casting import (
     off_faces,
     rays_for,
 )
-from napari_unpack.rendering.cpu import by_contribution, contributions
+from napari_unpack.rendering.cpu import Bricks, by_contribution, contributions
 from napari_unpack.rendering.decorated_image import box_patch, on_background
 from napari_unpack.rendering.image_patch import ImagePatch, compose
 from napari_unpack.rendering.validation import (
@@ -124,12 +124,15 @@ def object_id_layers(
     if peeling not in PEELINGS:
         raise ValueError(f"peeling must be one of {PEELINGS}, got {peeling!r}")
     camera = checked_view(view).camera(given.array.shape, mm)
+    # On the CPU a few layers are read in less time than it takes to look over all bricks.
+    bricks = None if on_cpu(backend) else Bricks.of(given.array)
 
     def cast(visible: NDArray[np.bool_], count: int) -> NDArray[np.int32]:
         scale = step_scale(step, mm)
         return cast_ids(
-            given.array, mm, camera, visible, pixels, count, step_scale=scale, backend=backend
-        )
+            given.array, mm, camera, visible, pixels, count,
+            step_scale=scale, bricks=bricks, backend=backend,
+        )  # fmt: skip
 
     shown = given.visible(hidden)
     ids = cast(shown, int(layers)) if peeling == "pixel" else _peeled(cast, shown, int(layers))
@@ -223,7 +226,8 @@ def render(
     image, depth = cast_tinted(
         density, given.array, mm, camera, transfer_function or default_for(density),
         given.tints(tints, hidden), pixels,
-        step_scale=scale, shading=shading, jitter=jitter, clipping=clipping, backend=backend,
+        step_scale=scale, shading=shading, bricks=Bricks.of(given.array, density),
+        jitter=jitter, clipping=clipping, backend=backend,
     )  # fmt: skip
     boxes = label_boxes(given.array) if around.box else None
     if boxes is not None and len(boxes.ids):
@@ -440,9 +444,11 @@ def _counted(
 ) -> OcclusionCounts:
     mm, pixels = checked_spacing(spacing), checked_size(size)
     camera = _camera(given, mm, view)
+    # Fewer rays than the largest face has voxels are cast in less time than bricks are made.
+    fine = pixels[0] * pixels[1] >= given.array.size / min(given.array.shape)
     counts: OcclusionCounts = cast_occlusion(
-        given.array, mm, camera, given.visible(hidden), pixels,
-        step_scale=step_scale(step, mm), backend=backend,
+        given.array, mm, camera, given.visible(hidden), pixels, step_scale=step_scale(step, mm),
+        bricks=Bricks.of(given.array) if fine else None, backend=backend,
     )  # fmt: skip
     if not boxes:
         return counts
@@ -466,8 +472,9 @@ def _queried(
     mm, pixels = checked_spacing(spacing), checked_size(size)
     rays = rays_for(_camera(given, mm, view), pixels, mm, step_scale=step_scale(step, mm))
     found = gl_backend.first_hits(
-        given.array, off_faces(rays), given.visible(hidden), label_boxes(given.array)
-    )
+        given.array, off_faces(rays), given.visible(hidden), label_boxes(given.array),
+        Bricks.of(given.array),
+    )  # fmt: skip
     return found.ratios
 
 

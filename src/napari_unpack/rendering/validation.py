@@ -105,9 +105,11 @@ def checked_labels(labels: ArrayLike) -> Labels:
     if array.dtype != np.bool_ and not np.issubdtype(array.dtype, np.integer):
         raise TypeError(f"labels must be integers (object IDs), got {array.dtype}; convert them")
     _check_shape(array, "labels")
-    if np.issubdtype(array.dtype, np.signedinteger) and array.min() < 0:
+    # Read as unsigned, a negative number is larger than all others: one look tells both.
+    unsigned = array.dtype.str.replace("i", "u")
+    top = int(array.view(unsigned).max())
+    if array.dtype.kind == "i" and top > np.iinfo(array.dtype).max:
         raise ValueError(f"labels must not be negative, got {array.min()}")
-    top = int(array.max())
     # Below that no renumbering is needed, and no copy where the type fits.
     if top < MOST_IDS:
         return Labels(np.ascontiguousarray(array, dtype=np.uint16), top + 1)

@@ -203,6 +203,29 @@ def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.ui
     return np.ascontiguousarray(out[inside][flip])
 
 
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _extremes(volume, z0, z1, y0, y1, least, most):  # type: ignore[no-untyped-def]
+    # Rows are reduced along x for all bricks at once, in the order of memory.
+    least[:] = volume[z0, y0]
+    most[:] = volume[z0, y0]
+    for z in range(z0, z1):
+        for y in range(y0, y1):
+            row = volume[z, y]
+            for x in range(row.shape[0]):
+                value = row[x]
+                least[x] = value if value < least[x] else least[x]
+                most[x] = value if value > most[x] else most[x]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _between(least, most, first, last):  # type: ignore[no-untyped-def]
+    smallest, largest = least[first], most[first]
+    for x in range(first + 1, last):
+        smallest = min(smallest, least[x])
+        largest = max(largest, most[x])
+    return smallest, largest
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _ranges(volume, first, last, low, high):  # type: ignore[no-untyped-def]
     depth, height, width = volume.shape
@@ -212,22 +235,14 @@ def _ranges(volume, first, last, low, high):  # type: ignore[no-untyped-def]
         for by in range(low.shape[1]):
             # One voxel beyond the brick counts too: density is interpolated across its faces.
             z0, y0 = max(bz * BRICK - 1, 0), max(by * BRICK - 1, 0)
-            # Rows are reduced along x for all bricks at once, in the order of memory.
-            least[:] = volume[z0, y0]
-            most[:] = volume[z0, y0]
-            for z in range(z0, min(bz * BRICK + BRICK + 1, depth)):
-                for y in range(y0, min(by * BRICK + BRICK + 1, height)):
-                    row = volume[z, y]
-                    for x in range(width):
-                        value = row[x]
-                        least[x] = value if value < least[x] else least[x]
-                        most[x] = value if value > most[x] else most[x]
+            _extremes(
+                volume, z0, min(bz * BRICK + BRICK + 1, depth),
+                y0, min(by * BRICK + BRICK + 1, height), least, most,
+            )  # fmt: skip
             for bx in range(low.shape[2]):
-                x0 = max(bx * BRICK - 1, 0)
-                smallest, largest = least[x0], most[x0]
-                for x in range(x0 + 1, min(bx * BRICK + BRICK + 1, width)):
-                    smallest = min(smallest, least[x])
-                    largest = max(largest, most[x])
+                smallest, largest = _between(
+                    least, most, max(bx * BRICK - 1, 0), min(bx * BRICK + BRICK + 1, width)
+                )
                 low[bz, by, bx] = smallest
                 high[bz, by, bx] = largest
 
@@ -237,8 +252,14 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
     depth, height, width = labels.shape
     ids = np.empty(4096, np.uint16)
     used = 0
+    least = np.empty(width, labels.dtype)
+    most = np.empty(width, labels.dtype)
     for bz in range(first, last):
         for by in range(counts.shape[1]):
+            _extremes(
+                labels, bz * BRICK, min(bz * BRICK + BRICK, depth),
+                by * BRICK, min(by * BRICK + BRICK, height), least, most,
+            )  # fmt: skip
             for bx in range(counts.shape[2]):
                 # A brick holds as many objects as voxels at most.
                 if used + BRICK**3 > ids.shape[0]:
@@ -246,6 +267,15 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
                     larger[:used] = ids[:used]
                     ids = larger
                 start = used
+                # Most bricks hold one object, which the rows tell in a quarter of the time.
+                smallest, largest = _between(
+                    least, most, bx * BRICK, min(bx * BRICK + BRICK, width)
+                )
+                if smallest == largest:
+                    ids[used] = smallest
+                    used += 1
+                    counts[bz, by, bx] = 1
+                    continue
                 previous = np.int64(-1)
                 for z in range(bz * BRICK, min(bz * BRICK + BRICK, depth)):
                     for y in range(by * BRICK, min(by * BRICK + BRICK, height)):
