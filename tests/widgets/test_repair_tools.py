@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import zarr
 from napari.layers import Labels
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
@@ -147,6 +148,48 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
     panel.commands.undo()
     assert session.ids == (1, 2, 3)
     assert session.states[CUBE].name == "UNPACKED"
+
+
+@pytest.mark.parametrize("key", [Qt.Key.Key_Delete, Qt.Key.Key_Backspace])
+def test_the_delete_key_over_the_picture_deletes_what_is_selected(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, key: Qt.Key
+) -> None:
+    click(panel, (10, 20, 64), qtbot)
+    assert session.selected == {CUBE}
+    qtbot.keyClick(compat.native_canvas(viewer).native, key)
+    qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
+    assert panel.workspace.controller.settle(30)
+    panel.commands.undo()
+    assert session.ids == (1, 2, 3)
+
+
+def _offered(panel: UnpackingWidget, qtbot: QtBot) -> bool:
+    """Return whether the button deletes, having seen that the menu says the same."""
+    qtbot.waitUntil(lambda: panel.workspace.settled, timeout=20000)
+    menu = panel.objects.menu()
+    (entry,) = [action for action in menu.actions() if action.text() == "Delete"]
+    assert entry.isEnabled() == panel.objects.delete.isEnabled()
+    menu.close()
+    return panel.objects.delete.isEnabled()
+
+
+def test_button_menu_and_key_delete_by_one_rule(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    panel.commands.select([CUBE, BELL])
+    assert _offered(panel, qtbot)
+    # A bag needs an object.
+    panel.commands.select([CUBE, BELL, SLAB])
+    assert not _offered(panel, qtbot)
+    session.take_least_occluded = True
+    panel.commands.unpack([CUBE])
+    panel.workspace.controller.finish()
+    panel.commands.select([CUBE])
+    assert not _offered(panel, qtbot)
+    before = session.labels, len(notification_manager.records)
+    qtbot.keyClick(compat.native_canvas(viewer).native, Qt.Key.Key_Delete)
+    assert "restore" in notification_manager.records[-1].message.lower()
+    assert (session.labels, len(notification_manager.records)) == (before[0], before[1] + 1)
 
 
 def test_a_brush_on_the_users_layer_reaches_the_session(

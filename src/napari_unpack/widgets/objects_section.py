@@ -30,9 +30,6 @@ FILTERS: dict[str, frozenset[ObjectState] | None] = {
     "Hidden": frozenset({ObjectState.HIDDEN}),
 }
 
-# A repair would change the sprite of an unpacked object under the user's hand.
-REPAIRABLE = frozenset({ObjectState.PACKED, ObjectState.HIDDEN})
-
 
 class ObjectsSection(Section):
     """Find, select, hide, isolate, name and repair objects.
@@ -68,7 +65,9 @@ class ObjectsSection(Section):
         self.split.setCheckable(True)
         self.merge = button("Merge", "Make one object of the selected ones (Ctrl-click rows).")
         self.delete = button(
-            "Delete", "Remove the selected objects from the labels (Ctrl+Z undoes)."
+            "Delete",
+            "Remove the selected objects from the labels (Delete; Ctrl+Z undoes). "
+            "Restore those outside the bag first.",
         )
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
@@ -152,8 +151,8 @@ class ObjectsSection(Section):
         self.isolate.setEnabled(is_open and bool(chosen))
         self.hide_chosen.setEnabled(is_open and bool(chosen))
         self.split.setEnabled(idle)
-        self.merge.setEnabled(idle and len(chosen) > 1)
-        self.delete.setEnabled(idle and bool(chosen))
+        self.merge.setEnabled(self.repair.can_merge(chosen))
+        self.delete.setEnabled(self.repair.can_delete(chosen))
         self.show_all.setEnabled(bool(objects_in(session, ObjectState.HIDDEN)))
         self.confidence.refresh()
 
@@ -188,7 +187,6 @@ class ObjectsSection(Section):
         commands, repair, planner = self._commands, self.repair, self._planner
         states, chosen, one = {session.states[i] for i in ids}, set(ids), len(ids) == 1
         packed, hidden = ObjectState.PACKED in states, ObjectState.HIDDEN in states
-        repairable = states <= REPAIRABLE
         locked, examples = session.locked_hues, session.examples
         blocks: list[list[MenuEntry]] = [
             [
@@ -198,8 +196,8 @@ class ObjectsSection(Section):
                 ("Inspect", lambda: commands.inspect(ids[0]), one and not hidden),
             ],
             [
-                ("Merge", lambda: repair.merge(ids), not one and repairable),
-                ("Delete", lambda: repair.delete(ids), repairable),
+                ("Merge", lambda: repair.merge(ids), repair.can_merge(ids)),
+                ("Delete", lambda: repair.delete(ids), repair.can_delete(ids)),
             ],
             [
                 ("Isolate", lambda: commands.isolate(ids), True),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import QObject, Signal
 
+from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
     from napari_unpack.viewer.label_sync import LabelSync
     from napari_unpack.viewer.split_tool import SplitTool, Voxel
 
-
 SLOT = "repair"
+
+# A repair would change the sprite of an unpacked object under the user's hand.
+REPAIRABLE = frozenset({ObjectState.PACKED, ObjectState.HIDDEN})
 
 
 class RepairTools(QObject):
@@ -74,6 +77,27 @@ class RepairTools(QObject):
             self._split_tool.close()
             self._split_tool = None
             self.splitting.emit("")
+
+    def can_delete(self, ids: Collection[int]) -> bool:
+        """Return whether objects can be deleted now: none is outside, and some are left."""
+        session = self._workspace.session
+        if session is None or not ids or self.running:
+            return False
+        states = session.states
+        return len(ids) < len(states) and {states[i] for i in ids} <= REPAIRABLE
+
+    def can_merge(self, ids: Collection[int]) -> bool:
+        """Return whether objects can be made one now: none is outside."""
+        session = self._workspace.session
+        if session is None or len(ids) < 2 or self.running:
+            return False
+        return {session.states[i] for i in ids} <= REPAIRABLE
+
+    def delete_selected(self) -> None:
+        """Delete the selected objects, or say why that cannot be."""
+        session = self._workspace.session
+        if session is not None and session.selected:
+            self.delete(sorted(session.selected))
 
     def merge(self, ids: list[int]) -> None:
         """Make one object of several."""

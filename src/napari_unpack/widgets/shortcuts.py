@@ -25,6 +25,7 @@ KEYS = (
     ("R", "reveal"),
     ("H", "hide"),
     ("C", "recolour"),
+    ("Del", "delete the selected"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
     ("Esc", "leave, cancel or select nothing"),
@@ -56,7 +57,7 @@ class Shortcuts:
     planner : RevealPlanner
         Its plan is dismissed by Escape.
     repair : RepairTools
-        Its waiting for clicks is ended by Escape.
+        It deletes; its waiting for clicks is ended by Escape.
     """
 
     def __init__(
@@ -76,6 +77,9 @@ class Shortcuts:
             "H": commands.hide_selected,
             "R": planner.reveal_selected,
             "C": commands.recolor,
+            "Delete": repair.delete_selected,
+            # The key that is called delete on a Mac.
+            "Backspace": repair.delete_selected,
             "Control-Z": commands.undo,
             "Control-Shift-Z": commands.redo,
             "Escape": self._escape,
