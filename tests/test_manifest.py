@@ -54,6 +54,7 @@ def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: Plug
     assert BACKENDS[drawing["backend"].default] == Preferences().backend
     assert drawing["backend"].enum == list(BACKENDS)
     assert drawing["recolor_at_rest"].default is Preferences().recolor_at_rest
+    assert drawing["names"].default is Preferences().names
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
 from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
+from napari_unpack.viewer.sprite_names import SpriteNames
 from napari_unpack.viewer.viewer_state import SavedViewerState
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ class SessionController:
         The three layers.
     renderer : SceneRenderer
     overlays : Overlays
+    names : SpriteNames
     interaction : Interaction
     scheduler : Scheduler
         Its own, or a scope of the panel's.
@@ -136,6 +138,13 @@ class SessionController:
         )
         self.overlays = Overlays(session, self.scheduler, self.transition.repaint)
         self.transition.overlays = self.overlays.quads_at
+        self.names = SpriteNames(
+            session,
+            self.sprites,
+            lambda: compat.pixel_scale(self.viewer),
+            self.transition.repaint,
+        )
+        self.overlays.drawings.append(self.names)
         self.queries = BackgroundQueries(
             session,
             self.scheduler,

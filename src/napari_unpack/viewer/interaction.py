@@ -16,7 +16,7 @@ from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
-from napari_unpack.viewer.layer_tables import describe
+from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, chosen
 from napari_unpack.viewer.protocols import MouseEvent, Pixel, PointerTarget
 
@@ -127,8 +127,7 @@ class Interaction:
         for layer in target.layers:
             layer.words = words
         target.viewer.status = words or "Ready"
-        # Beside a sprite its name; in the bag names would lie over what they are of.
-        self._show_name(words if object_id in session.poses else "")
+        self._show_name(hint(session, object_id) if object_id else "")
         target.overlays.ghost.point_at(0 if target.renderer.inspected else object_id)
         self.selection_changed()
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from napari_unpack.appearance import tints_of
 from napari_unpack.layers.compat import PictureLayer
+from napari_unpack.session.quantities import volume_words
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -55,6 +56,18 @@ def describe(session: Session, object_id: int) -> str:
     name = str(row.get("name", f"Object {session.label_of(object_id)}"))
     confidence = float(row.get("confidence", np.nan))
     return name if np.isnan(confidence) else f"{name}, confidence {confidence:.2f}"
+
+
+def hint(session: Session, object_id: int) -> str:
+    """Return what the mouse is on, in few words: name and volume.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
+    row = session.objects.loc[object_id]
+    return f"{row['name']}, {volume_words(float(row['volume_mm3']))}"
 
 
 def _features(objects: pd.DataFrame | None, ids: list[int]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""What is behind and around the bag: background, box and scale bar."""
+"""What is behind and around the bag: background, box, scale bar, and names of sprites."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from qtpy.QtGui import QColor
 from qtpy.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog
 
 from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, form, row
 from napari_unpack.widgets.workspace import Workspace
 
@@ -43,7 +44,7 @@ class BackgroundOptions(Collapsible):
 
     def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__(
-            "Background, box and scale",
+            "Background, box, scale and names",
             "What is behind and around the bag, here and in exported pictures and movies.",
         )
         self._workspace, self._settings = workspace, commands.settings
@@ -58,12 +59,16 @@ class BackgroundOptions(Collapsible):
         self.scale = QCheckBox("Scale bar")
         self.scale.setToolTip("Show a length, as it looks at the depth of the bag's middle.")
         self.contents.addLayout(form(Behind=self.background))
-        self.contents.addLayout(row(self.box, self.scale))
+        self.names = QCheckBox("Names")
+        self.names.setToolTip("Write the names of unpacked objects beside them (T).")
+        self.names.setChecked(preferences().names)
+        self.contents.addLayout(row(self.box, self.scale, self.names))
         self._chosen: Background | Path | str = NAMED[DARK]
         self._before = DARK
         self.background.textActivated.connect(self.choose)
         self.box.toggled.connect(lambda _: self._apply())
         self.scale.toggled.connect(lambda _: self._apply())
+        self.names.toggled.connect(self._settings.set_names)
         workspace.switched.connect(self._reload)
         workspace.viewer.events.theme.connect(self._follow_theme)
 
@@ -102,9 +107,10 @@ class BackgroundOptions(Collapsible):
 
     def _reload(self) -> None:
         """Show the decorations of the session, which may be a saved one."""
-        session = self._workspace.session
-        if session is None:
+        session, controller = self._workspace.session, self._workspace.controller
+        if session is None or controller is None:
             return
+        controller.names.shown = self.names.isChecked()
         around = session.decorations
         self._chosen = background = around.background
         titles = {**{name: title for title, name in NAMED.items()}, "napari": NAPARIS}

@@ -6,6 +6,7 @@ first, also where the panel says it otherwise today.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 # As stored under `when_nobody_is_free`.
@@ -28,12 +29,15 @@ class Preferences:
         "auto", "gl" or "cpu".
     recolor_at_rest : bool
         Recolour whenever the camera comes to rest.
+    names : bool
+        Write the names of unpacked objects beside them.
     """
 
     seconds: float = 1.2
     take_least_occluded: bool = True
     backend: str = "auto"
     recolor_at_rest: bool = True
+    names: bool = False
 
 
 def preferences() -> Preferences:
@@ -55,4 +59,14 @@ def preferences() -> Preferences:
         take_least_occluded=stored.unpacking.when_nobody_is_free == TAKE_LEAST_OCCLUDED,
         backend=BACKENDS.get(stored.drawing.backend, "auto"),
         recolor_at_rest=bool(stored.drawing.recolor_at_rest),
+        # Preferences stored by earlier versions say nothing of it.
+        names=bool(getattr(stored.drawing, "names", False)),
     )
+
+
+def remember_names(shown: bool) -> None:
+    """Store whether names are written beside sprites; nothing where napari keeps no settings."""
+    from napari.settings import get_plugin_settings
+
+    with suppress(KeyError, AttributeError):
+        get_plugin_settings("napari-unpack").drawing.names = shown

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from napari_unpack.widgets.notifications import errors_shown
+from napari_unpack.widgets.preferences import remember_names
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -66,6 +67,12 @@ class SessionSettings:
         """Outline unpackable objects in the 3D view, or not."""
         if (controller := self._workspace.controller) is not None:
             controller.overlays.outlines_unpackable = shown
+
+    def set_names(self, shown: bool) -> None:
+        """Write the names of unpacked objects beside them, or not; remembered."""
+        remember_names(shown)
+        if (controller := self._workspace.controller) is not None:
+            controller.names.shown = shown
 
     # How they look.
 

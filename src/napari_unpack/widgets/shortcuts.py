@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from napari_unpack.layers.compat import unwrap
@@ -26,6 +26,7 @@ KEYS = (
     ("H", "hide"),
     ("C", "recolour"),
     ("Del", "delete the selected"),
+    ("T", "names"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
     ("Esc", "leave, cancel or select nothing"),
@@ -58,6 +59,8 @@ class Shortcuts:
         Its plan is dismissed by Escape.
     repair : RepairTools
         It deletes; its waiting for clicks is ended by Escape.
+    others : mapping of str to callable
+        Further keys, as napari writes them, and what each does.
     """
 
     def __init__(
@@ -66,6 +69,7 @@ class Shortcuts:
         commands: Commands,
         planner: RevealPlanner,
         repair: RepairTools,
+        others: Mapping[str, Callable[[], None]],
     ) -> None:
         self._workspace, self._commands = workspace, commands
         self._planner, self._repair = planner, repair
@@ -83,6 +87,7 @@ class Shortcuts:
             "Control-Z": commands.undo,
             "Control-Shift-Z": commands.redo,
             "Escape": self._escape,
+            **others,
         }
         workspace.switched.connect(self._bind)
         self._bind()

@@ -121,7 +121,10 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace)
-        self.shortcuts = Shortcuts(self.workspace, self.commands, self.planner, self.objects.repair)
+        keys = {"T": self.color.background.names.toggle}
+        self.shortcuts = Shortcuts(
+            self.workspace, self.commands, self.planner, self.objects.repair, keys
+        )
         self._framing = KeepFramed(self.workspace, self)
         self.workspace.unpackable.connect(self.unpack.show_unpackable)
         self.workspace.unpackable.connect(

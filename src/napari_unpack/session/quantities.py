@@ -1,0 +1,33 @@
+"""Lengths, volumes and angles in words: in the unit that gives a number one can read."""
+
+from __future__ import annotations
+
+# Units and how many of them a millimetre has, the largest first.
+UNITS = (("m", 1e-3), ("mm", 1.0), ("\N{MICRO SIGN}m", 1e3))
+# Cubes of centimetres are what luggage is measured in; those of metres are not.
+CUBES = (("cm\N{SUPERSCRIPT THREE}", 1e-3), ("mm\N{SUPERSCRIPT THREE}", 1.0))
+TINY_CUBE = "\N{MICRO SIGN}m\N{SUPERSCRIPT THREE}", 1e9
+DEGREE = "\N{DEGREE SIGN}"
+
+
+def length_words(mm: float) -> str:
+    """Return a length of so many mm in words, three digits of it."""
+    unit, per_mm = next(((u, n) for u, n in UNITS if mm * n >= 1.0), UNITS[-1])
+    return f"{three_digits(mm * per_mm)} {unit}"
+
+
+def volume_words(mm3: float) -> str:
+    """Return a volume of so many cubic mm in words, three digits of it."""
+    unit, per_mm3 = next(((u, n) for u, n in CUBES if mm3 * n >= 1.0), TINY_CUBE)
+    return f"{three_digits(mm3 * per_mm3)} {unit}"
+
+
+def angle_words(degrees: float) -> str:
+    """Return an angle in words, to a tenth of a degree."""
+    return f"{degrees:.1f}{DEGREE}"
+
+
+def three_digits(value: float) -> str:
+    """Return a number with three digits that count, or more before the point."""
+    decimals = 0 if value >= 100 else 1 if value >= 10 else 2
+    return f"{value:.{decimals}f}"

@@ -1,0 +1,113 @@
+"""Writing on the canvas: words with a rim that keeps them legible on anything behind them."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from qtpy.QtCore import Qt
+from qtpy.QtGui import QColor, QFontMetrics, QGuiApplication, QImage, QPainter, QPainterPath, QPen
+
+from napari_unpack.layers.rendered_image import FRONT
+from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
+
+LIGHT, DARK = QColor(245, 247, 252), QColor(22, 24, 30)
+# Logical pixels: the size of napari's own labels, and a rim as thick as the strokes of letters.
+SIZE, RIM = 12, 3
+# Words kept; each takes some ten kilobytes.
+MOST_KEPT = 300
+
+
+class CanvasText:
+    """Makes quads of words; words drawn before keep their textures.
+
+    Parameters
+    ----------
+    pixel_scale : callable
+        Returns the device pixels of a logical pixel.
+    """
+
+    def __init__(self, pixel_scale: Callable[[], float]) -> None:
+        self._pixel_scale = pixel_scale
+        self._kept: OrderedDict[tuple[str, bool, float, float], ImageTexture] = OrderedDict()
+
+    def image(self, words: str, on_light: bool, longest: float = np.inf) -> ImageTexture:
+        """Return the image of words.
+
+        Parameters
+        ----------
+        words : str
+        on_light : bool
+            Whether they are to be dark, for a light background.
+        longest : float
+            Longer ones lose their middle, device pixels.
+        """
+        key = words, on_light, longest, self._pixel_scale()
+        if key not in self._kept:
+            self._kept[key] = written(words, on_light, longest, key[3])
+            while len(self._kept) > MOST_KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
+
+
+def written(words: str, on_light: bool, longest: float, scale: float) -> ImageTexture:
+    """Write words; takes a millisecond or two.
+
+    Parameters
+    ----------
+    words : str
+    on_light : bool
+        Whether they are to be dark.
+    longest : float
+        Longer ones lose their middle, device pixels.
+    scale : float
+        Device pixels of a logical pixel.
+    """
+    # Qt and not Pillow, whose one font lacks most alphabets.
+    font = QGuiApplication.font()
+    font.setPixelSize(max(1, round(SIZE * scale)))
+    measured, rim = QFontMetrics(font), RIM * scale
+    if np.isfinite(longest):
+        middle = Qt.TextElideMode.ElideMiddle
+        words = measured.elidedText(words, middle, max(0, int(longest - 2 * rim)))
+    width = int(np.ceil(measured.horizontalAdvance(words) + 2 * rim))
+    height = int(np.ceil(measured.height() + rim))
+    image = QImage(width, height, QImage.Format.Format_RGBA8888_Premultiplied)
+    image.fill(0)
+    path = QPainterPath()
+    path.addText(rim, rim / 2 + measured.ascent(), font, words)
+    ink, around = (DARK, LIGHT) if on_light else (LIGHT, DARK)
+    faint = QColor(around)
+    faint.setAlphaF(0.75)
+    painter = QPainter(image)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    joined = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin
+    painter.strokePath(path, QPen(faint, rim, *joined))
+    painter.fillPath(path, ink)
+    painter.end()
+    rows = np.frombuffer(image.constBits().asarray(image.sizeInBytes()), np.uint8)
+    rgba = rows.reshape(height, image.bytesPerLine())[:, : 4 * width].reshape(height, width, 4)
+    return ImageTexture(rgba.copy())
+
+
+def text_quad(
+    image: ImageTexture, row: float, col: float, size: tuple[int, int], opacity: float = 1.0
+) -> Quad:
+    """Return the quad of an image that stands before everything else.
+
+    Parameters
+    ----------
+    image : ImageTexture
+    row, col : float
+        Where its first pixel is in the view.
+    size : (int, int)
+        Height and width of the view, pixels.
+    opacity : float
+    """
+    # At whole pixels, or letters would blur.
+    spot = round(float(row)), round(float(col))
+    place = ScreenPlace.of_pixels(*spot, image.size, size)
+    return Quad(image, replace(place, ndc_depth=FRONT), opacity)

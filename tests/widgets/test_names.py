@@ -1,0 +1,89 @@
+"""Names in the picture: beside sprites, switched and remembered, and under the mouse."""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtWidgets import QToolTip
+
+from mouse import move
+from napari_unpack.layers import compat
+from napari_unpack.session.quantities import angle_words, length_words, volume_words
+from napari_unpack.widgets.background_options import BackgroundOptions
+from opened_panel import rest
+from viewer_fixtures import canvas
+
+
+def test_names_stand_beside_sprites_and_under_the_mouse(
+    panel: Any, piled: Any, viewer: Any, qtbot: QtBot, request: Any
+) -> None:
+    session, controller = piled, panel.workspace.controller
+    controller.recolor_at_rest, controller.seconds = False, 0.05
+    out = controller.unpack(4)
+    session.rename(out[0], "A name so long that it would cover what lies beside its object")
+    rest(panel, qtbot)
+    widget = compat.native_canvas(viewer).native
+    before, box = canvas(viewer), panel.color.background.names
+    box.setChecked(False)
+    request.addfinalizer(lambda: box.setChecked(False))
+    qtbot.keyClick(widget, Qt.Key.Key_T)
+    assert box.isChecked()
+    changed = np.abs(canvas(viewer) - before).max(axis=-1) > 60
+    written = {i: spot for i, spot, _ in controller.names.written_at(controller.frame)}
+    assert set(written) == set(out)
+    seen = np.zeros_like(changed)
+    for (top, left), (bottom, right) in np.round(list(written.values())).astype(int):
+        seen[top:bottom, left:right] = True
+        assert changed[top:bottom, left:right].sum() > 50
+    assert not (changed & ~seen).any()
+    for a, b in combinations(written.values(), 2):
+        assert (np.minimum(a[1], b[1]) <= np.maximum(a[0], b[0])).any()
+    # Dark letters on a light ground.
+    panel.color.background.choose("Light")
+    rest(panel, qtbot)
+    top, left = np.round(written[out[1]][0]).astype(int)
+    bottom, right = np.round(written[out[1]][1]).astype(int)
+    name = canvas(viewer)[top:bottom, left:right]
+    assert name.min() < 70
+    assert np.median(name) > 180
+    # The next panel begins as this one was left.
+    assert BackgroundOptions(panel.workspace, panel.commands).names.isChecked()
+    qtbot.keyClick(widget, Qt.Key.Key_T)
+    assert not BackgroundOptions(panel.workspace, panel.commands).names.isChecked()
+
+    # Name and volume are told over what is in the bag and over what is out.
+    sprite = controller.frame.camera.pixels(session.poses[out[1]].center, controller.frame.size)
+    left_in = next(i for i in session.ids if i not in out)
+    packed = session.boxes.center(left_in, session.spacing)
+    inside = controller.frame.camera.project(packed, controller.frame.size)
+    for row, col in (sprite, inside):
+        spot = QPoint(round(col), round(row))
+        there = controller.interaction
+        pixel = np.array([row, col])
+        wanted = there.sprite_at(pixel) or there.packed_at(pixel)[0]
+        move(widget, spot + QPoint(2, 2))
+        move(widget, spot)
+        words = str(session.objects["name"][wanted])
+        qtbot.waitUntil(lambda words=words: QToolTip.text().startswith(words), timeout=5000)
+        assert QToolTip.text().endswith("cm³")
+    move(widget, QPoint(3, 3))
+    qtbot.waitUntil(lambda: not QToolTip.isVisible(), timeout=5000)
+
+
+def test_quantities_have_the_unit_that_can_be_read() -> None:
+    assert [length_words(mm) for mm in (1234.0, 123.4, 12.34, 1.234, 0.0123)] == [
+        "1.23 m",
+        "123 mm",
+        "12.3 mm",
+        "1.23 mm",
+        "12.3 \N{MICRO SIGN}m",
+    ]
+    assert [volume_words(mm3) for mm3 in (185000.0, 999.0, 1.0, 1e-6)] == [
+        "185 cm³",
+        "999 mm³",
+        "1.00 mm³",
+        "1000 \N{MICRO SIGN}m³",
+    ]
+    assert angle_words(90.04) == "90.0°"
