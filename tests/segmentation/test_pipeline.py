@@ -77,6 +77,41 @@ def test_the_same_volume_gives_the_same_labels(few):
     np.testing.assert_array_equal(segment(volume).labels, found.labels)
 
 
+@pytest.mark.parametrize(
+    "otherwise",
+    [
+        lambda v: v * 1e-30,
+        lambda v: v * 1e300,
+        lambda v: v + 1e9,
+        lambda v: v.astype(np.int64) << 46,
+        lambda v: (v * 1e-35).astype(np.float32),
+    ],
+    ids=["tiny", "huge", "far from zero", "long integers", "tiny float32"],
+)
+def test_scale_and_offset_of_the_values_do_not_matter(few, otherwise):
+    volume, found = few
+    np.testing.assert_array_equal(
+        segment(otherwise(np.rint(volume).astype(np.float64))).labels, found.labels
+    )
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"smallest": np.nan},
+        {"smallest": -1.0},
+        {"step": 0.0},
+        {"step": np.inf},
+        {"working": 0},
+        {"working": -3},
+    ],
+)
+def test_sizes_that_mean_nothing_are_refused(few, wrong):
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"{name} must be a .*, got"):
+        segment(few[0], **wrong)
+
+
 def test_specks_are_dropped_and_ten_thousand_of_them_do_not_hang():
     shape = (80, 80, 80)
     volume = np.random.default_rng(0).normal(0, 10, shape)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import Box
 from napari_unpack.segmentation.common.region import Oracle, Region
-from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.common.validation import Spacing, in_common_range
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 
 
@@ -129,7 +129,7 @@ def confidences(
     labels, density, spacing, oracle
         As for `object_table`.
     """
-    boxes = label_boxes(labels)
+    boxes, density = label_boxes(labels), in_common_range(density)[0]
     confidence_of = oracle or default_oracle()
     found = {}
     for name in boxes.ids.tolist():

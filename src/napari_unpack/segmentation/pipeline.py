@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from napari_unpack.segmentation.common.validation import (
     check_out,
     checked_spacing,
     checked_volume,
+    in_common_range,
 )
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.foreground.denoising import (
@@ -171,6 +172,7 @@ def segment(
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     if out is not None:
         check_out(out, source.shape)
+    _check_sizes(smallest, step, working)
     progress = progress or no_progress
     least = default_smallest_object(source.shape, size) if smallest is None else smallest
     wanted = SegmentOptions(
@@ -204,11 +206,24 @@ def segment(
     return Segmentation(labels, table)
 
 
+def _check_sizes(smallest: float | None, step: float, working: int) -> None:
+    if smallest is not None and not 0 <= smallest < np.inf:
+        raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")
+    if not 0 < step < np.inf:
+        raise ValueError(f"step must be a positive difference of log density, got {step!r}")
+    # Fewer voxels hold no objects of 100 voxels.
+    if not working >= MIN_OBJECT_VOXELS:
+        raise ValueError(
+            f"working must be a number of voxels, {MIN_OBJECT_VOXELS} or more, got {working!r}"
+        )
+
+
 def _segment_grid(
     density: NDArray[np.generic], spacing: Spacing, progress: Progress, options: SegmentOptions
 ) -> NDArray[np.int32]:
     """Find the objects of a volume small enough to be segmented whole, named by size."""
-    given, foreground = density, options.foreground
+    density, level = in_common_range(density, options.foreground.method)
+    given, foreground = density, replace(options.foreground, method=level)
     noisy = needs_denoising(density, foreground.method)
     if options.grainy is not None:
         noisy = options.grainy

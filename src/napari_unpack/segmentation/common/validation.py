@@ -91,6 +91,47 @@ def _finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
     return low, high
 
 
+# Sums of squares of a volume's values stay exact to a millionth in float32 between these.
+_SPANS = (1e-6, 1e12)
+
+_LARGEST_SPAN_SHARE = 1e4
+"""How far from zero values may lie, in their own range: float32 tells 2^24 of them apart."""
+
+_SPAN = 4096.0
+"""What the range of odd values is brought to: that of CT numbers from air to metal."""
+
+
+def in_common_range(
+    density: NDArray[np.generic], level: str | float = 0.0
+) -> tuple[NDArray[np.generic], str | float]:
+    """Return densities that float32 can work with, and a density given beside them.
+
+    What is found depends neither on the scale nor on the offset of values. Only where they are
+    very large, very small or far from zero is a copy made.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+    level : str or float
+        A number is moved with the values; a name stays.
+    """
+    low, high = _finite_range(density)
+    # Halves: the span of the whole range of float64 is no float64.
+    span = high / 2 - low / 2
+    far = max(abs(low), abs(high)) / 2 > _LARGEST_SPAN_SHARE * span
+    if not span or (_SPANS[0] < 2 * span < _SPANS[1] and not far):
+        return density, level
+
+    def moved(values: Any) -> Any:
+        # By halves for the same reason.
+        return (values / 2 - low / 2) / span * _SPAN
+
+    scaled = np.empty(density.shape, np.float32)
+    for plane, given in zip(scaled, density, strict=True):
+        plane[...] = moved(given.astype(np.float64))
+    return scaled, level if isinstance(level, str) else float(moved(level))
+
+
 def check_out(out: Any, shape: tuple[int, int, int]) -> None:
     """Refuse an array that labels cannot be written to.
 
