@@ -57,6 +57,15 @@ def _cast_once() -> None:
 
 
 @pytest.fixture(autouse=True)
+def nothing_remembered(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep what the panel remembers from other tests, and from the person's own settings."""
+    from qtpy.QtCore import QSettings
+
+    form, scope = QSettings.Format.IniFormat, QSettings.Scope.UserScope
+    QSettings.setPath(form, scope, str(tmp_path_factory.mktemp("settings")))
+
+
+@pytest.fixture(autouse=True)
 def earlier_tests_out_of_the_collectors_way() -> None:
     """Keep the garbage collector off all that was there before a test.
 

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from qtpy.QtCore import QPoint
 
 from both_backends import assert_alike, pictures_of_both
+from mouse import move
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.linked_slices import LinkedSlices
 from napari_unpack.viewer.split_tool import surface_voxel
 from viewer_fixtures import canvas, complaints
 
@@ -106,6 +109,29 @@ def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
     labels.visible = False
     assert len(set(found)) > 3
     assert found == wanted
+
+
+def test_the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot) -> None:
+    viewer, controller, labels = placed
+    session, linked = controller.session, LinkedSlices(controller)
+    linked.open()
+    viewer.scene.camera.perspective = 20.0
+    assert controller.settle(60)
+    widget = compat.native_canvas(viewer).native
+    voxels = np.array([session.boxes.center(i, np.ones(3)) for i in session.ids])
+    for row, col in naparis_pixels(viewer, labels, voxels).round().astype(int):
+        for aside in (1, 0):
+            move(widget, QPoint(int(col) + aside, int(row)))
+            # napari hears of at most one movement in 5 ms.
+            qtbot.wait(10)
+        assert session.labels[linked.crosshair] == controller.interaction.pointed != 0
+        there = naparis_pixels(viewer, labels, np.array([linked.crosshair], dtype=float))[0]
+        assert np.abs(there - (row, col)).max() < 6
+        linked.point_at(linked.crosshair)
+        point = linked.marker.point_in(controller.frame)
+        marked = controller.frame.camera.pixels(point, controller.frame.size)
+        np.testing.assert_allclose(marked, there, atol=0.02)
+    linked.close()
 
 
 def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed) -> None:

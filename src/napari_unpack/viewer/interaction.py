@@ -78,6 +78,11 @@ class Interaction:
         if self._drag in viewer.mouse_drag_callbacks:
             viewer.mouse_drag_callbacks.remove(self._drag)
 
+    @property
+    def pointed(self) -> int:
+        """The object the mouse is on, 0 for none."""
+        return self._pointed
+
     # What is under a pixel.
 
     def frame_pixel(self, pixel: Pixel) -> tuple[float, float]:

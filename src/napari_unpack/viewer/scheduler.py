@@ -43,6 +43,8 @@ class Worker(Enum):
     REFINE = "refine", 1
     BACKGROUND = "background", 1
     QUERY = "query", 1
+    # A slice read from a disk must not keep an image of the bag waiting.
+    SLICE = "slice", 1
     # Segmenting takes minutes; a repair or a report must not wait for it.
     LONG = "long", 4
 

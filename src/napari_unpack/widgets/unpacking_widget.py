@@ -20,6 +20,7 @@ from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Collapsible, label, rule
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import Shortcuts, help_text
+from napari_unpack.widgets.slices_button import SlicesButton
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
 from napari_unpack.widgets.wheel_guard import WheelGuard
@@ -121,6 +122,7 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace)
+        self.slices = SlicesButton(self.workspace, self)
         keys = {"T": self.color.background.names.toggle}
         self.shortcuts = Shortcuts(
             self.workspace, self.commands, self.planner, self.objects.repair, keys
@@ -151,6 +153,7 @@ class UnpackingWidget(QWidget):
             # The table takes the height that is left.
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
+        self.color.contents.addWidget(self.slices.button)
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)
@@ -180,6 +183,7 @@ class UnpackingWidget(QWidget):
         self._ended = True
         self.segment.end()
         self.files.end()
+        self.slices.end()
         self.unpack.step_slider.end()
         self.color.background.end()
         self.workspace.end()

@@ -1,0 +1,333 @@
+"""Three slices through one voxel, linked with each other and with the 3D view by the pointer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from napari.layers import Image
+from numpy.typing import ArrayLike, NDArray
+from psygnal import Signal, SignalGroup
+
+from napari_unpack.appearance import tints_of
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.layers.placement import units_of, voxel_at
+from napari_unpack.rendering.slice_image import PLANES, Plane, Window, slice_image, window_for
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.layer_tables import describe
+from napari_unpack.viewer.picking import Voxel
+from napari_unpack.viewer.point_marker import PointMarker
+from napari_unpack.viewer.protocols import Event, MouseEvent
+from napari_unpack.viewer.scheduler import Worker
+
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.layers.view_camera import Frame
+    from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
+
+# Share of a tint in the colour of an object that is outside the bag, of that of a packed one.
+OUTSIDE = 0.3
+
+
+class SliceEvents(SignalGroup):
+    """What linked slices tell.
+
+    crosshair: the voxel that all three slices go through. drawn: a plane and the image of its
+    slice, (H, W, 4) uint8. window: the densities shown black and white.
+    """
+
+    crosshair = Signal(tuple)
+    drawn = Signal(object, object)
+    window = Signal(tuple)
+
+
+class LinkedSlices:
+    """Follows the pointer in slices and in the 3D view, and has the slices drawn.
+
+    Parameters
+    ----------
+    controller : SessionController
+        An open one.
+
+    Attributes
+    ----------
+    crosshair : (int, int, int)
+        The voxel that all three slices go through, z y x.
+    events : SliceEvents
+    marker : PointMarker
+        Shows in the 3D view what the hand points at in a slice.
+
+    Notes
+    -----
+    Slices are read and drawn by a worker, so that a volume on a disk never holds up the window.
+    """
+
+    def __init__(self, controller: SessionController) -> None:
+        self._controller, self._session = controller, controller.session
+        self.events = SliceEvents()
+        self.crosshair = self._voxel(self._session.bag.center / self._session.spacing)
+        self._window = first_window(self._controller)
+        self._overlay = 0.5
+        self._marked = False
+        self._open = False
+        self.marker = PointMarker(self._marker_point)
+
+    # Lifetime.
+
+    def open(self) -> None:
+        """Draw, and follow the pointer and the session."""
+        if self._open:
+            return
+        self._open = True
+        for event, slot in self._heard():
+            event.connect(slot)
+        self._controller.viewer.mouse_move_callbacks.append(self._move)
+        self._controller.overlays.drawings.append(self.marker)
+        self.draw()
+
+    def close(self) -> None:
+        """Draw and follow nothing more."""
+        if not self._open:
+            return
+        self._open = False
+        for event, slot in self._heard():
+            event.disconnect(slot)
+        if self._move in self._controller.viewer.mouse_move_callbacks:
+            self._controller.viewer.mouse_move_callbacks.remove(self._move)
+        self._controller.overlays.drawings.remove(self.marker)
+        for plane in PLANES:
+            self._controller.scheduler.cancel(_slot(plane))
+        self._mark(False)
+
+    @property
+    def settled(self) -> bool:
+        """Whether every image that was asked for is drawn."""
+        return not any(self._controller.scheduler.has(_slot(plane)) for plane in PLANES)
+
+    def _heard(self) -> list[tuple[Event, Callable[..., None]]]:
+        events = self._session.events
+        changes = (events.labels, events.states, events.hues)
+        return [*((event, self._redraw) for event in changes), (events.selected, self._follow)]
+
+    # What is where.
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels along z, y, x."""
+        z, y, x = self._session.labels.shape
+        return z, y, x
+
+    @property
+    def spacing(self) -> NDArray[np.float64]:
+        """Voxel size in mm, z y x."""
+        return self._session.spacing
+
+    def object_at(self, voxel: Voxel) -> int:
+        """Return the object of a voxel, 0 for none."""
+        return int(self._session.labels[voxel])
+
+    def name_at(self, voxel: Voxel) -> str:
+        """Return what the object of a voxel is called, empty for none."""
+        object_id = self.object_at(voxel)
+        return describe(self._session, object_id) if object_id in self._session.states else ""
+
+    def density_at(self, voxel: Voxel) -> float:
+        """Return the density of a voxel."""
+        return float(self._session.volume[voxel])
+
+    # What the hand does in slices.
+
+    def point_at(self, voxel: Voxel) -> None:
+        """Move the crosshair, and show the point and its object in the 3D view."""
+        self._go_to(self._voxel(voxel))
+        self._mark(True)
+        self._controller.interaction.point_at(self.object_at(self.crosshair))
+
+    def leave(self) -> None:
+        """Follow a pointer that has left the slices: it is on no object any more."""
+        self._controller.interaction.point_at(0)
+
+    def select_at(self, voxel: Voxel, modifiers: Collection[str] = ()) -> None:
+        """Select the object of a voxel, none where there is none.
+
+        Parameters
+        ----------
+        voxel : (int, int, int)
+        modifiers : collection of str
+            Keys held, as in the 3D view.
+        """
+        self._controller.interaction.select(self.object_at(voxel), modifiers)
+
+    def center(self) -> None:
+        """Move the crosshair into the selected object, or into the middle of the bag."""
+        ids = sorted(self._session.selected)
+        if ids:
+            self.point_at(self._voxel(middle_of(self._session, ids[0])))
+        else:
+            self.point_at(self._voxel(self._session.bag.center / self.spacing))
+
+    # How slices look.
+
+    @property
+    def window(self) -> Window:
+        """Densities shown black and white."""
+        return self._window
+
+    @window.setter
+    def window(self, window: Window) -> None:
+        """Show densities otherwise; the white one stays above the black one."""
+        low, high = window
+        least = 1e-3 * max(abs(low), abs(high), 1e-6)
+        self._window = float(low), float(max(high, low + least))
+        self.events.window.emit(self._window)
+        self.draw()
+
+    def reset_window(self) -> None:
+        """Take the contrast limits of the image again."""
+        self.window = first_window(self._controller)
+
+    @property
+    def overlay(self) -> float:
+        """Share of the tints in the colours of packed objects, in [0, 1]."""
+        return self._overlay
+
+    @overlay.setter
+    def overlay(self, share: float) -> None:
+        """Show tints more or less."""
+        self._overlay = float(np.clip(share, 0.0, 1.0))
+        self.draw()
+
+    def tints(self) -> NDArray[np.float32]:
+        """Return the (M, 4) tints of slices: those of the 3D view, faint for what is outside."""
+        session = self._session
+        tints = tints_of(session.hues, session.label_data.largest_id, mode=session.tint_mode)
+        shares = {ObjectState.PACKED: 1.0, ObjectState.HIDDEN: 0.0}
+        for object_id, state in session.states.items():
+            tints[object_id, 3] = self._overlay * shares.get(state, OUTSIDE)
+        return tints
+
+    def draw(self) -> None:
+        """Have all three slices drawn."""
+        if self._open:
+            tints = self.tints()
+            for plane in PLANES:
+                self._draw(plane, tints)
+
+    def _draw(self, plane: Plane, tints: NDArray[np.float32]) -> None:
+        session, index, window = self._session, self.crosshair[plane.normal], self._window
+        volume, labels, selected = session.volume, session.labels, session.selected
+        self._controller.scheduler.submit(
+            Task(
+                _slot(plane),
+                lambda _: slice_image(volume, labels, tints, plane, index, window, selected),
+            ),
+            Worker.SLICE,
+            partial(self.events.drawn.emit, plane),
+        )
+
+    def _redraw(self, *_: object) -> None:
+        # Sessions tell from whichever thread changed them.
+        self._controller.scheduler.soon(self.draw)
+
+    # The crosshair.
+
+    def _go_to(self, voxel: Voxel) -> None:
+        if voxel == self.crosshair:
+            return
+        before, self.crosshair = self.crosshair, voxel
+        self.events.crosshair.emit(voxel)
+        if self._open:
+            tints = self.tints()
+            for plane in PLANES:
+                if voxel[plane.normal] != before[plane.normal]:
+                    self._draw(plane, tints)
+
+    def _voxel(self, there: ArrayLike) -> Voxel:
+        last = np.array(self._session.labels.shape) - 1
+        z, y, x = (int(v) for v in np.clip(np.rint(np.asarray(there)), 0, last))
+        return z, y, x
+
+    def _follow(self, ids: frozenset[int]) -> None:
+        """Go to an object that was selected elsewhere, unless the crosshair is in it."""
+        known = [i for i in ids if i in self._session.states]
+        if len(known) == 1 and self.object_at(self.crosshair) != known[0]:
+            self._go_to(self._voxel(middle_of(self._session, known[0])))
+        self._redraw()
+
+    # The 3D view.
+
+    def _move(self, viewer: napari.Viewer, event: MouseEvent) -> None:
+        """Follow the pointer over the canvas; the object under it is known by now."""
+        voxel = self._in_3d(event) if viewer.dims.ndisplay == 3 else self._in_2d(event)
+        if voxel is not None:
+            self._go_to(voxel)
+            # The pointer itself is there.
+            self._mark(False)
+
+    def _in_3d(self, event: MouseEvent) -> Voxel | None:
+        interaction = self._controller.interaction
+        if not interaction.pointed:
+            return None
+        pixel = np.array([event.pos[1], event.pos[0]], dtype=np.float64)
+        picker = self._controller.renderer.picker
+        return picker.voxel_on(interaction.pointed, *interaction.frame_pixel(pixel))
+
+    def _in_2d(self, event: MouseEvent) -> Voxel | None:
+        there = np.asarray(event.position, dtype=np.float64)[-3:]
+        # Slices of napari's show the whole bag, of which an opened object is only a part.
+        if self._controller.outer_session is not None or len(there) < 3:
+            return None
+        spot = voxel_at(self._controller.packed, there, units_of(self._controller.viewer))
+        inside = (spot >= 0).all() and (spot < self.shape).all()
+        return self._voxel(spot) if inside else None
+
+    def _mark(self, marked: bool) -> None:
+        """Show the crosshair's point in the 3D view, or not."""
+        if marked or self._marked:
+            self._controller.renderer.transition.repaint()
+        self._marked = marked
+
+    def _marker_point(self, frame: Frame) -> Vector | None:
+        renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)
+        # Beside an inspected object the bag is dimmed, and so would be what the point is on.
+        away = bool(renderer.inspected) and renderer.inspected != object_id
+        if not self._marked or away or object_id not in {0, *self._session.states}:
+            return None
+        return renderer.picker.pivot_point(self.crosshair, object_id, frame)
+
+
+def _slot(plane: Plane) -> tuple[str, Plane]:
+    return "slice", plane
+
+
+def first_window(controller: SessionController) -> Window:
+    """Return the contrast limits of a session's image; where it has none, what suits its volume."""
+    for layer in controller.sources:
+        if isinstance(layer, Image) and controller.outer_session is None:
+            low, high = layer.contrast_limits
+            if high > low:
+                return float(low), float(high)
+    return window_for(controller.session.volume)
+
+
+def middle_of(session: Session, object_id: int) -> NDArray[np.float64]:
+    """Return the voxel of an object nearest to its middle, in the middle slice of its box.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
+    box = session.boxes.slices(object_id)
+    z = (box[0].start + box[0].stop - 1) // 2
+    spots = np.argwhere(session.labels[z, box[1], box[2]] == object_id)
+    # Parts of an object may lie on either side of the slice.
+    if not len(spots):
+        return session.boxes.center(object_id, np.ones(3))
+    nearest = spots[((spots - spots.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+    return np.array([z, box[1].start + nearest[0], box[2].start + nearest[1]], dtype=np.float64)

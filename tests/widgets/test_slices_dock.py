@@ -1,0 +1,299 @@
+"""The dock of three linked slices, with the mouse and the keys of a person."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QPoint, QPointF, Qt
+from qtpy.QtGui import QWheelEvent
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication, QToolTip
+
+from mouse import LEFT, NONE, PLAIN, move
+from napari_unpack.appearance import tints_of
+from napari_unpack.layers import compat
+from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
+from napari_unpack.viewer.linked_slices import OUTSIDE
+from opened_panel import CENTERS, at_rest, press, rest
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+SHIFT = Qt.KeyboardModifier.ShiftModifier
+RIGHT = Qt.MouseButton.RightButton
+
+
+def spot(view: Any, voxel: tuple[int, int, int]) -> QPoint:
+    """Return the pixel of a slice in which a voxel's middle is."""
+    place = view.place_of(voxel)
+    return QPoint(int(place.x()), int(place.y()))
+
+
+def wheel(view: Any, notches: int, modifiers: Any = PLAIN, at: QPoint | None = None) -> None:
+    """Turn the mouse's wheel, away from the person where positive."""
+    place = QPointF(view.rect().center() if at is None else at)
+    there = QPointF(view.mapToGlobal(place.toPoint()))
+    turn, still = QPoint(0, 120 * notches), QPoint()
+    phase = Qt.ScrollPhase.NoScrollPhase
+    event = QWheelEvent(place, there, still, turn, NONE, modifiers, phase, False)
+    QApplication.sendEvent(view, event)
+
+
+def drawn(dock: Any, qtbot: QtBot) -> None:
+    """Wait until all slices show what they are to show."""
+    # Changes of a session reach the slices by way of the event loop.
+    qtbot.wait(1)
+    qtbot.waitUntil(lambda: dock.settled, timeout=20000)
+
+
+@pytest.fixture
+def slices(panel: Any, piled: Any, qtbot: QtBot) -> Any:
+    """Return the dock over the pile of balls, opened by its button, and its parts by name."""
+    press(qtbot, panel.slices.button)
+    dock = panel.slices.dock
+    drawn(dock, qtbot)
+    along = {"z": dock.views[ALONG_Z], "x": dock.views[ALONG_X], "y": dock.views[ALONG_Y]}
+    rest(panel, qtbot)
+    return SimpleNamespace(
+        dock=dock, linked=dock.linked, panel=panel, session=piled,
+        controller=panel.workspace.controller, **along,
+    )  # fmt: skip
+
+
+def test_the_crosshair_follows_the_mouse_over_a_slice_into_the_others_and_the_3d_view(
+    slices: Any, qtbot: QtBot
+) -> None:
+    linked, session, views = slices.linked, slices.session, (slices.z, slices.x, slices.y)
+    for view in views:
+        assert view.image.shape == (48, 48, 4)
+        # Voxels are twice as deep as wide.
+        spread = view.place_of((1, 1, 1)) - view.place_of((0, 0, 0))
+        along_z = {ALONG_Z: None, ALONG_X: spread.x(), ALONG_Y: spread.y()}[view.plane]
+        across = spread.y() if view.plane is ALONG_X else spread.x()
+        assert along_z is None or along_z == pytest.approx(2 * across, rel=1e-6)
+
+    at_z = linked.crosshair[0]
+    before = {view: view.image.copy() for view in views}
+    wanted = (at_z, CENTERS[4][1], 12)
+    move(slices.z, spot(slices.z, wanted))
+    assert linked.crosshair == wanted
+    drawn(slices.dock, qtbot)
+    np.testing.assert_array_equal(slices.z.image, before[slices.z])
+    for view, axis in ((slices.x, 2), (slices.y, 1)):
+        assert not np.array_equal(view.image, before[view])
+        ids = view.plane.cut(session.labels, wanted[axis])
+        # What belongs to no object is grey, all else has a tint.
+        tinted = np.ptp(view.image[..., :3].astype(int), axis=-1) > 3
+        assert (tinted == (ids > 0)).mean() > 0.99
+
+    inside = CENTERS[2]
+    assert inside[0] == CENTERS[3][0]
+    move(slices.y, spot(slices.y, (inside[0], wanted[1], inside[2])))
+    move(slices.x, spot(slices.x, (inside[0], inside[1], inside[2])))
+    assert linked.crosshair == inside
+    name = str(session.objects["name"][3])
+    assert slices.x.name.startswith(name)
+    assert QToolTip.text().startswith(name)
+    assert slices.controller.interaction.pointed == 3
+    assert name in slices.dock.where.text()
+
+    frame = slices.controller.frame
+    point = linked.marker.point_in(frame)
+    there = frame.camera.project(np.array(inside) * session.spacing, frame.size)
+    np.testing.assert_allclose(frame.camera.pixels(point, frame.size), there, atol=1e-6)
+    assert linked.marker in slices.controller.overlays.drawings
+    assert linked.marker.quads_at(frame)
+    move(slices.x, QPoint(1, 1))
+    assert (linked.crosshair, slices.x.name, slices.controller.interaction.pointed) == (
+        inside, "", 0,
+    )  # fmt: skip
+
+
+def test_the_slices_follow_the_mouse_over_objects_and_sprites_in_the_3d_view(
+    slices: Any, qtbot: QtBot
+) -> None:
+    controller, session, linked = slices.controller, slices.session, slices.linked
+    controller.recolor_at_rest = False
+    widget = compat.native_canvas(controller.viewer).native
+    (out,) = controller.unpack(1)
+    at_rest(controller, qtbot)
+    frame, front = controller.frame, session.unpackable()[0]
+    center = session.boxes.center(front, session.spacing)
+    pixels = {
+        front: frame.camera.project(center, frame.size),
+        out: frame.camera.pixels(session.poses[out].center, frame.size),
+    }
+    for object_id, (row, col) in pixels.items():
+        for aside in (1, 0):
+            move(widget, QPoint(round(col) + aside, round(row)))
+            # napari hears of at most one movement in 5 ms.
+            qtbot.wait(20)
+        assert session.labels[linked.crosshair] == object_id
+        # Where the mouse is there is no second mark.
+        assert linked.marker.point_in(frame) is None
+        # Shown from the slices, the same point is under the mouse: on the sprite too.
+        linked.point_at(linked.crosshair)
+        point = linked.marker.point_in(frame)
+        assert np.abs(frame.camera.pixels(point, frame.size) - (row, col)).max() < 4
+    drawn(slices.dock, qtbot)
+    assert slices.z.plane.cut(session.labels, linked.crosshair[0]).any()
+
+
+def test_clicks_select_the_wheel_and_the_keys_go_through_the_slices(
+    slices: Any, qtbot: QtBot
+) -> None:
+    linked, session, dock = slices.linked, slices.session, slices.dock
+    view, panel = slices.z, slices.panel
+    linked.point_at(CENTERS[0])
+    for center, modifiers, wanted in (
+        (CENTERS[0], PLAIN, {1}), (CENTERS[1], CONTROL, {1, 2}), (CENTERS[0], CONTROL, {2}),
+    ):  # fmt: skip
+        QTest.mouseClick(view, LEFT, modifiers, spot(view, center))
+        assert session.selected == wanted
+    drawn(dock, qtbot)
+    white = (view.image[..., :3] == 255).all(axis=-1)
+    assert white.any()
+    assert (session.labels[14][white] == 2).all()
+    qtbot.waitUntil(lambda: panel.workspace.settled, timeout=20000)
+    assert panel.objects.table.selected_ids() == [2]
+    QTest.mouseClick(view, LEFT, PLAIN, spot(view, (14, 1, 1)))
+    assert session.selected == frozenset()
+
+    move(view, spot(view, (14, 20, 20)))
+    wheel(view, -3)
+    assert linked.crosshair == (17, 20, 20)
+    wheel(view, 50)
+    assert linked.crosshair == (0, 20, 20)
+    keys = {
+        Qt.Key.Key_PageDown: (1, 20, 20), Qt.Key.Key_PageUp: (0, 20, 20),
+        Qt.Key.Key_Right: (0, 20, 21), Qt.Key.Key_Left: (0, 20, 20),
+        Qt.Key.Key_Down: (0, 21, 20), Qt.Key.Key_Up: (0, 20, 20),
+    }  # fmt: skip
+    for key, wanted in keys.items():
+        qtbot.keyClick(view, key)
+        assert linked.crosshair == wanted
+    qtbot.keyClick(slices.x, Qt.Key.Key_Right, SHIFT)
+    assert linked.crosshair == (10, 20, 20)
+
+    held = spot(view, (10, 12, 30))
+    wheel(view, 4, CONTROL, held)
+    assert view.zoom > 2
+    # What the mouse was on stays under it.
+    assert view.voxel_at(QPointF(held)) == (10, 12, 30)
+    qtbot.mouseDClick(view, LEFT, pos=held)
+    assert view.voxel_at(QPointF(view.rect().center())) == (10, 12, 30)
+    zoom = view.zoom
+    qtbot.keyClick(view, Qt.Key.Key_Minus)
+    assert view.zoom < zoom
+    qtbot.keyClick(view, Qt.Key.Key_Plus)
+    assert view.zoom == pytest.approx(zoom)
+    qtbot.keyClick(view, Qt.Key.Key_Home)
+    assert view.zoom == 1
+
+    # What is selected elsewhere is gone to, and so it is by Centre.
+    session.select([6])
+    assert session.labels[linked.crosshair] == 6
+    move(view, spot(view, (linked.crosshair[0], 2, 2)))
+    press(qtbot, dock.center)
+    assert session.labels[linked.crosshair] == 6
+    session.select([])
+    qtbot.keyClick(view, Qt.Key.Key_Return)
+    assert session.selected == frozenset({6})
+
+
+def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtBot) -> None:
+    linked, session, dock, view = slices.linked, slices.session, slices.dock, slices.z
+    slices.controller.recolor_at_rest = False
+    image = slices.controller.sources[0]
+    assert linked.window == tuple(image.contrast_limits)
+    linked.point_at(CENTERS[0])
+    drawn(dock, qtbot)
+    at = (CENTERS[0][1], CENTERS[0][2])
+
+    def color() -> np.ndarray:
+        drawn(dock, qtbot)
+        return view.image[at][:3].astype(int)
+
+    def expected(share: float) -> np.ndarray:
+        low, high = linked.window
+        grey = np.clip((session.volume[CENTERS[0]] - low) / (high - low), 0, 1)
+        tint = tints_of(session.hues, 6, mode=session.tint_mode)[1, :3]
+        return 255 * ((1 - share) * grey + share * tint)
+
+    np.testing.assert_allclose(color(), expected(0.5), atol=2)
+    dock.overlay.setValue(80)
+    np.testing.assert_allclose(color(), expected(0.8), atol=2)
+    session.apply_hues({1: 0.61})
+    np.testing.assert_allclose(color(), expected(0.8), atol=2)
+    session.tint_mode = "safe"
+    np.testing.assert_allclose(color(), expected(0.8), atol=2)
+
+    low, high = linked.window
+    QTest.mousePress(view, RIGHT, PLAIN, pos=QPoint(40, 40))
+    move(view, QPoint(70, 40), RIGHT)
+    QTest.mouseRelease(view, RIGHT, PLAIN, pos=QPoint(70, 40))
+    assert linked.window[1] - linked.window[0] > 1.1 * (high - low)
+    assert sum(linked.window) == pytest.approx(low + high)
+    assert dock.white.value() == pytest.approx(linked.window[1], abs=0.1)
+    np.testing.assert_allclose(color(), expected(0.8), atol=2)
+    dock.white.setValue(1234)
+    assert linked.window[1] == 1234
+    press(qtbot, dock.automatic)
+    assert linked.window == (low, high)
+
+    session.hide([1])
+    np.testing.assert_allclose(color(), expected(0.0), atol=2)
+    session.show([1])
+    slices.controller.unpack([1])
+    at_rest(slices.controller, qtbot)
+    np.testing.assert_allclose(color(), expected(0.8 * OUTSIDE), atol=2)
+    slices.controller.restore()
+    at_rest(slices.controller, qtbot)
+    session.delete([1])
+    np.testing.assert_allclose(color(), expected(0.0), atol=2)
+    assert linked.name_at(CENTERS[0]) == ""
+
+
+def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(
+    slices: Any, viewer: Any, qtbot: QtBot
+) -> None:
+    linked, dock, panel = slices.linked, slices.dock, slices.panel
+    callbacks = viewer.mouse_move_callbacks
+    count = len(callbacks)
+    move(slices.z, spot(slices.z, CENTERS[1]))
+    drawn(dock, qtbot)
+    voxel, image = linked.crosshair, slices.z.image
+    dock.parentWidget().close()
+    assert not panel.slices.button.isChecked()
+    assert len(callbacks) == count - 1
+    assert linked.marker not in slices.controller.overlays.drawings
+    slices.session.apply_hues({1: 0.11})
+    qtbot.wait(20)
+    assert dock.settled
+    assert slices.z.image is image
+
+    press(qtbot, panel.slices.button)
+    drawn(dock, qtbot)
+    assert dock.linked is linked
+    assert linked.crosshair == voxel
+    assert slices.z.image is not image
+
+    # Its cross takes it out of the window for good; the button brings it back.
+    compat.unwrap(viewer).window.remove_dock_widget(dock.parentWidget())
+    assert not panel.slices.button.isChecked()
+    press(qtbot, panel.slices.button)
+    drawn(dock, qtbot)
+    assert dock.isVisible()
+    assert len(callbacks) == count
+
+    # Another session is shown in the same dock, and none is while there is none.
+    panel.workspace.close()
+    assert dock.linked is None
+    assert slices.z.image is None
+    press(qtbot, panel.segment.start)
+    qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=90000)
+    drawn(dock, qtbot)
+    assert dock.linked is not linked
+    assert all(dock.views[plane].image is not None for plane in PLANES)
