@@ -104,8 +104,19 @@ Mode = Literal["perceptual", "safe", "hsv"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
 
+Rgba = tuple[float, float, float, float]
+
+# Opacity as people choose it, raised to this, is that of a voxel: what matters for translucency
+# lies near zero, so the opacity curve is drawn on the same scale.
+OPACITY_POWER = 3
+
+
 def tints_of(
-    hues: Mapping[int, float], max_id: int, hidden: Collection[int] = (), mode: Mode = "perceptual"
+    hues: Mapping[int, float],
+    max_id: int,
+    hidden: Collection[int] = (),
+    mode: Mode = "perceptual",
+    colors: Mapping[int, Rgba] | None = None,
 ) -> NDArray[np.float32]:
     """Make the table of tints a ray caster multiplies on.
 
@@ -119,12 +130,14 @@ def tints_of(
         IDs to be left out of the image.
     mode : {"perceptual", "safe", "hsv"}
         `hsv` is the paper's, with S = V = 1; `safe` serves people who confuse red and green.
+    colors : mapping of int to (float, float, float, float), optional
+        Straight RGBA by ID of the objects that a person gave a colour, in place of their hue's.
 
     Returns
     -------
     (max_id + 1, 4) ndarray of float32
-        Straight RGBA by ID with alpha 1; zero, that is invisible, for 0, for what is hidden and
-        for IDs without a hue.
+        Straight RGBA by ID with alpha 1, but for own colours that are translucent; zero, that is
+        invisible, for 0, for what is hidden and for IDs without a hue.
 
     Raises
     ------
@@ -143,6 +156,10 @@ def tints_of(
     values = np.array([hues[i] for i in shown])
     table[shown, :3] = _RINGS[mode](values)
     table[shown, 3] = 1.0
+    own = colors or {}
+    for i in own.keys() & set(shown):
+        *rgb, opacity = own[i]
+        table[i] = *rgb, opacity**OPACITY_POWER
     return table
 
 
@@ -156,7 +173,11 @@ MOST_OPACITY_GAIN = 8.0
 
 
 def packed_tints(
-    hues: Mapping[int, float], max_id: int, mode: Mode, show_unlabelled: bool = False
+    hues: Mapping[int, float],
+    max_id: int,
+    mode: Mode,
+    show_unlabelled: bool = False,
+    colors: Mapping[int, Rgba] | None = None,
 ) -> NDArray[np.float32]:
     """Return the (max_id + 1, 4) straight RGBA tints of what is packed by ID, else 0; read-only.
 
@@ -170,8 +191,10 @@ def packed_tints(
         How hues become tints.
     show_unlabelled : bool
         Whether row 0, matter without a label, is visible.
+    colors : mapping of int to (float, float, float, float), optional
+        As for `tints_of`.
     """
-    table = tints_of(hues, max_id, mode=mode)
+    table = tints_of(hues, max_id, mode=mode, colors=colors)
     if show_unlabelled:
         table[0] = UNLABELLED_TINT
     # Renderers share it between threads and compare it with the table drawn last.
@@ -179,7 +202,9 @@ def packed_tints(
     return table
 
 
-def legible_tint(hue: float, mode: Mode, opacity: float | None = None) -> NDArray[np.float32]:
+def legible_tint(
+    hue: float, mode: Mode, opacity: float | None = None, color: Rgba | None = None
+) -> NDArray[np.float32]:
     """Return the tint of an object that is shown alone.
 
     Parameters
@@ -191,16 +216,32 @@ def legible_tint(hue: float, mode: Mode, opacity: float | None = None) -> NDArra
     opacity : float, optional
         Per voxel, at the object's mean density. None where the object has a transfer function
         of its own, which is not to be corrected.
+    color : (float, float, float, float), optional
+        Straight RGBA that a person gave it.
 
     Returns
     -------
     (4,) ndarray of float32
         Straight RGBA. Alpha is above 1 where the opacity is too small to make the object out.
     """
-    tint = tints_of({1: hue}, 1, mode=mode)[1]
+    tint = tints_of({1: hue}, 1, mode=mode, colors={} if color is None else {1: color})[1]
     if opacity is not None:
-        tint[3] = np.clip(LEGIBLE_OPACITY / max(opacity, 1e-6), 1.0, MOST_OPACITY_GAIN)
+        tint[3] *= np.clip(LEGIBLE_OPACITY / max(opacity, 1e-6), 1.0, MOST_OPACITY_GAIN)
     return tint
+
+
+def nearest_hue(color: Rgba, mode: Mode) -> float:
+    """Return the hue in [0, 1) that looks most like a colour.
+
+    Parameters
+    ----------
+    color : (float, float, float, float)
+        Straight RGBA.
+    mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    """
+    ring = _RINGS[mode](np.arange(_RING) / _RING)
+    return int(np.square(ring - np.array(color[:3])).sum(axis=1).argmin()) / _RING
 
 
 def hsv_to_rgb(hue: ArrayLike) -> NDArray[np.float64]:

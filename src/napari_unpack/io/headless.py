@@ -105,7 +105,14 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     if packed:
         # What was hidden stays out of the movie; the rest goes back into the bag.
         hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
-        now = SessionState(now.transfer_function, now.hues, hidden=hidden, direction=now.direction)
+        now = SessionState(
+            now.transfer_function,
+            now.hues,
+            hidden=hidden,
+            direction=now.direction,
+            styles=now.styles,
+            colors=now.colors,
+        )
         # Names of now; no trace of edits, as the copy has nothing to undo.
         data = replace(data, facts=session.objects, edit=None, previous=None)
         view = ViewState(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Background, Decorations, TransferFunction, golden_hue
-from napari_unpack.appearance.tints import Mode
+from napari_unpack.appearance.tints import Mode, Rgba
 from napari_unpack.geometry.axes import checked_spacing, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.relabeling import compact_labels
@@ -27,7 +27,14 @@ from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
 from napari_unpack.session.labels import LabelData, object_table
 from napari_unpack.session.session import Session
-from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
+from napari_unpack.session.state import (
+    FLAGS,
+    Flag,
+    Placement,
+    SessionState,
+    UnpackingRules,
+    ViewState,
+)
 from napari_unpack.session.validation import MOST_ID, checked_labels, checked_planes, checked_volume
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
@@ -195,6 +202,9 @@ def state_record(session: Session) -> dict[str, Any]:
         ),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
+        "colors": {str(i): list(color) for i, color in now.colors.items()},
+        "notes": {str(i): note for i, note in now.notes.items()},
+        "flags": {str(i): flag for i, flag in now.flags.items()},
         "out": [_placement(i, placement) for i, placement in now.placements.items()],
         "ahead": [[_placement(i, b) for i, b in departure.items()] for departure in now.undone],
         "hidden": sorted(now.hidden),
@@ -252,6 +262,9 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
         styles=styles_from(fields, known),
         hues=hues,
         names=names,
+        colors=_colors_from(fields, known),
+        notes={i: str(note) for i, note in _told(fields, "notes", known).items()},
+        flags=_flags_from(fields, known),
         placements=placements,
         undone=tuple(_read_undone(fields, known, most, placements)),
         hidden=hidden,
@@ -260,6 +273,27 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
         direction=_read_direction(fields),
         queue=_read_queue(fields.part("queue"), rules, known),
     )
+
+
+def _told(fields: Fields, name: str, known: frozenset[int]) -> dict[int, Any]:
+    # Files of before people could colour, note and flag objects do not say it.
+    return fields.by_id(name, known) if fields.has(name) else {}
+
+
+def _colors_from(fields: Fields, known: frozenset[int]) -> dict[int, Rgba]:
+    found: dict[int, Rgba] = {}
+    for i in _told(fields, "colors", known):
+        values = fields.part("colors").array(str(i), (4,))
+        if values.min() < 0 or values.max() > 1:
+            raise ValueError(f"session.situation.colors.{i} must be from 0 to 1, got {values}")
+        red, green, blue, opacity = (float(v) for v in values)
+        found[i] = red, green, blue, opacity
+    return found
+
+
+def _flags_from(fields: Fields, known: frozenset[int]) -> dict[int, Flag]:
+    found = _told(fields, "flags", known)
+    return {i: fields.part("flags").text(str(i), FLAGS) for i in found}  # type: ignore[misc]
 
 
 def _placement(object_id: int, placement: Placement) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.minimum_opacity import visible_alone
-from napari_unpack.appearance.tints import Mode, legible_tint, packed_tints
+from napari_unpack.appearance.tints import Mode, Rgba, legible_tint, packed_tints
 from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
@@ -92,6 +92,8 @@ class Scene:
         Of the unpacked objects that are in sight and not in the air, pivot space.
     hues : mapping of int to float
         Hue in [0, 1) by ID.
+    colors : mapping of int to (float, float, float, float)
+        Straight RGBA of the objects that a person gave a colour, in place of their hue's.
     tint_mode : {"perceptual", "safe", "hsv"}
         How hues become tints.
     show_unlabelled : bool
@@ -124,6 +126,7 @@ class Scene:
     flights: Mapping[int, Flight] = field(default_factory=dict)
     poses: Mapping[int, Pose] = field(default_factory=dict)
     hues: Mapping[int, float] = field(default_factory=dict)
+    colors: Mapping[int, Rgba] = field(default_factory=dict)
     tint_mode: Mode = "perceptual"
     show_unlabelled: bool = False
     styles: Mapping[int, ObjectStyle] = field(default_factory=dict)
@@ -153,7 +156,7 @@ class Scene:
         """(M, 4) float32 tints, zero but for what is packed; read-only."""
         # Sorted, so that equal sets give equal tables whatever their history.
         shown = {i: self.hues[i] for i in sorted(self.packed)}
-        return packed_tints(shown, self._max_id, self.tint_mode, self.show_unlabelled)
+        return packed_tints(shown, self._max_id, self.tint_mode, self.show_unlabelled, self.colors)
 
     def tint_alone(self, object_id: int) -> NDArray[np.float32]:
         """Return the (4,) float32 tint of an object shown alone; its alpha may be above 1."""
@@ -164,7 +167,8 @@ class Scene:
             if self.style(object_id).transfer_function is None:
                 density = self.mean_densities[object_id]
                 opacity = float(self.transfer_function.opacity_at(density))
-            known = legible_tint(self.hues[object_id], self.tint_mode, opacity)
+            own = self.colors.get(object_id)
+            known = legible_tint(self.hues[object_id], self.tint_mode, opacity, own)
             self._tints_alone[object_id] = known
         return known
 
@@ -208,7 +212,9 @@ class Scene:
             appearance=cut
             or self.transfer_function != shown.transfer_function
             or self.show_unlabelled != shown.show_unlabelled,
-            tints=self.hues != shown.hues or self.tint_mode != shown.tint_mode,
+            tints=self.hues != shown.hues
+            or self.colors != shown.colors
+            or self.tint_mode != shown.tint_mode,
             ids=self.packed ^ shown.packed,
         )
 

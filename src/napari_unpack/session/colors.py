@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance import assign_hues
+from napari_unpack.appearance.tints import Mode, Rgba, nearest_hue
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import interference_in
 from napari_unpack.session.ray_queries import Mask, RayQueries, Size
@@ -81,12 +84,47 @@ class HuesKey:
         Fraction of every hue arc left empty.
     locked : frozenset of int
         Objects whose hue stays.
+    own : frozenset of (int, float)
+        ID and nearest hue of the objects that a person gave a colour.
     """
 
     visibility: VisibilityKey
     previous: Identity | None
     margin: float
     locked: frozenset[int]
+    own: frozenset[tuple[int, float]] = frozenset()
+
+
+def hues_of(colors: Mapping[int, Rgba], mode: Mode) -> frozenset[tuple[int, float]]:
+    """Return ID and nearest hue of objects of an own colour, for `HuesKey.own`.
+
+    Parameters
+    ----------
+    colors : mapping of int to (float, float, float, float)
+        Straight RGBA by ID.
+    mode : {"perceptual", "safe", "hsv"}
+        How hues become tints.
+    """
+    return frozenset((i, nearest_hue(color, mode)) for i, color in colors.items())
+
+
+def chosen_hues(
+    graph: nx.Graph, previous: Mapping[int, float] | None, key: HuesKey
+) -> dict[int, float]:
+    """Return hues that keep neighbours apart, from own colours too; runs on any thread.
+
+    Parameters
+    ----------
+    graph : networkx.Graph
+        From `find_interference`.
+    previous : mapping of int to float, optional
+        As for `assign_hues`.
+    key : HuesKey
+    """
+    own = dict(key.own)
+    # What has its own colour stays as it is, and its neighbours give way to it.
+    known = {**(previous or {}), **own} if own else previous
+    return assign_hues(graph, known, key.margin, locked=key.locked | own.keys())
 
 
 def find_interference(

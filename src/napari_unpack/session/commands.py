@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from napari_unpack.session.labels import Edit
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
 from napari_unpack.unpacking import Queue
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +124,8 @@ def restore(state: SessionState, ids: Sequence[int]) -> SessionState:
         the head of the queue.
     """
     # Its way back is to be seen, and not the object alone in the middle.
-    inspected = None if state.inspected in ids else state.inspected
-    return replace(_put_back(state, ids[::-1]), inspected=inspected, undone=())
+    state = _left(state, ids)
+    return replace(_put_back(state, ids[::-1]), undone=())
 
 
 def _put_back(state: SessionState, ids: Sequence[int]) -> SessionState:
@@ -140,7 +143,7 @@ def go_to(state: SessionState, step: int) -> SessionState:
     step : int
         Hidden objects go back too at 0: the start of an unpacking is a packed bag.
     """
-    done = state.removals
+    state, done = inspect(state, None), state.removals
     if step >= len(done):
         known = state.undone[: step - len(done)]
         again = {i: placement for removal in known for i, placement in removal.items()}
@@ -150,23 +153,27 @@ def go_to(state: SessionState, step: int) -> SessionState:
             # What leaves again only makes way, so that the rest of the queue still holds.
             queue=state.queue.without(again),
             undone=state.undone[len(known) :],
-            inspected=None,
         )
     placements = state.placements
     gone = [{i: placements[i] for i in group if i in placements} for group in done[step:]]
     # The first taken back stands at the head of the queue, so that `unpack` goes on alike.
     back = _put_back(state, [i for removal in gone for i in removal])
-    return replace(back, undone=(*gone, *state.undone), inspected=None)
+    return replace(back, undone=(*gone, *state.undone))
 
 
 def inspect(state: SessionState, object_id: int | None) -> SessionState:
-    """Look at one object alone, or at none.
+    """Look at one object alone, or at none; a cut made while looking ends with it.
 
     Parameters
     ----------
     state : SessionState
     object_id : int or None
     """
+    before = state.inspected
+    if before is not None and before != object_id:
+        style = state.styles.get(before)
+        if style is not None and style.cut is not None:
+            state = set_style(state, before, replace(style, cut=None))
     return replace(state, inspected=object_id)
 
 
@@ -179,9 +186,8 @@ def hide(state: SessionState, ids: Iterable[int]) -> SessionState:
     ids : iterable of int
     """
     gone = frozenset(ids)
-    inspected = None if state.inspected in gone else state.inspected
-    queue = state.queue.without(gone)
-    return replace(state, hidden=state.hidden | gone, inspected=inspected, queue=queue, undone=())
+    state, queue = _left(state, gone), state.queue.without(gone)
+    return replace(state, hidden=state.hidden | gone, queue=queue, undone=())
 
 
 def show(state: SessionState, ids: Iterable[int]) -> SessionState:
@@ -212,6 +218,10 @@ def isolate(state: SessionState, ids: Iterable[int], known: frozenset[int]) -> S
     wanted = frozenset(ids)
     # Shown first: what comes back into the bag empties the queue, what is hidden does not.
     return hide(show(state, wanted), known - wanted)
+
+
+def _left(state: SessionState, ids: Collection[int]) -> SessionState:
+    return inspect(state, None) if state.inspected in ids else state
 
 
 def move(state: SessionState, object_id: int, placement: Placement) -> SessionState:
@@ -302,14 +312,20 @@ def edit_labels(
         Of those that were not there before.
     """
     return replace(
-        state,
-        hues={i: hue for i, hue in state.hues.items() if i in known} | dict(new_hues),
-        names={i: name for i, name in state.names.items() if i in known},
+        _left(state, edit.change.touched),
+        hues=_of_known(state.hues, known) | dict(new_hues),
+        names=_of_known(state.names, known),
+        colors=_of_known(state.colors, known),
+        notes=_of_known(state.notes, known),
+        flags=_of_known(state.flags, known),
         hidden=state.hidden & known,
         examples=state.examples & known,
-        inspected=None if state.inspected in edit.change.touched else state.inspected,
         # Other objects may block each other now.
         queue=Queue(),
         undone=(),
         labels_edit=edit,
     )
+
+
+def _of_known(values: Mapping[int, T], known: frozenset[int]) -> dict[int, T]:
+    return {i: value for i, value in values.items() if i in known}

@@ -89,6 +89,11 @@ class Document:
         table, names = self.label_data.facts.copy(), self.state.names
         if names:
             table.loc[list(names), "name"] = list(names.values())
+        # Columns of these in a table of the user's own stay as they are where nobody wrote here.
+        for column, values in (("note", self.state.notes), ("flag", self.state.flags)):
+            if values:
+                told = dict(table[column]) if column in table else dict.fromkeys(table.index, "")
+                table[column] = [values.get(i, told[i]) for i in table.index]
         return table
 
     def names(self, ids: Iterable[int]) -> list[str]:

@@ -20,7 +20,7 @@ class SessionEvents(SignalGroup):
 
     states = Signal(frozenset, description="IDs whose state, pose or name changed")
     labels = Signal(frozenset, description="IDs that came, went or have other voxels now")
-    hues = Signal(dict, description="{id: hue}, all of them")
+    hues = Signal(dict, description="{id: hue}, all of them; own colours changed too")
     transfer_function = Signal(object, description="the new TransferFunction")
     queue = Signal(tuple, description="IDs that can leave, the next one first")
     view = Signal(object, description="the new Camera")
@@ -50,11 +50,13 @@ class SessionEvents(SignalGroup):
         # Widgets show names, styles and marks beside states, and listen to this alone.
         changed |= {i for i, _ in after.names.items() ^ before.names.items()}
         changed |= {i for i, _ in after.styles.items() ^ before.styles.items()}
+        changed |= {i for i, _ in after.notes.items() ^ before.notes.items()}
+        changed |= {i for i, _ in after.flags.items() ^ before.flags.items()}
         changed |= after.examples ^ before.examples
         # First: those who hear of the others look objects up in what they keep of the labels.
         if edited:
             self.labels.emit(edited)
-        if after.hues is not before.hues:
+        if after.hues is not before.hues or after.colors != before.colors:
             self.hues.emit(dict(after.hues))
         if after.transfer_function is not before.transfer_function:
             self.transfer_function.emit(after.transfer_function)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from napari_unpack.appearance import assign_hues
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
@@ -627,7 +626,7 @@ class Queries:
                     key.visibility, rays, visible, view.clipping, backend
                 )
                 cache.keep(key.visibility, graph)
-            return assign_hues(graph, previous, key.margin, locked=key.locked)
+            return colors.chosen_hues(graph, previous, key)
 
         return Task(key, run)
 
@@ -641,7 +640,8 @@ class Queries:
         )
         # Before hues were chosen for any view there is nothing worth keeping.
         previous = Identity(session.state.hues) if keep and view.recolored else None
-        return HuesKey(visibility, previous, view.hue_margin, view.locked_hues)
+        own = colors.hues_of(session.state.colors, view.tint_mode)
+        return HuesKey(visibility, previous, view.hue_margin, view.locked_hues, own)
 
     def states(self) -> dict[int, ObjectState]:
         """Return where every object is, by ID; treat as read-only."""

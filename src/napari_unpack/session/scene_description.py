@@ -44,6 +44,7 @@ class SceneDescription:
             flights=dict(session.flights),
             poses=session.poses,
             hues=state.hues,
+            colors=state.colors,
             tint_mode=view.tint_mode,
             show_unlabelled=view.show_unlabelled,
             styles=state.styles,

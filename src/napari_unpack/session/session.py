@@ -18,6 +18,7 @@ from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands
+from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
@@ -62,6 +63,8 @@ class Session:
         All that is derived, with tasks for what takes longer than a moment.
     label_editor : LabelEditor
         Tasks that edit the labels.
+    annotations : Annotations
+        Colours, notes and flags that a person gave objects.
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
@@ -126,7 +129,7 @@ class Session:
         self.volume, self.spacing = document.volume, document.spacing
         self.events, self.history = document.events, document.history
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
-        self.label_editor = LabelEditor(document)
+        self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self._scene_description = SceneDescription()
 
     # The parts, and what they hold.
@@ -299,12 +302,10 @@ class Session:
         ----------
         object_id : int
         style : ObjectStyle or None
-            None takes both away. Successive changes are one step of undo.
+            None takes both away. Successive changes are one step of undo, but for the cut of the
+            inspected object, which ends with the inspection.
         """
-        object_id = self._doc.one(object_id)
-        new = commands.set_style(self.state, object_id, style)
-        # The ID is part of the verb, so that steps of two objects do not become one.
-        self._doc.commit(f"style {object_id}", new, merge=True)
+        self.annotations.set_style(object_id, style)
 
     def transfer_function_of(self, object_id: int) -> TransferFunction:
         """Return what an object outside the bag is shown with; see `Scene`."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.appearance import Decorations, TransferFunction
-from napari_unpack.appearance.tints import MODES, Mode
+from napari_unpack.appearance.tints import MODES, Mode, Rgba
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
@@ -24,6 +24,8 @@ from napari_unpack.unpacking.occlusion import Rule
 __all__ = ["ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
 
 Group = tuple[int, ...]
+Flag = Literal["suspicious", "cleared"]
+FLAGS: tuple[Flag, ...] = get_args(Flag)
 
 # A reflection in a point followed by this is a reflection of right and left in the picture.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
@@ -138,6 +140,12 @@ class SessionState:
         Objects a person marked as examples of whole ones.
     styles : mapping of int to ObjectStyle
         By ID, how those are shown alone that have an opacity or a cut of their own.
+    colors : mapping of int to (float, float, float, float)
+        By ID, straight RGBA from 0 to 1, where a person gave one.
+    notes : mapping of int to str
+        By ID, what a person wrote of objects.
+    flags : mapping of int to str
+        By ID, "suspicious" or "cleared"; others are not decided yet.
     """
 
     transfer_function: TransferFunction
@@ -152,6 +160,9 @@ class SessionState:
     labels_edit: Edit | None = None
     examples: frozenset[int] = frozenset()
     styles: Mapping[int, ObjectStyle] = field(default_factory=dict)
+    colors: Mapping[int, Rgba] = field(default_factory=dict)
+    notes: Mapping[int, str] = field(default_factory=dict)
+    flags: Mapping[int, Flag] = field(default_factory=dict)
 
     @property
     def removals(self) -> tuple[Group, ...]:

@@ -252,7 +252,8 @@ class CanvasBackend:
     def packed_tints(self) -> NDArray[np.float32]:
         """Return the tints by ID of what is packed, hues on their way among them."""
         tints: NDArray[np.float32] = self._session.packed_tints()
-        shown = {i: hue for i, hue in self.hues_on_the_way.items() if tints[i].any()}
+        own, on_the_way = self._session.state.colors, self.hues_on_the_way.items()
+        shown = {i: hue for i, hue in on_the_way if tints[i].any() and i not in own}
         if shown:
             tints = tints.copy()
             fresh = tints_of(shown, len(tints) - 1, mode=self._session.tint_mode)

@@ -33,7 +33,8 @@ def set_table(layer: PictureLayer, session: Session, ids: Iterable[int]) -> None
     rows = [session.boxes.index(i) for i in known]
     low, high = session.boxes.lower[rows], session.boxes.upper[rows]
     edges = (high - low).max(axis=1) if rows else np.zeros(0)
-    tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
+    own = session.annotations.colors
+    tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode, colors=own)
     layer.set_table(
         (low + high - 1) / 2,
         features=_features(session.objects, known),

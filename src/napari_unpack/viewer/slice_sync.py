@@ -50,7 +50,9 @@ class SliceHues:
             return
         session = self._session
         tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
-        colors = {session.label_of(i): tints[i] for i in session.ids}
+        # Opacity as it was chosen: a slice has no depth in which it would add up.
+        own = session.annotations.colors
+        colors = {session.label_of(i): own.get(i, tints[i]) for i in session.ids}
         for layer, _ in self._theirs:
             layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
 
