@@ -6,7 +6,7 @@ import pytest
 from napari_unpack.segmentation.confidence.features import FEATURES
 from napari_unpack.segmentation.confidence.oracle import fit_features
 from napari_unpack.session import Session
-from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.object_columns import Column
 from opened_panel import add_bag, controller_with, open_panel, pile_of_balls, press
 
 

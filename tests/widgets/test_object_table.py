@@ -10,7 +10,8 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
 from napari_unpack.session import ObjectState
-from napari_unpack.widgets.object_model import ID, Column, ObjectModel
+from napari_unpack.widgets.object_columns import Column
+from napari_unpack.widgets.object_model import ID, ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
 
 DISPLAY = Qt.ItemDataRole.DisplayRole
@@ -39,8 +40,11 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         tint_mode="hsv",
         selected=frozenset(),
         examples=frozenset(),
+        annotations=SimpleNamespace(colors={}, notes={}, flags={}),
+        steps=(),
+        step=0,
         label_of=lambda object_id: object_id,
-        queries=SimpleNamespace(unpackable_groups=lambda: ()),
+        queries=SimpleNamespace(unpackable_groups=lambda: (), blockers=lambda: {}),
     )
     session.rename = lambda i, name: objects.__setitem__(
         "name", objects["name"].where(objects.index != i, name)
@@ -84,7 +88,7 @@ def test_every_fact_is_shown_in_the_units_of_its_title(table: ObjectTable) -> No
     assert cells[Column.SIZE] == "25 × 6 × 2"
     assert cells[Column.DENSITY] == "1001"
     assert cells[Column.CONFIDENCE] == "–"
-    assert cells[Column.STATE] == "packed"
+    assert cells[Column.STATE] == "in the bag"
 
 
 def test_larger_objects_are_measured_in_cubic_centimetres(
@@ -139,7 +143,7 @@ def test_only_rows_that_changed_are_told(table: ObjectTable, session: SimpleName
     assert told == [(2, Column.SWATCH, Column.SWATCH)]
     session.states[3] = ObjectState.UNPACKED
     table.objects.refresh()
-    assert told[1:] == [(0, Column.EYE, Column.STATE)]
+    assert told[1:] == [(0, Column.EYE, Column.NOTE)]
 
 
 def test_an_unpackable_object_says_so_until_it_leaves(
@@ -147,7 +151,7 @@ def test_an_unpackable_object_says_so_until_it_leaves(
 ) -> None:
     table.objects.refresh(unpackable={3})
     words = dict(zip(_shown(table, Column.NAME), _shown(table, Column.STATE), strict=True))
-    assert words == {"Object 10": "ready", "Shoe": "packed", "Object 2": "packed"}
+    assert words == {"Object 10": "unpackable", "Shoe": "in the bag", "Object 2": "in the bag"}
     session.states[3] = ObjectState.FLYING_OUT
     table.objects.refresh()
     assert "flying" in _shown(table, Column.STATE)
@@ -168,7 +172,12 @@ def _centre(table: ObjectTable, row: int, column: Column) -> QPoint:
 
 
 @pytest.mark.parametrize(
-    ("column", "signal"), [(Column.EYE, "eye_clicked"), (Column.SWATCH, "swatch_clicked")]
+    ("column", "signal"),
+    [
+        (Column.EYE, "eye_clicked"),
+        (Column.SWATCH, "swatch_clicked"),
+        (Column.FLAG, "flag_clicked"),
+    ],
 )
 def test_a_click_on_a_picture_acts_and_selects_nothing(
     qtbot: QtBot, table: ObjectTable, column: Column, signal: str
@@ -177,6 +186,11 @@ def test_a_click_on_a_picture_acts_and_selects_nothing(
         qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=_centre(table, 1, column))
     assert heard.args == [table.rows.index(1, column).data(ID)]
     assert table.selected_ids() == []
+    # The same by the keyboard.
+    table.setCurrentIndex(table.rows.index(2, column))
+    with qtbot.waitSignal(getattr(table, signal), timeout=1000) as heard:
+        qtbot.keyClick(table, Qt.Key.Key_Space)
+    assert heard.args == [table.rows.index(2, column).data(ID)]
 
 
 def test_selection_by_hand_is_told_and_selection_from_elsewhere_is_not(
@@ -207,18 +221,16 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
         table.resize(width, 240)
         return [not table.isColumnHidden(column) for column in rare]
 
-    assert shown(250) == [False, False, False]
-    assert shown(290) == [True, False, False]
-    assert shown(460) == [True, True, True]
+    assert shown(300) == [False, False, False]
+    assert shown(380) == [True, False, False]
+    assert shown(650) == [True, True, True]
     assert not table.horizontalScrollBar().isVisible()
 
 
-def test_default_names_are_whole_beside_the_confidence_in_the_narrow_panel(
-    table: ObjectTable,
-) -> None:
+def test_default_names_are_whole_in_the_narrow_panel(table: ObjectTable) -> None:
     # The panel's own width, less its margins and two bars to scroll.
     table.resize(274, 240)
-    assert not table.isColumnHidden(Column.CONFIDENCE)
+    assert not table.isColumnHidden(Column.STATE)
     needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
     assert table.columnWidth(Column.NAME) >= needed
 
@@ -241,7 +253,7 @@ def test_confidence_nobody_knows_takes_no_room(
 def test_a_row_tells_all_facts_in_its_tooltip(table: ObjectTable) -> None:
     row = _shown(table, Column.NAME).index("Shoe")
     tip = table.rows.index(row, Column.NAME).data(Qt.ItemDataRole.ToolTipRole)
-    assert tip == "Shoe, object 5, packed\n0.3 cm³, 25 × 6 × 2 mm\ndensity 1001"
+    assert tip == "Shoe, object 5, in the bag\n300 mm³, 25 × 6 × 2 mm\nmean density 1001"
 
 
 def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
@@ -313,4 +325,6 @@ def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points
     table.show()
     room = table.columnWidth(Column.CONFIDENCE)
     assert room > table.fontMetrics().horizontalAdvance("99 %") + 8
-    assert table.columnWidth(Column.STATE) >= table.fontMetrics().horizontalAdvance("packed") + 15
+    assert (
+        table.columnWidth(Column.STATE) >= table.fontMetrics().horizontalAdvance("in the bag") + 15
+    )

@@ -166,11 +166,6 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=20000)
     press(qtbot, panel.objects.show_all)
     assert set(states(piled).values()) == {"PACKED"}
-    table.swatch_clicked.emit(4)
-    assert [i for i, s in states(piled).items() if s == "PACKED"] == [4]
-    panel.commands.undo()
-    assert set(states(piled).values()) == {"PACKED"}
-
     menu = panel.objects.menu()
     texts = {action.text(): action.isEnabled() for action in menu.actions()}
     assert texts["Unpack"]

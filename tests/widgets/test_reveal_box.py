@@ -60,7 +60,7 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     assert controller.overlays.outlines.outlined.leaving == {2}
     row = panel.objects.model.row_of(2)
     state = panel.objects.model.index(row, 3)
-    qtbot.waitUntil(lambda: state.data() == "next", timeout=10000)
+    qtbot.waitUntil(lambda: state.data() == "take out first", timeout=10000)
     qtbot.waitUntil(
         lambda: len(controller.overlays.outlines.quads_at(controller.frame)) == 1, timeout=60000
     )

@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 
 from napari_unpack.demo import await_unpackable
-from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press, states
 
@@ -22,7 +22,7 @@ def _marked_unpackable(panel: UnpackingWidget) -> set[int]:
         model.id_at(row): model.index(row, Column.STATE).data(Qt.ItemDataRole.DisplayRole)
         for row in range(model.rowCount())
     }
-    return {i for i, word in words.items() if word == "ready"}
+    return {i for i, word in words.items() if word == "unpackable"}
 
 
 def _leave(panel: UnpackingWidget, qtbot: QtBot, direction: str, unpackable: set[int]) -> None:

@@ -207,8 +207,9 @@ class Scene:
         # By content: arrays of the same planes may be different objects.
         cut = not np.array_equal(self.clipping, shown.clipping)
         return SceneDifference(
-            # By identity: an edit makes new labels, and comparing voxels would take long.
-            labels=self.label_data.labels is not shown.label_data.labels,
+            # By identity of the boxes: an edit makes others, and comparing voxels would take long;
+            # a copy of the same labels, kept from the user's brush, is no difference.
+            labels=self.boxes is not shown.boxes,
             appearance=cut
             or self.transfer_function != shown.transfer_function
             or self.show_unlabelled != shown.show_unlabelled,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -48,6 +48,7 @@ from napari_unpack.session.occlusion import (
     find_occlusion,
     view_along,
 )
+from napari_unpack.session.query_keys import BagUpKey, LabelsKey, SlotsKey, StatesKey
 from napari_unpack.session.state import Group, SessionState
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import Progress, Task, no_progress
@@ -58,37 +59,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from napari_unpack.session.document import Document
-
-
-class StatesKey(NamedTuple):
-    """What the states of all objects depend on."""
-
-    state: SessionState
-    flights: int
-    revision: int
-
-
-class SlotsKey(NamedTuple):
-    """What the places beside the bag depend on."""
-
-    objects: int
-    radius: float
-    canvas_size: tuple[int, int]
-    fov: float
-
-
-class BagUpKey(NamedTuple):
-    """What the bag's up depends on."""
-
-    revision: int
-    up: tuple[float, ...]
-
-
-class LabelsKey(NamedTuple):
-    """What the labels at another place of the chain of edits depend on."""
-
-    revision: int
-    edit: Edit | None
 
 
 class Queries:
@@ -316,6 +286,14 @@ class Queries:
             return tuple(known.groups(self.packed, self._session.rules.max_group_size))
         fits = queue.along(self.direction) and not queue.least_occluded
         return queue.groups if fits else ()
+
+    def blockers(self) -> dict[int, Group]:
+        """Return who stands directly in the way of each packed object, as far as known; no rays."""
+        known = self._known_occlusion()
+        if known is None or known.blocking is None:
+            return {}
+        graph = known.blocking.among(self.packed).graph
+        return {int(i): tuple(sorted(map(int, graph.predecessors(i)))) for i in graph}
 
     def least_occluded(self) -> tuple[int, float] | None:
         """Return the object least occluded along D and its ratio, None while that is unknown."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets import notifications
+from napari_unpack.widgets.annotation_commands import AnnotationCommands
 from napari_unpack.widgets.session_settings import SessionSettings
 from napari_unpack.widgets.workspace import Workspace
 
@@ -26,11 +27,14 @@ class Commands:
     ----------
     settings : SessionSettings
         What is set once and holds for later commands.
+    annotate : AnnotationCommands
+        Give objects colours, notes and flags.
     """
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self.settings = SessionSettings(workspace)
+        self.annotate = AnnotationCommands(workspace)
 
     def _run(self, command: Callable[[SessionController], object]) -> None:
         """Run a command, or say that there is no session yet."""

@@ -2,152 +2,42 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from qtpy.QtGui import QColor, QFont
 
-from napari_unpack.session.errors import percent
+from napari_unpack.session.errors import listed
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.object_columns import (
+    FIRST,
+    MARKS,
+    NO_HUE,
+    TINY_TITLE,
+    TITLES,
+    TOGETHER,
+    UNPACKABLE,
+    Column,
+    Rgb,
+    Row,
+)
 
 if TYPE_CHECKING:
     from qtpy.QtCore import QObject
 
-    from napari_unpack.appearance.tints import Mode
+    from napari_unpack.appearance.tints import Mode, Rgba
     from napari_unpack.session import Session
+    from napari_unpack.widgets.object_sizes import ObjectSizes
+
+    Sizes = Mapping[int, tuple[float, ...]]
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
 Role = Qt.ItemDataRole
-SORT, ID, STATE = Role.UserRole, Role.UserRole + 1, Role.UserRole + 2
-
-Rgb = tuple[float, float, float]
-NO_HUE: Rgb = (0.5, 0.5, 0.5)
-
-# Short enough for a narrow column.
-STATE_WORDS = {
-    ObjectState.PACKED: "packed",
-    ObjectState.FLYING_OUT: "flying",
-    ObjectState.UNPACKED: "out",
-    ObjectState.FLYING_BACK: "flying",
-    ObjectState.INSPECTED: "alone",
-    ObjectState.HIDDEN: "hidden",
-}
-
-# What the state column says of some packed objects, and what it means. There is no room for the
-# word "unpackable" beside the confidence.
-UNPACKABLE, TOGETHER, FIRST = "ready", "group", "next"
-MARKS = {
-    UNPACKABLE: "Unpackable: nothing blocks this object.",
-    TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
-    FIRST: "This object must leave before the one to be revealed.",
-}
-
-
-class Column(IntEnum):
-    """The columns, left to right."""
-
-    EYE = 0
-    SWATCH = 1
-    NAME = 2
-    STATE = 3
-    VOLUME = 4
-    SIZE = 5
-    DENSITY = 6
-    CONFIDENCE = 7
-
-
-TITLES = {
-    Column.EYE: ("", "Shown or hidden: click an eye to change it."),
-    Column.SWATCH: ("", "The object's hue in this view: click one to see that object alone."),
-    Column.NAME: ("Name", "Double-click to rename."),
-    Column.STATE: ("State", "Where the object is now."),
-    Column.VOLUME: ("cm³", "Volume in cubic centimetres."),
-    Column.SIZE: ("Size, mm", "Edges of the object's upright box, longest first, in mm."),
-    Column.DENSITY: ("Density", "Mean density in the volume's own values."),
-    Column.CONFIDENCE: ("Sure", "How sure the segmentation is that this is one whole object."),
-}
-# For bags of objects all below 1 cm³, such as nuclei under a microscope.
-TINY_TITLE = "mm³", "Volume in cubic millimetres."
-
-
-@dataclass(frozen=True)
-class _Row:
-    """What is known of an object; the fields from `name` on may change at any moment."""
-
-    id: int
-    label: int  # Its ID in the user's own labels, which the session may have renumbered.
-    volume: float
-    edges: tuple[float, ...]
-    density: float
-    confidence: float
-    name: str = ""
-    state: ObjectState = ObjectState.HIDDEN
-    hue: float | None = None
-    color: Rgb = NO_HUE
-    mark: str = ""
-    is_example: bool = False
-
-    @property
-    def state_words(self) -> str:
-        packed = self.state is ObjectState.PACKED
-        return self.mark if self.mark and packed else STATE_WORDS[self.state]
-
-    def text(self, column: Column, tiny: bool = False) -> str:
-        match column:
-            case Column.NAME:
-                return self.name
-            case Column.STATE:
-                return self.state_words
-            case Column.VOLUME:
-                volume = self.volume * (1000 if tiny else 1)
-                return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
-            case Column.SIZE:
-                return " × ".join(f"{edge:.0f}" for edge in self.edges)
-            case Column.DENSITY:
-                return f"{self.density:.0f}" if abs(self.density) >= 10 else f"{self.density:.2g}"
-            case Column.CONFIDENCE:
-                return "–" if np.isnan(self.confidence) else percent(self.confidence)
-        return ""
-
-    def sort_key(self, column: Column) -> Any:
-        match column:
-            case Column.EYE:
-                return self.state is ObjectState.HIDDEN
-            case Column.SWATCH:
-                return -1.0 if self.hue is None else self.hue
-            case Column.NAME:
-                # Digits are padded, so that object 2 comes before object 10.
-                return re.sub(r"\d+", lambda found: found[0].zfill(12), self.name.casefold())
-            case Column.STATE:
-                return self.state_words
-            case Column.VOLUME:
-                return self.volume
-            case Column.SIZE:
-                return self.edges[0]
-            case Column.DENSITY:
-                return self.density
-        return -1.0 if np.isnan(self.confidence) else self.confidence
-
-    def tooltip(self, column: Column) -> str:
-        if column == Column.STATE and self.state_words in MARKS:
-            return MARKS[self.state_words]
-        if column in (Column.EYE, Column.SWATCH):
-            return TITLES[column][1]
-        lines = [
-            f"{self.name}, object {self.label}, {self.state_words}",
-            f"{self.text(Column.VOLUME)} cm³, {self.text(Column.SIZE)} mm",
-            f"density {self.text(Column.DENSITY)}",
-        ]
-        if not np.isnan(self.confidence):
-            lines.append(f"{percent(self.confidence)} sure that this is one whole object")
-        if self.is_example:
-            lines.append("an example to train the confidence on")
-        return "\n".join(lines)
+SORT, ID, STATE, FLAG, SEARCHED = (Role.UserRole + k for k in range(5))
+EDITABLE = (Column.NAME, Column.NOTE)
 
 
 class ObjectModel(QAbstractTableModel):
@@ -158,16 +48,29 @@ class ObjectModel(QAbstractTableModel):
     rename : callable
         Takes an object ID and the name that the user has typed.
     parent : QObject, optional
+    note : callable, optional
+        Takes an object ID and the note that the user has typed.
+    sizes : ObjectSizes, optional
+        Measures the objects as soon as a table shows their sizes; by default those are the edges
+        of upright boxes.
     """
 
-    def __init__(self, rename: Callable[[int, str], None], parent: QObject | None = None) -> None:
+    def __init__(
+        self,
+        rename: Callable[[int, str], None],
+        parent: QObject | None = None,
+        note: Callable[[int, str], None] = lambda _id, _text: None,
+        sizes: ObjectSizes | None = None,
+    ) -> None:
         super().__init__(parent)
-        self._rename = rename
+        self._rename, self._note, self._measures = rename, note, sizes
+        self._sizes: Sizes = {}
+        self._blockers: dict[int, tuple[int, ...]] | None = None
         self._session: Session | None = None
-        self._rows: list[_Row] = []
+        self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}
         self._tiny = False
-        self._keys: dict[int, tuple[list[_Row], list[Any]]] = {}
+        self._keys: dict[int, tuple[list[Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
@@ -176,6 +79,7 @@ class ObjectModel(QAbstractTableModel):
         self.beginResetModel()
         self._session = session
         self._rows = [] if session is None else _rows_of(session)
+        self._sizes = {} if session is None else self._known_sizes(session)
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
         self._rows = self._read()
@@ -204,15 +108,35 @@ class ObjectModel(QAbstractTableModel):
                 # Hues change for all rows at once, while the bag turns: one cell a row is enough.
                 only_color = replace(old, hue=new.hue, color=new.color) == new
                 left = Column.SWATCH if only_color else Column.EYE
-                right = Column.SWATCH if only_color else Column.STATE
+                right = Column.SWATCH if only_color else Column.NOTE
                 self.dataChanged.emit(self.index(k, left), self.index(k, right))
+        if self._blockers is not None and self._rows:
+            # Asked for anew by the tables that show it, and by no other.
+            self._blockers = None
+            last = self.index(len(self._rows) - 1, Column.BLOCKERS)
+            self.dataChanged.emit(self.index(0, Column.BLOCKERS), last)
 
-    def _read(self) -> list[_Row]:
+    def show_sizes(self) -> None:
+        """Show the extents that were measured meanwhile."""
+        if self._session is not None:
+            self._sizes = self._known_sizes(self._session)
+            self.refresh()
+
+    def _known_sizes(self, session: Session) -> Sizes:
+        return self._measures.known() if self._measures else upright_sizes(session)
+
+    def _read(self) -> list[Row]:
         session = self._session
         if session is None:
             return []
         states, hues = session.states, session.hues
-        names, colors = session.objects["name"].to_dict(), _colors(hues, session.tint_mode)
+        said = session.annotations
+        own, notes, flags = said.colors, said.notes, said.flags
+        names = session.objects["name"].to_dict()
+        colors = _colors(hues, session.tint_mode, own)
+        # Steps up to now: those undone are still in the bag.
+        done = session.steps[: session.step]
+        orders = {i: k for k, group in enumerate(done, 1) for i in group}
         # Known without casting rays: the queue is used up before it is asked anew.
         groups = session.queries.unpackable_groups()
         together = {i for group in groups if len(group) > 1 for i in group}
@@ -232,8 +156,14 @@ class ObjectModel(QAbstractTableModel):
                 state=states.get(row.id, ObjectState.HIDDEN),
                 hue=float(hues[row.id]) % 1.0 if row.id in hues else None,
                 color=colors.get(row.id, NO_HUE),
+                opacity=own[row.id][3] if row.id in own else 1.0,
+                own_color=row.id in own,
                 mark=mark(row.id),
                 is_example=row.id in session.examples,
+                edges=self._sizes.get(row.id),
+                note=notes.get(row.id, ""),
+                flag=flags.get(row.id),
+                order=orders.get(row.id),
             )
             for row in self._rows
         ]
@@ -248,7 +178,10 @@ class ObjectModel(QAbstractTableModel):
         kept = self._keys.get(column)
         # Qt compares some ten thousand pairs to sort a thousand rows.
         if kept is None or kept[0] is not self._rows:
-            keys = [row.sort_key(Column(column)) for row in self._rows]
+            if column == Column.BLOCKERS:
+                keys: list[Any] = [len(self._blockers_of(row.id)) for row in self._rows]
+            else:
+                keys = [row.sort_key(Column(column)) for row in self._rows]
             kept = self._keys[column] = self._rows, keys
         return kept[1]
 
@@ -286,11 +219,11 @@ class ObjectModel(QAbstractTableModel):
         return _alignment(column) if role == Role.TextAlignmentRole else answers.get(role)
 
     def flags(self, index: Index) -> Qt.ItemFlag:
-        """Return what a cell can do: all are selectable, names are editable."""
+        """Return what a cell can do: all are selectable, names and notes are editable."""
         if not index.isValid():
             return Qt.ItemFlag.NoItemFlags
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
-        return flags | Qt.ItemFlag.ItemIsEditable if index.column() == Column.NAME else flags
+        return flags | Qt.ItemFlag.ItemIsEditable if index.column() in EDITABLE else flags
 
     def data(self, index: Index, role: int = 0) -> Any:
         """Return what a cell shows, sorts by, or is coloured with, as Qt asks for it.
@@ -299,7 +232,7 @@ class ObjectModel(QAbstractTableModel):
         ----------
         index : QModelIndex
         role : int
-            One of Qt's, or `SORT`, `ID` or `STATE`.
+            One of Qt's, or `SORT`, `ID`, `STATE`, `FLAG` or `SEARCHED`.
         """
         if not index.isValid() or self._session is None:
             return None
@@ -307,69 +240,94 @@ class ObjectModel(QAbstractTableModel):
         match role:
             case Role.DisplayRole if column == Column.NAME and row.is_example:
                 return f"{row.name} ✓"
+            case Role.DisplayRole | Role.ToolTipRole if column == Column.BLOCKERS:
+                return self._blockers_text(row.id)
             case Role.DisplayRole | Role.EditRole:
-                return row.text(column, self._tiny)
+                return self._text(row, column)
+            case Role.AccessibleTextRole if row.spoken(column):
+                return row.spoken(column)
             case Role.FontRole if column == Column.STATE and row.state_words in MARKS:
                 bold = QFont()
                 bold.setBold(True)
                 return bold
             case Role.DecorationRole if column == Column.SWATCH:
-                return QColor.fromRgbF(*row.color)
+                return QColor.fromRgbF(*row.color, row.opacity)
             case Role.TextAlignmentRole:
                 return _alignment(column)
             case Role.ToolTipRole:
-                return row.tooltip(column)
-        own = {SORT: row.sort_key, ID: lambda _: row.id, STATE: lambda _: row.state}
-        return own[role](column) if role in own else None
+                return row.tooltip(column, self._tiny)
+            case _ if role == SORT:
+                return row.sort_key(column)
+        own = {ID: row.id, STATE: row.state, FLAG: row.flag, SEARCHED: row.searched}
+        return own.get(role)
+
+    def _text(self, row: Row, column: Column) -> str:
+        # Measured only where a table shows the column, and told once it is.
+        if column == Column.SIZE and row.edges is None and self._measures is not None:
+            self._measures.want()
+        return row.text(column, self._tiny)
+
+    def _blockers_of(self, object_id: int) -> tuple[int, ...]:
+        if self._blockers is None:
+            self._blockers = {} if self._session is None else self._session.queries.blockers()
+        return self._blockers.get(object_id, ())
+
+    def _blockers_text(self, object_id: int) -> str:
+        names = [self._rows[self._row_of[i]].name for i in self._blockers_of(object_id)]
+        return listed(names) if names else ""
 
     def setData(self, index: Index, value: Any, role: int = Role.EditRole) -> bool:
-        """Rename an object.
+        """Rename an object, or write a note on it.
 
         Parameters
         ----------
         index : QModelIndex
-            Of its name.
+            Of its name or note.
         value : str
         role : int
         """
-        name = str(value).strip()
-        if index.column() != Column.NAME or not name or self._session is None:
+        text, column = str(value).strip(), index.column()
+        # A note may be taken away; a name may not.
+        if column not in EDITABLE or self._session is None or not (text or column == Column.NOTE):
             return False
-        self._rename(self.id_at(index.row()), name)
+        (self._rename if column == Column.NAME else self._note)(self.id_at(index.row()), text)
         self.refresh()
         return True
 
 
-def _colors(hues: Mapping[int, float], mode: Mode) -> dict[int, Rgb]:
+def _colors(hues: Mapping[int, float], mode: Mode, own: Mapping[int, Rgba]) -> dict[int, Rgb]:
     """Return the tints as they are multiplied onto the densities."""
     if not hues:
         return {}
     from napari_unpack.appearance import tints_of
 
-    tints = tints_of(hues, max(hues), mode=mode)
+    tints = tints_of(hues, max(hues), mode=mode, colors=own)
     return {i: (float(tints[i, 0]), float(tints[i, 1]), float(tints[i, 2])) for i in hues}
 
 
 def _alignment(column: Column) -> Qt.AlignmentFlag:
-    numbers = (Column.VOLUME, Column.SIZE, Column.DENSITY, Column.CONFIDENCE)
+    numbers = (*range(Column.VOLUME, Column.FLAG), Column.ORDER)
     side = Qt.AlignmentFlag.AlignRight if column in numbers else Qt.AlignmentFlag.AlignLeft
     return side | Qt.AlignmentFlag.AlignVCenter
 
 
-def _rows_of(session: Session) -> list[_Row]:
-    objects, boxes = session.objects, session.boxes
-    # The longest edge first: upright boxes of lying and standing objects compare.
+def upright_sizes(session: Session) -> Sizes:
+    """Return by ID the edges of upright boxes, mm, the longest first."""
+    boxes = session.boxes
     edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
-    by_id = dict(zip((int(i) for i in boxes.ids), edges, strict=True))
+    return {int(i): tuple(map(float, edge)) for i, edge in zip(boxes.ids, edges, strict=True)}
+
+
+def _rows_of(session: Session) -> list[Row]:
+    objects, there = session.objects, {int(i) for i in session.boxes.ids}
     return [
-        _Row(
+        Row(
             id=int(i),
             label=int(session.label_of(int(i))),
             volume=float(record.volume_mm3) / 1000,
-            edges=tuple(float(edge) for edge in by_id[int(i)]),
             density=float(record.mean_density),
             confidence=float(getattr(record, "confidence", float("nan"))),
         )
         for i, record in zip(objects.index, objects.itertuples(index=False), strict=True)
-        if int(i) in by_id
+        if int(i) in there
     ]

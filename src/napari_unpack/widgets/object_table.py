@@ -1,4 +1,4 @@
-"""The table of objects: eyes and swatches to click, sorting, searching, and a context menu."""
+"""The table of objects: eyes, swatches and flags to click, sorting, searching, columns."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from qtpy.QtCore import (
     Qt,
     Signal,
 )
-from qtpy.QtGui import QColor, QPainter, QPainterPath, QPen
+from qtpy.QtGui import QColor, QPainter, QPainterPath, QPen, QPolygonF
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
+    QMenu,
     QStyle,
     QStyledItemDelegate,
     QTableView,
@@ -27,10 +28,20 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.object_model import ID, SORT, STATE, Column, Index, ObjectModel
+from napari_unpack.widgets.object_columns import TITLES, Column, choice_of
+from napari_unpack.widgets.object_model import (
+    FLAG,
+    ID,
+    SEARCHED,
+    SORT,
+    STATE,
+    Index,
+    ObjectModel,
+)
+from napari_unpack.widgets.remembered import ChosenColumns
 
 if TYPE_CHECKING:
-    from qtpy.QtCore import QAbstractItemModel, QModelIndex, QObject
+    from qtpy.QtCore import QAbstractItemModel, QModelIndex, QObject, QPoint
     from qtpy.QtGui import QKeyEvent, QResizeEvent
     from qtpy.QtWidgets import QStyleOptionViewItem
 
@@ -42,32 +53,56 @@ ROW = 24
 WIDTHS = {
     Column.EYE: 22,
     Column.SWATCH: 18,
+    Column.FLAG: 20,
     Column.NAME: 68,
     Column.STATE: 54,
     Column.VOLUME: 44,
     Column.SIZE: 92,
     Column.DENSITY: 60,
     Column.CONFIDENCE: 44,
+    Column.ORDER: 40,
+    Column.BLOCKERS: 120,
+    Column.NOTE: 120,
 }
 # Texts that a column must have room for in any font, with `PADDING` around them.
 WIDEST = {
     Column.NAME: "Object 100",
-    Column.STATE: "packed",
+    Column.STATE: "leaves together",
     Column.VOLUME: "1234",
-    Column.SIZE: "99 × 99 × 99",
+    Column.SIZE: "999 × 999 × 999",
     Column.DENSITY: "1234",
     Column.CONFIDENCE: "99 %",
+    Column.ORDER: "99",
 }
 
 # Pixels: Qt's own margins of a cell and those of the style sheet.
 PADDING = 15
 
-# Columns shown where the table is wide enough, the most wanted first; tooltips have them all.
-WHERE_ROOM = (Column.CONFIDENCE, Column.SIZE, Column.DENSITY)
+# Of a header that sorts, pixels: the arrow beside its title.
+ARROW = 12
+
+# From left to right; a table that chooses by itself shows the first five, and of the others what
+# it has room for. Tooltips have them all.
+ORDER = (
+    Column.EYE,
+    Column.SWATCH,
+    Column.FLAG,
+    Column.NAME,
+    Column.STATE,
+    Column.VOLUME,
+    Column.CONFIDENCE,
+    Column.SIZE,
+    Column.DENSITY,
+    Column.ORDER,
+    Column.BLOCKERS,
+    Column.NOTE,
+)
+ALWAYS = ORDER[:5]
+WHERE_ROOM = ORDER[5:]
 
 
 class ObjectFilter(QSortFilterProxyModel):
-    """Sort by any column; keep rows by a text in the name or by state."""
+    """Sort by any column; keep rows by a text in name, note or flag, or by state."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -77,7 +112,7 @@ class ObjectFilter(QSortFilterProxyModel):
         self.setDynamicSortFilter(True)
 
     def keep_text(self, text: str) -> None:
-        """Keep the objects whose name or ID contains a text."""
+        """Keep the objects with a text in their name, note or flag, or with that ID."""
         self._text = text.strip().casefold()
         self._renew()
 
@@ -119,8 +154,8 @@ class ObjectFilter(QSortFilterProxyModel):
         index = model.index(row, Column.NAME, parent)
         if self._states is not None and model.data(index, STATE) not in self._states:
             return False
-        name = str(model.data(index, Qt.ItemDataRole.DisplayRole)).casefold()
-        return self._text in name or self._text == str(model.data(index, ID))
+        searched = str(model.data(index, SEARCHED))
+        return self._text in searched or self._text == str(model.data(index, ID))
 
 
 class _ClickDelegate(QStyledItemDelegate):
@@ -157,6 +192,11 @@ class _ClickDelegate(QStyledItemDelegate):
         painter.save()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         self._draw(painter, QRectF(option.rect), index, option)
+        if option.state & QStyle.StateFlag.State_HasFocus:
+            # Space acts on this cell.
+            painter.setPen(QPen(option.palette.text().color(), 1, Qt.PenStyle.DotLine))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.drawRect(QRectF(option.rect).adjusted(1.5, 1.5, -1.5, -1.5))
         painter.restore()
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex) -> QSize:
@@ -166,17 +206,17 @@ class _ClickDelegate(QStyledItemDelegate):
 def _draw_swatch(
     painter: QPainter, cell: QRectF, index: QModelIndex, _option: QStyleOptionViewItem
 ) -> None:
-    """Draw the hue of an object: full in the bag, else a ring."""
+    """Draw the colour of an object: full in the bag, else a ring; its opacity inside."""
     color = index.data(Qt.ItemDataRole.DecorationRole)
-    square = QRectF(0, 0, 12, 12)
+    square = QRectF(0, 0, 12, 12).adjusted(1, 1, -1, -1)
     square.moveCenter(cell.center())
+    painter.setBrush(Qt.BrushStyle.NoBrush)
     if index.data(STATE) is ObjectState.PACKED:
-        painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(color)
-    else:
-        painter.setPen(QPen(color, 2))
-        painter.setBrush(Qt.BrushStyle.NoBrush)
-        square.adjust(1, 1, -1, -1)
+    rim = QColor(color)
+    # An object that is nearly transparent keeps a swatch that one can see and click.
+    rim.setAlphaF(1.0)
+    painter.setPen(QPen(rim, 2))
     painter.drawRoundedRect(square, 3, 3)
 
 
@@ -199,18 +239,48 @@ def _draw_eye(
         painter.drawEllipse(middle, 2.0, 2.0)
 
 
+FLAG_COLORS = {"suspicious": "#e5484d", "cleared": "#46a758"}
+
+
+def _draw_flag(
+    painter: QPainter, cell: QRectF, index: QModelIndex, option: QStyleOptionViewItem
+) -> None:
+    """Draw a flag: filled for what is suspicious, a tick for what is cleared, else faint."""
+    flag, middle = index.data(FLAG), cell.center()
+    color = QColor(FLAG_COLORS.get(flag) or option.palette.text().color())
+    if flag is None:
+        color.setAlphaF(0.25)
+    painter.setPen(QPen(color, 2.0 if flag == "cleared" else 1.3, cap=Qt.PenCapStyle.RoundCap))
+    if flag == "cleared":
+        tick = [QPointF(-5, 0), QPointF(-1.5, 4), QPointF(5, -4)]
+        painter.drawPolyline(QPolygonF([middle + point for point in tick]))
+        return
+    painter.drawLine(middle + QPointF(-4, -6), middle + QPointF(-4, 6))
+    painter.setBrush(color if flag else Qt.BrushStyle.NoBrush)
+    cloth = [QPointF(-4, -6), QPointF(5, -3), QPointF(-4, 0)]
+    painter.drawPolygon(QPolygonF([middle + point for point in cloth]))
+
+
 class ObjectTable(QTableView):
     """The table, which emits what the user does and changes nothing itself.
 
-    Signals: `eye_clicked`, `swatch_clicked` (object ID), `ids_selected` (frozenset of IDs, by
-    the user only).
+    Signals: `eye_clicked`, `swatch_clicked`, `flag_clicked` (object ID), `ids_selected`
+    (frozenset of IDs, by the user only).
+
+    Parameters
+    ----------
+    model : ObjectModel
+        Several tables may share one.
+    key : str
+        Under which the columns that a person chooses are remembered.
     """
 
     eye_clicked = Signal(int)
     swatch_clicked = Signal(int)
+    flag_clicked = Signal(int)
     ids_selected = Signal(object)
 
-    def __init__(self, model: ObjectModel) -> None:
+    def __init__(self, model: ObjectModel, key: str = "panel") -> None:
         super().__init__()
         self.objects = model
         self.rows = ObjectFilter(self)
@@ -220,11 +290,18 @@ class ObjectTable(QTableView):
         self._silent = False
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
-        self._delegates = _ClickDelegate(_draw_eye, self), _ClickDelegate(_draw_swatch, self)
-        self._delegates[0].clicked.connect(self.eye_clicked)
-        self._delegates[1].clicked.connect(self.swatch_clicked)
-        self.setItemDelegateForColumn(Column.EYE, self._delegates[0])
-        self.setItemDelegateForColumn(Column.SWATCH, self._delegates[1])
+        self._columns = ChosenColumns(key)
+        self._clicked = {
+            Column.EYE: self.eye_clicked,
+            Column.SWATCH: self.swatch_clicked,
+            Column.FLAG: self.flag_clicked,
+        }
+        draws = (_draw_eye, _draw_swatch, _draw_flag)
+        # Kept: a view does not own its delegates.
+        self._delegates = [_ClickDelegate(draw, self) for draw in draws]
+        for delegate, (column, clicked) in zip(self._delegates, self._clicked.items(), strict=True):
+            delegate.clicked.connect(clicked)
+            self.setItemDelegateForColumn(column, delegate)
         self._set_looks()
         rows = self.rows
         for moved in (rows.layoutChanged, rows.rowsInserted, rows.rowsRemoved, rows.modelReset):
@@ -252,6 +329,12 @@ class ObjectTable(QTableView):
         header.setHighlightSections(False)
         header.setMinimumSectionSize(18)
         header.setSectionsMovable(True)
+        for place, column in enumerate(ORDER):
+            header.moveSection(header.visualIndex(column), place)
+        header.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        header.customContextMenuRequested.connect(self._open_columns_menu)
+        header.setToolTip("Click a title to sort; right-click to choose columns.")
+        self.setAccessibleName("Objects")
         self._fit_columns()
         header.setSectionResizeMode(Column.NAME, QHeaderView.ResizeMode.Stretch)
         self.setSortingEnabled(True)
@@ -265,17 +348,61 @@ class ObjectTable(QTableView):
 
     def _fit_columns(self) -> None:
         measure = self.fontMetrics().horizontalAdvance
-        widths = {c: max(w, measure(WIDEST.get(c, "")) + PADDING) for c, w in WIDTHS.items()}
+        widths = {
+            c: max(
+                w,
+                measure(WIDEST.get(c, "")) + PADDING,
+                measure(TITLES[c][0]) + (PADDING if TITLES[c][0] else 0),
+            )
+            for c, w in WIDTHS.items()
+        }
         # Setting widths resizes the view, which would call this again without end.
         if widths != self._widths:
             self._widths = widths
             for column, width in widths.items():
                 self.setColumnWidth(column, width)
-        room = self.viewport().width() - sum(widths[c] for c in Column if c not in WHERE_ROOM)
-        for column in WHERE_ROOM:
-            wanted = column != Column.CONFIDENCE or self.objects.knows_confidence
-            room -= widths[column] if wanted else 0
-            self.setColumnHidden(column, room < 0 or not wanted)
+        shown = self._columns.chosen
+        if shown is None:
+            shown = set(ALWAYS)
+            room = self.viewport().width() - sum(widths[c] for c in ALWAYS)
+            for column in WHERE_ROOM:
+                if column == Column.CONFIDENCE and not self.objects.knows_confidence:
+                    continue
+                room -= widths[column]
+                if room < 0:
+                    break
+                shown.add(column)
+        for column in Column:
+            self.setColumnHidden(column, column not in shown)
+
+    def columns_menu(self) -> QMenu:
+        """Make the menu in which a person chooses the columns."""
+        menu = QMenu(self)
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        automatic = menu.addAction("As many as there is room for")
+        automatic.setCheckable(True)
+        automatic.setChecked(self._columns.chosen is None)
+        automatic.triggered.connect(lambda _: self._choose_columns(None))
+        menu.addSeparator()
+        for column in ORDER:
+            action = menu.addAction(choice_of(column))
+            action.setCheckable(True)
+            action.setChecked(not self.isColumnHidden(column))
+            # Without names nobody could tell the rows apart.
+            action.setEnabled(column != Column.NAME)
+            action.triggered.connect(lambda shown, column=column: self._choose(column, shown))
+        return menu
+
+    def _open_columns_menu(self, position: QPoint) -> None:
+        self.columns_menu().popup(self.horizontalHeader().mapToGlobal(position))
+
+    def _choose(self, column: Column, shown: bool) -> None:
+        now = {each for each in Column if not self.isColumnHidden(each)}
+        self._choose_columns(now | {column} if shown else now - {column})
+
+    def _choose_columns(self, columns: set[Column] | None) -> None:
+        self._columns.choose(columns)
+        self._fit_columns()
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""
@@ -321,7 +448,11 @@ class ObjectTable(QTableView):
         """Ignore letters: N, B, I, H and C are commands of the viewer."""
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Pass letters and Ctrl+Z on to the viewer; arrows and the like stay the table's."""
+        """Pass letters and Ctrl+Z on to the viewer; Space clicks an eye, a swatch or a flag."""
+        current = self.currentIndex()
+        if event.key() == Qt.Key.Key_Space and current.column() in self._clicked:
+            self._clicked[Column(current.column())].emit(int(current.data(ID)))
+            return
         if event.text().strip() and self.state() != QAbstractItemView.State.EditingState:
             # napari gets the event next, and its keymap has the commands.
             event.ignore()

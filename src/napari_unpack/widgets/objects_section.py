@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu
+from qtpy.QtWidgets import QMenu
 
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.confidence_box import ConfidenceBox
+from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
-from napari_unpack.widgets.object_table import ObjectTable
+from napari_unpack.widgets.object_sizes import ObjectSizes
+from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Section, button, label, row
+from napari_unpack.widgets.table_dock import TableButton
 from napari_unpack.widgets.workspace import Change, Workspace
-
-if TYPE_CHECKING:
-    from qtpy.QtCore import QPoint
-
-    MenuEntry = tuple[str, Callable[[], object], bool]
-
-FILTERS: dict[str, frozenset[ObjectState] | None] = {
-    "All": None,
-    "In the bag": frozenset({ObjectState.PACKED}),
-    "Taken out": frozenset(ObjectState) - {ObjectState.PACKED, ObjectState.HIDDEN},
-    "Hidden": frozenset({ObjectState.HIDDEN}),
-}
 
 
 class ObjectsSection(Section):
@@ -45,20 +33,17 @@ class ObjectsSection(Section):
     def __init__(self, workspace: Workspace, commands: Commands, planner: RevealPlanner) -> None:
         super().__init__("4", "Objects")
         self._workspace, self._commands, self._planner = workspace, commands, planner
-        self.model = ObjectModel(commands.rename, self)
-        self.table = ObjectTable(self.model)
-        self.search = QLineEdit()
-        self.search.setPlaceholderText("Search names")
-        self.search.setClearButtonEnabled(True)
-        self.search.setToolTip("List only the objects whose name contains this, or with this ID.")
-        self.filter = QComboBox()
-        self.filter.addItems(list(FILTERS))
-        self.filter.setToolTip("List all objects, or only those in the bag, outside or hidden.")
+        self.repair = RepairTools(workspace, self)
+        self.chooser = ColorChooser(workspace, commands, self)
+        self._sizes = ObjectSizes(workspace, self)
+        self.model = ObjectModel(commands.rename, self, commands.annotate.note, self._sizes)
+        self._actions = ObjectMenu(workspace, commands, planner, self.repair, self.chooser)
+        self.pane = self.new_pane("panel")
+        self.table, self.search, self.filter = self.pane.table, self.pane.search, self.pane.filter
         self.isolate = button("Isolate", "Hide all objects but the selected ones.")
         self.hide_chosen = button("Hide", "Hide the selected objects in the 3D view (H).")
         self.show_all = button("Show all", "Show every hidden object again.")
 
-        self.repair = RepairTools(workspace, self)
         self.split = button(
             "Split", "Split an object: click two points of it, in the 3D view or in a 2D slice."
         )
@@ -69,13 +54,14 @@ class ObjectsSection(Section):
             "Remove the selected objects from the labels (Delete; Ctrl+Z undoes). "
             "Restore those outside the bag first.",
         )
+        self.table_button = TableButton(workspace.viewer, self.new_pane, self)
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
 
-        self.contents.addLayout(row(self.search, self.filter))
-        self.contents.addWidget(self.table, stretch=1)
+        self.contents.addWidget(self.pane, stretch=1)
         self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
         self.contents.addLayout(row(self.split, self.merge, self.delete))
+        self.contents.addWidget(self.table_button.button)
         self.contents.addWidget(self.next_click)
         self.confidence = ConfidenceBox(workspace, commands, self.table.selected_ids, self._reload)
         self.contents.addWidget(self.confidence)
@@ -84,10 +70,6 @@ class ObjectsSection(Section):
 
     def _connect(self) -> None:
         commands, chosen = self._commands, self.table.selected_ids
-        self.search.textChanged.connect(self.table.rows.keep_text)
-        self.filter.currentTextChanged.connect(
-            lambda text: self.table.rows.keep_states(FILTERS[text])
-        )
         self.isolate.clicked.connect(lambda: commands.isolate(chosen()))
         self.hide_chosen.clicked.connect(lambda: commands.hide(chosen()))
         self.show_all.clicked.connect(commands.show_all)
@@ -96,11 +78,7 @@ class ObjectsSection(Section):
         self.delete.clicked.connect(lambda: self.repair.delete(chosen()))
         self.repair.splitting.connect(self._show_next_click)
         self.repair.busy.connect(lambda _: self._enable())
-        self.table.eye_clicked.connect(self._toggle_shown)
-        self.table.swatch_clicked.connect(self._toggle_isolated)
-        self.table.ids_selected.connect(commands.select)
-        self.table.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
-        self.table.customContextMenuRequested.connect(self._open_menu)
+        self._sizes.measured.connect(self.model.show_sizes)
         self._planner.found.connect(
             lambda plan: self.model.refresh(first=() if plan is None else plan.first)
         )
@@ -110,8 +88,6 @@ class ObjectsSection(Section):
     def _reload(self) -> None:
         session = self._workspace.session
         self.model.load(session)
-        if session is not None:
-            self.table.show_selection(frozenset(session.selected))
         self.lock("Objects appear here after step 1." if session is None else None)
         self._count()
         self._enable()
@@ -127,9 +103,11 @@ class ObjectsSection(Section):
         elif change & (Change.STATES | Change.HUES | Change.QUEUE):
             self.model.refresh()
             self._count()
-        if change & (Change.SELECTED | Change.LABELS):
-            self.table.show_selection(frozenset(session.selected))
         self._enable()
+
+    def end(self) -> None:
+        """Take the dock of the table away."""
+        self.table_button.end()
 
     def mark_unpackable(self, ids: frozenset[int]) -> None:
         """Mark the objects that nothing blocks now."""
@@ -161,71 +139,12 @@ class ObjectsSection(Section):
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
 
-    def _toggle_shown(self, object_id: int) -> None:
-        hidden = object_id in objects_in(self._workspace.session, ObjectState.HIDDEN)
-        (self._commands.show if hidden else self._commands.hide)([object_id])
-
-    def _toggle_isolated(self, object_id: int) -> None:
-        session = self._workspace.session
-        alone = objects_in(session, ObjectState.PACKED) == [object_id]
-        # A second click on the same swatch is the way back.
-        if alone and objects_in(session, ObjectState.HIDDEN):
-            self._commands.show_all()
-        else:
-            self._commands.isolate([object_id])
-
-    def _open_menu(self, position: QPoint) -> None:
-        menu = self.menu()
-        if menu is not None:
-            menu.popup(self.table.viewport().mapToGlobal(position))
+    def new_pane(self, key: str) -> ObjectsPane:
+        """Make another table of these objects, with the same model, selection and menu."""
+        return ObjectsPane(
+            self._workspace, self._commands, self.model, self._actions, self.chooser, key
+        )
 
     def menu(self) -> QMenu | None:
         """Make the context menu of the selected rows; None where none is selected."""
-        ids, session = self.table.selected_ids(), self._workspace.session
-        if not ids or session is None:
-            return None
-        commands, repair, planner = self._commands, self.repair, self._planner
-        states, chosen, one = {session.states[i] for i in ids}, set(ids), len(ids) == 1
-        packed, hidden = ObjectState.PACKED in states, ObjectState.HIDDEN in states
-        locked, examples = session.locked_hues, session.examples
-        blocks: list[list[MenuEntry]] = [
-            [
-                ("Unpack", lambda: commands.unpack(ids), packed),
-                ("Reveal…", lambda: planner.reveal(ids[0]), one and packed),
-                ("Restore", lambda: commands.restore(ids), ObjectState.UNPACKED in states),
-                ("Inspect", lambda: commands.inspect(ids[0]), one and not hidden),
-            ],
-            [
-                ("Merge", lambda: repair.merge(ids), repair.can_merge(ids)),
-                ("Delete", lambda: repair.delete(ids), repair.can_delete(ids)),
-            ],
-            [
-                ("Isolate", lambda: commands.isolate(ids), True),
-                ("Hide", lambda: commands.hide(ids), states != {ObjectState.HIDDEN}),
-                ("Show", lambda: commands.show(ids), hidden),
-                ("Show all", commands.show_all, bool(objects_in(session, ObjectState.HIDDEN))),
-            ],
-            [
-                ("Keep colour", lambda: commands.lock_hues(ids), not chosen <= locked),
-                (
-                    "Let colour change",
-                    lambda: commands.lock_hues(ids, False),
-                    bool(chosen & locked),
-                ),
-            ],
-            [
-                ("Mark as example", lambda: commands.mark_examples(ids), not chosen <= examples),
-                ("Unmark", lambda: commands.mark_examples(ids, False), bool(chosen & examples)),
-            ],
-        ]
-        menu = QMenu(self)
-        # Or every menu ever opened would stay with the panel.
-        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        for block in blocks:
-            if not menu.isEmpty():
-                menu.addSeparator()
-            for text, act, enabled in block:
-                action = menu.addAction(text)
-                action.setEnabled(enabled)
-                action.triggered.connect(act)
-        return menu
+        return self.pane.menu()

@@ -184,6 +184,7 @@ class UnpackingWidget(QWidget):
         self.segment.end()
         self.files.end()
         self.slices.end()
+        self.objects.end()
         self.unpack.step_slider.end()
         self.color.background.end()
         self.workspace.end()

@@ -1,0 +1,262 @@
+"""The columns of the table of objects: their titles, and what a row says in each."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from napari_unpack.session.errors import percent
+from napari_unpack.session.object_state import ObjectState
+
+if TYPE_CHECKING:
+    from napari_unpack.session.state import Flag
+
+Rgb = tuple[float, float, float]
+NO_HUE: Rgb = (0.5, 0.5, 0.5)
+
+STATE_WORDS = {
+    ObjectState.PACKED: "in the bag",
+    ObjectState.FLYING_OUT: "flying",
+    ObjectState.UNPACKED: "taken out",
+    ObjectState.FLYING_BACK: "flying",
+    ObjectState.INSPECTED: "inspected",
+    ObjectState.HIDDEN: "hidden",
+}
+
+# What the state column says of some packed objects, and what it means.
+UNPACKABLE, TOGETHER, FIRST = "unpackable", "leaves together", "take out first"
+MARKS = {
+    UNPACKABLE: "Unpackable: nothing blocks this object.",
+    TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
+    FIRST: "Take this object out first: it blocks the one to be revealed.",
+}
+
+FLAG_WORDS: dict[Flag | None, str] = {
+    None: "not flagged",
+    "suspicious": "suspicious",
+    "cleared": "cleared",
+}
+# The order in which clicks go round, and rows sort: what needs a look comes first.
+FLAG_ROUND: tuple[Flag | None, ...] = (None, "suspicious", "cleared")
+FLAG_ORDER: tuple[Flag | None, ...] = ("suspicious", None, "cleared")
+
+# Shown until a worker has measured it.
+PENDING = "…"
+
+
+class Column(IntEnum):
+    """The columns; `ObjectTable` shows the flag beside the swatch."""
+
+    EYE = 0
+    SWATCH = 1
+    NAME = 2
+    STATE = 3
+    VOLUME = 4
+    SIZE = 5
+    DENSITY = 6
+    CONFIDENCE = 7
+    FLAG = 8
+    ORDER = 9
+    BLOCKERS = 10
+    NOTE = 11
+
+
+TITLES = {
+    Column.EYE: ("", "Shown or hidden: click an eye to change it."),
+    Column.SWATCH: ("", "Colour and opacity in every view: click one to choose another."),
+    Column.NAME: ("Name", "Double-click to rename."),
+    Column.STATE: ("State", "Where the object is now."),
+    Column.VOLUME: ("cm³", "Volume in cubic centimetres."),
+    Column.SIZE: ("Size, mm", "Extents along the object's own axes, longest first, in mm."),
+    Column.DENSITY: ("Mean density", "Mean density in the volume's own values."),
+    Column.CONFIDENCE: (
+        "Confidence",
+        "How sure the segmentation is that this is one whole object.",
+    ),
+    Column.FLAG: ("", "Your flag: click to flag an object as suspicious, then as cleared."),
+    Column.ORDER: ("Order out", "Which step of the unpacking took the object out."),
+    Column.BLOCKERS: ("Blocked by", "Objects that stand directly in its way."),
+    Column.NOTE: ("Note", "Your note: double-click to write one."),
+}
+# For bags of objects all below 1 cm³, such as nuclei under a microscope.
+TINY_TITLE = "mm³", "Volume in cubic millimetres."
+
+# What columns without a title are called where one chooses columns.
+CHOICES = {Column.EYE: "Shown", Column.SWATCH: "Colour", Column.FLAG: "Flag"}
+
+
+def choice_of(column: Column) -> str:
+    """Return what a column is called where one chooses columns."""
+    return CHOICES.get(column) or ("Volume" if column == Column.VOLUME else TITLES[column][0])
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is known of an object; the fields from `name` on may change at any moment.
+
+    Parameters
+    ----------
+    id, label : int
+        In the session, and in the user's own labels, which the session may have renumbered.
+    volume : float
+        cm³.
+    density, confidence : float
+        NaN where it is not known.
+    name : str
+    edges : tuple of float, optional
+        Extents in mm, longest first; None until they are measured.
+    state : ObjectState
+    hue : float, optional
+    color : (float, float, float)
+        As it is drawn, sRGB.
+    opacity : float
+    own_color : bool
+        Whether a person chose it.
+    mark : str
+        One of `MARKS`, or empty.
+    is_example : bool
+    note : str
+    flag : str, optional
+    order : int, optional
+        Of the step that took it out.
+    """
+
+    id: int
+    label: int
+    volume: float
+    density: float
+    confidence: float
+    name: str = ""
+    edges: tuple[float, ...] | None = None
+    state: ObjectState = ObjectState.HIDDEN
+    hue: float | None = None
+    color: Rgb = NO_HUE
+    opacity: float = 1.0
+    own_color: bool = False
+    mark: str = ""
+    is_example: bool = False
+    note: str = ""
+    flag: Flag | None = None
+    order: int | None = None
+
+    @property
+    def state_words(self) -> str:
+        """What the state column says."""
+        packed = self.state is ObjectState.PACKED
+        return self.mark if self.mark and packed else STATE_WORDS[self.state]
+
+    @property
+    def searched(self) -> str:
+        """What a search looks in: name, note and flag."""
+        words = (self.name, self.note, FLAG_WORDS[self.flag] if self.flag else "")
+        return "\n".join(words).casefold()
+
+    def text(self, column: Column, tiny: bool = False) -> str:
+        """Return what a cell shows.
+
+        Parameters
+        ----------
+        column : Column
+        tiny : bool
+            Volumes in mm³.
+        """
+        match column:
+            case Column.NAME:
+                return self.name
+            case Column.STATE:
+                return self.state_words
+            case Column.VOLUME:
+                volume = self.volume * (1000 if tiny else 1)
+                return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
+            case Column.SIZE if self.edges is not None:
+                return " × ".join(f"{edge:.0f}" for edge in self.edges)
+            case Column.SIZE:
+                return PENDING
+            case Column.DENSITY:
+                return f"{self.density:.0f}" if abs(self.density) >= 10 else f"{self.density:.2g}"
+            case Column.CONFIDENCE:
+                return "–" if np.isnan(self.confidence) else percent(self.confidence)
+            case Column.ORDER:
+                return "" if self.order is None else str(self.order)
+            case Column.NOTE:
+                return self.note
+        return ""
+
+    def sort_key(self, column: Column) -> Any:
+        """Return what a column sorts this row by."""
+        match column:
+            case Column.EYE:
+                return self.state is ObjectState.HIDDEN
+            case Column.SWATCH:
+                return -1.0 if self.hue is None else self.hue
+            case Column.NAME:
+                # Digits are padded, so that object 2 comes before object 10.
+                return re.sub(r"\d+", lambda found: found[0].zfill(12), self.name.casefold())
+            case Column.STATE:
+                return self.state_words
+            case Column.VOLUME:
+                return self.volume
+            case Column.SIZE:
+                return 0.0 if self.edges is None else self.edges[0]
+            case Column.DENSITY:
+                return self.density
+            case Column.FLAG:
+                return FLAG_ORDER.index(self.flag)
+            case Column.ORDER:
+                # What is not out comes after what is.
+                return np.inf if self.order is None else self.order
+            case Column.NOTE:
+                return (not self.note, self.note.casefold())
+        return -1.0 if np.isnan(self.confidence) else self.confidence
+
+    def tooltip(self, column: Column, tiny: bool = False) -> str:
+        """Return what the mouse over a cell is told.
+
+        Parameters
+        ----------
+        column : Column
+        tiny : bool
+            Volumes in mm³.
+        """
+        match column:
+            case Column.STATE if self.state_words in MARKS:
+                return MARKS[self.state_words]
+            case Column.EYE:
+                return TITLES[column][1]
+            case Column.SWATCH:
+                whose = "own" if self.own_color else "automatic"
+                return f"{self.name}: {whose} colour. Click to choose another."
+            case Column.FLAG:
+                return f"{self.name}: {FLAG_WORDS[self.flag]}. Click to change the flag."
+            case Column.NOTE:
+                return self.note or TITLES[column][1]
+        unit = "mm³" if tiny else "cm³"
+        lines = [
+            f"{self.name}, object {self.label}, {self.state_words}",
+            f"{self.text(Column.VOLUME, tiny)} {unit}",
+            f"mean density {self.text(Column.DENSITY)}",
+        ]
+        if self.edges is not None:
+            lines[1] += f", {self.text(Column.SIZE)} mm"
+        if not np.isnan(self.confidence):
+            lines.append(f"confidence {percent(self.confidence)} that this is one whole object")
+        if self.is_example:
+            lines.append("an example to train the confidence on")
+        if self.flag:
+            lines.append(FLAG_WORDS[self.flag])
+        return "\n".join([*lines, *([f"“{self.note}”"] if self.note else [])])
+
+    def spoken(self, column: Column) -> str:
+        """Return what a drawn cell says to a screen reader."""
+        match column:
+            case Column.EYE:
+                return "hidden" if self.state is ObjectState.HIDDEN else "shown"
+            case Column.SWATCH:
+                return "own colour" if self.own_color else "automatic colour"
+            case Column.FLAG:
+                return FLAG_WORDS[self.flag]
+        return ""
