@@ -23,6 +23,7 @@ from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.json_fields import Fields
+from napari_unpack.io.measurements_json import measurements_from, measurements_record
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
 from napari_unpack.session.labels import LabelData, object_table
@@ -200,6 +201,7 @@ def state_record(session: Session) -> dict[str, Any]:
             # Of objects merged or deleted since too, for undo: on opening they would be refused.
             {i: style for i, style in now.styles.items() if i in session.label_data.known}
         ),
+        "measurements": measurements_record(now.measurements),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
         "colors": {str(i): list(color) for i, color in now.colors.items()},
@@ -260,6 +262,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
     return SessionState(
         transfer_function=densities_from(fields.part("transfer_function")),
         styles=styles_from(fields, known),
+        measurements=measurements_from(fields, known),
         hues=hues,
         names=names,
         colors=_colors_from(fields, known),

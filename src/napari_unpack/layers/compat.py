@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from qtpy.QtWidgets import QMainWindow
     from vispy.scene import SceneCanvas
 
+    from napari_unpack.layers.slice_frame import SliceFrame
     from napari_unpack.layers.view_camera import Frame
     from napari_unpack.rendering.gl.depth_quads import Quad
 
@@ -338,6 +339,10 @@ class PictureLayer(Layer):
                 self._drawing = False
         return ()
 
+    def slice_quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
+        """Return the quads to draw upon a slice, in napari's 2D view; called at every draw."""
+        return ()
+
     def repaint(self) -> None:
         """Ask to be drawn again; what is shown while it is drawn is seen at once."""
         # Asked for within a draw, it would draw for ever.
@@ -472,7 +477,12 @@ class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
     @property
     def in_3d(self) -> bool:
         """Whether the layer is displayed in three dimensions."""
-        return len(self.layer._slice_input.displayed) == 3
+        return len(self.displayed) == 3
+
+    @property
+    def displayed(self) -> tuple[int, ...]:
+        """The axes of the layer's data that are displayed, the one to the right last."""
+        return tuple(int(axis) for axis in self.layer._slice_input.displayed)
 
     def _on_data_change(self, event: Any = None) -> None:
         self.node.update()

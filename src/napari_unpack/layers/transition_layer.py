@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from napari_unpack.layers.compat import PictureLayer, register
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
+from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.vispy_adapter import QuadsAdapter
 from napari_unpack.rendering.gl.depth_quads import Quad
@@ -23,6 +24,7 @@ class TransitionLayer(PictureLayer):
     def __init__(self, *args: object, **kwargs: object) -> None:
         self._images: dict[int, RenderedImage | CanvasImage] = {}
         self.overlays: Callable[[Frame], Sequence[Quad]] | None = None
+        self.slice_overlays: Callable[[SliceFrame], Sequence[Quad]] | None = None
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
 
     @property
@@ -45,6 +47,10 @@ class TransitionLayer(PictureLayer):
         under = () if self.overlays is None else self.overlays(frame)
         quads = (image.quad(frame.camera) for image in self._images.values())
         return [*under, *(quad for quad in quads if quad is not None)]
+
+    def slice_quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
+        """Return what is drawn upon a slice."""
+        return () if self.slice_overlays is None else self.slice_overlays(frame)
 
 
 register(

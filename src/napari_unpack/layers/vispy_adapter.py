@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from vispy.scene.visuals import create_visual_node
 from napari_unpack.geometry.axes import Matrix, flip, flip_matrix
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.compat import PictureAdapter, PictureLayer
+from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame, camera_from_render, camera_in_session
-from napari_unpack.rendering.gl.depth_quads import QuadsVisual, clip_from_pivot
+from napari_unpack.rendering.gl.depth_quads import Quad, QuadsVisual, clip_from_pivot
 from napari_unpack.rendering.gl.matrices import matrix_of
 
 
@@ -45,7 +47,7 @@ class QuadsAdapter(PictureAdapter):
 
     def _before_draw(self, visual: QuadsVisual) -> None:
         frame = self._frame()
-        quads = () if frame is None else tuple(self.layer.quads_at(frame))
+        quads = tuple(self._slice_quads() if frame is None else self.layer.quads_at(frame))
         # Assigning asks for another draw; this one shows them already.
         with visual.events.update.blocker():
             visual.quads = quads
@@ -70,6 +72,20 @@ class QuadsAdapter(PictureAdapter):
         scale = float(getattr(view.canvas, "pixel_scale", 1.0))
         size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
         return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera))
+
+    def _slice_quads(self) -> Sequence[Quad]:
+        if len(self.displayed) != 2:
+            return ()
+        width, height = self.node.canvas.physical_size
+        whole = matrix_of(self.node.get_transform("scene", "render"))
+        # From x, y, z, w of the layer's data to x and y of the canvas, -1 to 1.
+        ndc = (whole @ matrix_of(self.node.transform))[:2][:, [1, 0, 3]]
+        half = np.array([width, height]) / 2
+        pixels = (ndc * np.array([[1.0], [-1.0]])) * half[:, None]
+        pixels[:, 2] += half - 0.5
+        down, right = self.displayed
+        frame = SliceFrame((height, width), (down, right), pixels[::-1])
+        return self.layer.slice_quads_at(frame)
 
     def _view(self) -> Any | None:
         """Return the view box that shows the layer."""

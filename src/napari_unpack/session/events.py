@@ -26,6 +26,7 @@ class SessionEvents(SignalGroup):
     view = Signal(object, description="the new Camera")
     surroundings = Signal(object, description="the new decorations: background, box, scale")
     selected = Signal(frozenset, description="IDs selected")
+    measurements = Signal(tuple, description="all of them, after one was made or removed")
     message = Signal(str, description="a sentence for the user")
 
     def emit_changes(
@@ -62,6 +63,8 @@ class SessionEvents(SignalGroup):
             self.transfer_function.emit(after.transfer_function)
         if changed:
             self.states.emit(frozenset(changed))
+        if after.measurements is not before.measurements:
+            self.measurements.emit(after.measurements)
         if after.queue is not before.queue or after.direction != before.direction:
             self.queue.emit(after.queue.ids)
 

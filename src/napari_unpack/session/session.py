@@ -24,6 +24,7 @@ from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
 from napari_unpack.session.labels import LabelData, object_table
+from napari_unpack.session.measurements import Measurements
 from napari_unpack.session.ray_queries import RayQueries
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
@@ -65,6 +66,8 @@ class Session:
         Tasks that edit the labels.
     annotations : Annotations
         Colours, notes and flags that a person gave objects.
+    measurements : Measurements
+        Lengths and angles; added, removed and undone.
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
@@ -130,6 +133,7 @@ class Session:
         self.events, self.history = document.events, document.history
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
+        self.measurements = Measurements(document)
         self._scene_description = SceneDescription()
 
     # The parts, and what they hold.

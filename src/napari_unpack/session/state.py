@@ -16,6 +16,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.labels import Edit
+from napari_unpack.session.measurements import Measurement
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.validation import checked_planes
 from napari_unpack.unpacking import Queue, Slots
@@ -146,6 +147,8 @@ class SessionState:
         By ID, what a person wrote of objects.
     flags : mapping of int to str
         By ID, "suspicious" or "cleared"; others are not decided yet.
+    measurements : tuple of Measurement
+        Lengths and angles a person measured.
     """
 
     transfer_function: TransferFunction
@@ -163,6 +166,7 @@ class SessionState:
     colors: Mapping[int, Rgba] = field(default_factory=dict)
     notes: Mapping[int, str] = field(default_factory=dict)
     flags: Mapping[int, Flag] = field(default_factory=dict)
+    measurements: tuple[Measurement, ...] = ()
 
     @property
     def removals(self) -> tuple[Group, ...]:

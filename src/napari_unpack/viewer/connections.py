@@ -101,6 +101,7 @@ class ControllerConnections:
             (events.selected, one.interaction.selection_changed),
             (events.surroundings, self.decorate),
             (events.queue, self._follow_queue),
+            (events.measurements, one.rulers.changed),
             (one.packed.refused, self._tell_refusal),
             (one.packed.frame_changed, self._follow_frame),
             (one.transition.frame_changed, self._follow_other_frame),

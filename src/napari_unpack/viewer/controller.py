@@ -27,6 +27,7 @@ from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
+from napari_unpack.viewer.ruler_drawing import RulerDrawing
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
 from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
@@ -95,6 +96,7 @@ class SessionController:
     renderer : SceneRenderer
     overlays : Overlays
     names : SpriteNames
+    rulers : RulerDrawing
     interaction : Interaction
     scheduler : Scheduler
         Its own, or a scope of the panel's.
@@ -138,13 +140,11 @@ class SessionController:
         )
         self.overlays = Overlays(session, self.scheduler, self.transition.repaint)
         self.transition.overlays = self.overlays.quads_at
-        self.names = SpriteNames(
-            session,
-            self.sprites,
-            lambda: compat.pixel_scale(self.viewer),
-            self.transition.repaint,
-        )
-        self.overlays.drawings.append(self.names)
+        scale, repaint = self._pixel_scale, self.transition.repaint
+        self.names = SpriteNames(session, self.sprites, scale, repaint)
+        self.rulers = RulerDrawing(self, scale, repaint)
+        self.transition.slice_overlays = self.rulers.slice_quads_at
+        self.overlays.drawings += [self.names, self.rulers]
         self.queries = BackgroundQueries(
             session,
             self.scheduler,
@@ -414,6 +414,9 @@ class SessionController:
                     return True
             sleep(IDLE_SECONDS)
         return False
+
+    def _pixel_scale(self) -> float:
+        return compat.pixel_scale(self.viewer)
 
     def _settled(self) -> bool:
         # Queries wait until every flight has landed.

@@ -18,7 +18,7 @@ from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, chosen
-from napari_unpack.viewer.protocols import MouseEvent, Pixel, PointerTarget
+from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel, PointerTarget
 
 if TYPE_CHECKING:
     import napari
@@ -46,6 +46,8 @@ class Interaction:
     ----------
     drawing : bool
         Whether the next drag in the 3D view draws the direction in which objects leave.
+    tool : ClickTool or None
+        What takes clicks in place of selecting.
 
     Notes
     -----
@@ -55,6 +57,7 @@ class Interaction:
 
     def __init__(self, target: PointerTarget) -> None:
         self.drawing = False
+        self.tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
@@ -102,6 +105,12 @@ class Interaction:
     def packed_at(self, pixel: Pixel) -> list[int]:
         """Return the packed objects at a pixel, the most visible first."""
         return self._target.renderer.picker.packed_at(*self.frame_pixel(pixel))
+
+    def under(self, pixel: Pixel) -> int:
+        """Return the object at a pixel, 0 for none: inspected, unpacked, or packed."""
+        inspected = self._target.renderer.inspected
+        # The inspected object covers the view, whatever lies behind it.
+        return inspected or self.sprite_at(pixel) or next(iter(self.packed_at(pixel)), 0)
 
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
@@ -223,14 +232,9 @@ class Interaction:
 
     def _move(self, _viewer: napari.Viewer, event: MouseEvent) -> None:
         if self._in_3d():
-            self.point_at(self._under(_pixel(event)))
+            self.point_at(self.under(_pixel(event)))
         else:
             self.point_at(self.in_slice(event.position))
-
-    def _under(self, pixel: Pixel) -> int:
-        inspected = self._target.renderer.inspected
-        # The inspected object covers the view, whatever lies behind it.
-        return inspected or self.sprite_at(pixel) or next(iter(self.packed_at(pixel)), 0)
 
     def _double_click(self, viewer: napari.Viewer, event: MouseEvent) -> None:
         if self._in_3d():
@@ -267,6 +271,8 @@ class Interaction:
         # A click ends drawing too: its arrow is too short to set a direction.
         if grip is not None and (moved or self.drawing):
             grip.release()
+        elif not moved and self.tool is not None:
+            self.tool.click(start, event.position)
         elif not moved and not self._target.renderer.inspected:
             self._click(start, modifiers)
 
@@ -291,7 +297,9 @@ class Interaction:
         while event.type == "mouse_move":
             moved = moved or _is_far(_pixel(event), start)
             yield
-        if not moved:
+        if not moved and self.tool is not None:
+            self.tool.click(start, there)
+        elif not moved:
             steps = self._target.slice_steps
             with nullcontext() if steps is None else steps.held():
                 self.select(self.in_slice(there), modifiers)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from napari_unpack.rendering.gl.depth_quads import Quad
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import ControllerEvents
+    from napari_unpack.viewer.interaction import Interaction
     from napari_unpack.viewer.overlays import Overlays
     from napari_unpack.viewer.scene_renderer import SceneRenderer
     from napari_unpack.viewer.scheduler import Scheduler
@@ -55,6 +56,24 @@ class Drawing(Protocol):
         """Return what is drawn on a frame, called at every draw."""
 
 
+class ClickTool(Protocol):
+    """What takes the clicks in the picture in place of selecting."""
+
+    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
+        """Take a click.
+
+        Parameters
+        ----------
+        pixel : (2,) ndarray of float64
+            Of the canvas.
+        position : sequence of float
+            In napari's world, for slices.
+        """
+
+    def cancel(self) -> None:
+        """Take no more."""
+
+
 class PointerTarget(Protocol):
     """What `Interaction` needs of a controller."""
 
@@ -73,6 +92,10 @@ class PointerTarget(Protocol):
     @property
     def renderer(self) -> SceneRenderer:
         """Knows what a pixel shows."""
+
+    @property
+    def interaction(self) -> Interaction:
+        """Knows what is under a pixel."""
 
     @property
     def overlays(self) -> Overlays:

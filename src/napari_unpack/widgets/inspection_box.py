@@ -12,6 +12,7 @@ from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.session.errors import percent
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.quantities import three_digits
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.commands import Commands, objects_in
@@ -154,11 +155,12 @@ def describe(facts: Facts, neighbours: Sequence[str]) -> str:
     neighbours : sequence of str
         Names of the objects that touched it, the largest contact first.
     """
-    size = " × ".join(f"{edge:.0f}" for edge in facts.size_mm)
+    # Three digits each, or edges of a cell would all be 0.
+    size = " × ".join(three_digits(edge) for edge in facts.size_mm)
     volume = facts.volume_mm3 / 1000
     lines = [
         f"<b>{facts.name}</b>",
-        f"{size} mm along its own axes",
+        f"length × width × height {size} mm, along its own axes",
         f"{volume:.1f} cm³, density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):

@@ -27,6 +27,8 @@ KEYS = (
     ("C", "recolour"),
     ("Del", "delete the selected"),
     ("T", "names"),
+    ("M", "measure"),
+    ("A", "angle"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
     ("Esc", "leave, cancel or select nothing"),
@@ -124,6 +126,8 @@ class Shortcuts:
         if controller.interaction.drawing:
             controller.interaction.drawing = False
             controller.events.direction_drawn.emit()
+        elif controller.interaction.tool is not None:
+            controller.interaction.tool.cancel()
         elif self._repair.awaits_clicks:
             self._repair.cancel()
         elif objects_in(controller.session, ObjectState.INSPECTED):

@@ -15,6 +15,7 @@ from napari_unpack.layers import compat
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
+from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Collapsible, label, rule
@@ -123,7 +124,16 @@ class UnpackingWidget(QWidget):
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace)
         self.slices = SlicesButton(self.workspace, self)
-        keys = {"T": self.color.background.names.toggle}
+        self.measure = MeasureBox(self.workspace)
+        self.objects.contents.addWidget(self.measure)
+        # One tool at a time takes the clicks.
+        self.measure.begun.connect(self.objects.repair.cancel)
+        self.objects.repair.splitting.connect(self.measure.make_way)
+        keys = {
+            "T": self.color.background.names.toggle,
+            "M": lambda: self.measure.measure(2),
+            "A": lambda: self.measure.measure(3),
+        }
         self.shortcuts = Shortcuts(
             self.workspace, self.commands, self.planner, self.objects.repair, keys
         )

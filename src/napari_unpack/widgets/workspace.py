@@ -37,6 +37,7 @@ class Change(Flag):
     QUEUE = auto()
     VIEW = auto()
     SELECTED = auto()
+    MEASUREMENTS = auto()
 
 
 @dataclass(frozen=True)
@@ -258,6 +259,7 @@ class Workspace(QObject):
             Change.QUEUE: events.queue,
             Change.VIEW: events.view,
             Change.SELECTED: events.selected,
+            Change.MEASUREMENTS: events.measurements,
         }
         for change, signal in watched.items():
             self._connect(signal, lambda *_, change=change: self._heard.emit(change))

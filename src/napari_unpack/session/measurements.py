@@ -1,0 +1,132 @@
+"""Lengths and angles that a person measured between points of objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.session.quantities import angle_words, length_words
+
+if TYPE_CHECKING:
+    from napari_unpack.session.document import Document
+
+
+@dataclass(frozen=True)
+class SurfacePoint:
+    """A point of an object, or of the scan.
+
+    Parameters
+    ----------
+    object_id : int
+        Which it is a point of, and goes along with; 0 for none.
+    at : (float, float, float)
+        Where it is in the scan, world mm z y x, wherever the object is now.
+    """
+
+    object_id: int
+    at: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A length between two points, or the angle at the second of three.
+
+    Parameters
+    ----------
+    points : tuple of SurfacePoint
+
+    Raises
+    ------
+    ValueError
+        If there are neither two nor three points, or one stands where the next does.
+    """
+
+    points: tuple[SurfacePoint, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse what measures nothing."""
+        if len(self.points) not in (2, 3):
+            raise ValueError(
+                f"a measurement takes two points, or three for an angle, got {len(self.points)}"
+            )
+        if not np.isfinite(self.ends).all() or not all(self.lengths):
+            raise ValueError(
+                "the points of a measurement must be finite and apart from one another: "
+                "choose two that are"
+            )
+
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """Its points, (2 or 3, 3), mm of the scan."""
+        return np.array([point.at for point in self.points], dtype=np.float64)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Of its lines, mm."""
+        return tuple(float(v) for v in np.linalg.norm(np.diff(self.ends, axis=0), axis=1))
+
+    @property
+    def angle(self) -> float | None:
+        """At the middle one of three points, degrees; None for two."""
+        if len(self.points) == 2:
+            return None
+        first, middle, last = self.ends
+        a, b = first - middle, last - middle
+        # Exact for small angles too, where the arc cosine is not.
+        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+    @property
+    def objects(self) -> frozenset[int]:
+        """The objects its points are on; 0 for points on none."""
+        return frozenset(point.object_id for point in self.points)
+
+    @property
+    def words(self) -> str:
+        """What was measured, for people: "34.2 mm", or "90.0° (12.0 mm, 34.2 mm)"."""
+        lengths = ", ".join(length_words(mm) for mm in self.lengths)
+        return lengths if self.angle is None else f"{angle_words(self.angle)} ({lengths})"
+
+
+class Measurements:
+    """The measurements of a session, in the order in which they were made.
+
+    Parameters
+    ----------
+    document : Document
+    """
+
+    def __init__(self, document: Document) -> None:
+        self._doc = document
+
+    def __iter__(self) -> Iterator[Measurement]:
+        return iter(self._doc.state.measurements)
+
+    def __len__(self) -> int:
+        return len(self._doc.state.measurements)
+
+    def add(self, points: Iterable[SurfacePoint]) -> Measurement:
+        """Add a measurement, which can be undone; return it."""
+        made = Measurement(tuple(points))
+        state = self._doc.state
+        new = replace(state, measurements=(*state.measurements, made))
+        self._doc.commit("measure", new)
+        return made
+
+    def remove(self, index: int) -> None:
+        """Remove a measurement by its place in the order.
+
+        Raises
+        ------
+        IndexError
+            If there is none.
+        """
+        kept = list(self._doc.state.measurements)
+        if not 0 <= index < len(kept):
+            raise IndexError(f"there are {len(kept)} measurements, counted from 0; got {index}")
+        del kept[index]
+        new = replace(self._doc.state, measurements=tuple(kept))
+        self._doc.commit("remove a measurement", new)

@@ -1,0 +1,170 @@
+"""Measurements as they are drawn in the 3D view and in slices: lines, an arc, and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.layers.placement import data_to_world, units_of
+from napari_unpack.layers.rendered_image import FRONT
+from napari_unpack.layers.slice_frame import SliceFrame
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.gl.depth_quads import Quad
+from napari_unpack.rendering.gl.lines import FlatStroke
+from napari_unpack.session.measurements import Measurement, SurfacePoint
+from napari_unpack.session.quantities import angle_words, length_words
+from napari_unpack.viewer.canvas_text import CanvasText, text_quad
+from napari_unpack.viewer.protocols import PointerTarget
+from napari_unpack.viewer.surface_points import pivot_from_scan
+
+INK, HALO = (1.0, 0.9, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+
+# Logical pixels: half a cross at each end, an angle's arc, and a number's way from its line.
+CROSS, ARC, AWAY = 4.0, 26.0, 4.0
+ARC_LINES = 12
+# Voxels from the slice within which a point counts as in it, and how faint a line is that is not.
+IN_SLICE, FAINT = 1.0, 0.35
+
+Pixels = NDArray[np.float64]
+
+
+class RulerDrawing:
+    """Draws the measurements of a session, and the points clicked for the next one.
+
+    Parameters
+    ----------
+    target : PointerTarget
+    pixel_scale : callable
+        Returns the device pixels of a logical pixel.
+    repaint : callable
+        Has the canvas drawn again.
+    """
+
+    def __init__(
+        self,
+        target: PointerTarget,
+        pixel_scale: Callable[[], float],
+        repaint: Callable[[], None],
+    ) -> None:
+        self._target, self._pixel_scale, self._repaint = target, pixel_scale, repaint
+        self._text = CanvasText(pixel_scale)
+        self._strokes = FlatStroke(HALO, 4.4, FRONT), FlatStroke(INK, 2.4, FRONT)
+        self._pending: tuple[SurfacePoint, ...] = ()
+
+    @property
+    def pending(self) -> tuple[SurfacePoint, ...]:
+        """Points of a measurement that is being made."""
+        return self._pending
+
+    @pending.setter
+    def pending(self, points: tuple[SurfacePoint, ...]) -> None:
+        self._pending = points
+        self._repaint()
+
+    def changed(self, _measurements: tuple[Measurement, ...] = ()) -> None:
+        """Draw what there is now."""
+        self._repaint()
+
+    def quads_at(self, frame: Frame) -> Sequence[Quad]:
+        """Return the measurements whose objects all stand where they can be measured."""
+        quads: list[Quad] = []
+        for points, measurement in self._all():
+            pixels = self._in_view(points, frame)
+            if pixels is not None:
+                quads += self._drawn(pixels, measurement, frame.size, 1.0)
+        return quads
+
+    def slice_quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
+        """Return the measurements at the slice; faint where a point lies beside it."""
+        target = self._target
+        # Slices show the bag that an opened container is from, which was not measured.
+        if target.outer_session is not None:
+            return ()
+        there = np.asarray(target.viewer.dims.point, dtype=np.float64)[-3:]
+        world_from_data = data_to_world(target.layers[0], units_of(target.viewer))
+        slice_at = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
+        across = ({0, 1, 2} - set(frame.axes)).pop()
+        quads: list[Quad] = []
+        for points, measurement in self._all():
+            voxels = np.array([point.at for point in points]) / target.session.spacing
+            beside = voxels[:, across] - slice_at[across]
+            near = np.abs(beside) <= IN_SLICE
+            if near.any() or np.ptp(np.sign(beside)) > 1:
+                strength = 1.0 if near.all() else FAINT
+                quads += self._drawn(frame.pixels(voxels), measurement, frame.size, strength)
+        return quads
+
+    def _all(self) -> Iterator[tuple[tuple[SurfacePoint, ...], Measurement | None]]:
+        for measurement in self._target.session.measurements:
+            yield measurement.points, measurement
+        if self._pending:
+            yield self._pending, None
+
+    def _in_view(self, points: tuple[SurfacePoint, ...], frame: Frame) -> Pixels | None:
+        known = self._target.session.states
+        owners = {p.object_id if p.object_id in known else 0 for p in points}
+        maps = [pivot_from_scan(self._target, i, frame) for i in owners]
+        first = maps[0]
+        # Between objects that stand apart now the line would be of another length than it says.
+        if first is None or any(m is None or not np.allclose(m, first) for m in maps):
+            return None
+        pivot = transform_points(first, np.array([point.at for point in points]))
+        if (pivot[:, 0] >= 0.98 * frame.camera.distance).any():
+            return None
+        return frame.camera.pixels(pivot, frame.size)
+
+    def _drawn(
+        self, pixels: Pixels, measured: Measurement | None, size: tuple[int, int], opacity: float
+    ) -> list[Quad]:
+        scale = self._pixel_scale()
+        cross = CROSS * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
+        lines = [pixel + arm for pixel in pixels for arm in cross]
+        lines += [np.stack(ends) for ends in pairwise(pixels)]
+        if len(pixels) == 3:
+            lines += list(arc(pixels, ARC * scale))
+        quads = [
+            q for stroke in self._strokes for q in stroke.quads(np.array(lines), size, opacity)
+        ]
+        if measured is None:
+            return quads
+        on_light = self._target.session.decorations.background.is_light
+        words = [length_words(mm) for mm in measured.lengths]
+        spots = [(a + b) / 2 for a, b in pairwise(pixels)]
+        if measured.angle is not None:
+            words.append(angle_words(measured.angle))
+            spots.append(pixels[1])
+        for text, spot in zip(words, spots, strict=True):
+            image = self._text.image(text, on_light)
+            height, width = image.size
+            corner = spot + AWAY * scale
+            # A number outside the window could not be read.
+            row = np.clip(corner[0], 0, max(size[0] - height, 0))
+            col = np.clip(corner[1], 0, max(size[1] - width, 0))
+            quads.append(text_quad(image, row, col, size, opacity))
+        return quads
+
+
+def arc(pixels: Pixels, radius: float) -> Pixels:
+    """Return the lines of an arc about the middle one of three points, (N, 2, 2).
+
+    Parameters
+    ----------
+    pixels : (3, 2) ndarray of float64
+    radius : float
+        Not longer than half of either side.
+    """
+    sides = pixels[[0, 2]] - pixels[1]
+    lengths = np.linalg.norm(sides, axis=1)
+    if not lengths.all():
+        return np.zeros((0, 2, 2))
+    radius = min(radius, 0.5 * float(lengths.min()))
+    first, last = np.arctan2(sides[:, 0], sides[:, 1])
+    # The short way round.
+    turn = (last - first + np.pi) % (2 * np.pi) - np.pi
+    angles = first + turn * np.linspace(0.0, 1.0, ARC_LINES + 1)
+    points = pixels[1] + radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    return np.stack([points[:-1], points[1:]], axis=1)

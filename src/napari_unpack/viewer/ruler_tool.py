@@ -1,0 +1,101 @@
+"""Clicks on surfaces, in the 3D view or in a slice, that measure a length or an angle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from napari_unpack.layers.placement import data_to_world, units_of
+from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.viewer.protocols import Pixel
+from napari_unpack.viewer.surface_points import surface_point
+
+if TYPE_CHECKING:
+    from napari_unpack.viewer.controller import SessionController
+
+ASKED = {
+    2: ("Click the point to measure from.", "Now click the point to measure to."),
+    3: (
+        "Click a point on the first side of the angle.",
+        "Now click the point where the sides meet.",
+        "Now click a point on the other side.",
+    ),
+}
+
+
+class RulerTool:
+    """Takes the viewer's clicks until two points were clicked, or three for an angle.
+
+    Parameters
+    ----------
+    controller : SessionController
+        An open one.
+    count : {2, 3}
+        How many points.
+    message : callable
+        Given a sentence on what to click next.
+    done : callable
+        Given the points; an empty list where they were called off.
+
+    Attributes
+    ----------
+    count : int
+    """
+
+    def __init__(
+        self,
+        controller: SessionController,
+        count: int,
+        message: Callable[[str], None],
+        done: Callable[[list[SurfacePoint]], None],
+    ) -> None:
+        self._controller, self.count = controller, count
+        self._message, self._done = message, done
+        self._points: list[SurfacePoint] = []
+        controller.interaction.tool = self
+        message(ASKED[count][0])
+
+    def cancel(self) -> None:
+        """Give the clicks back; nothing is measured."""
+        self._end([])
+
+    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
+        """Take a point.
+
+        Parameters
+        ----------
+        pixel : (2,) ndarray of float64
+            Of the canvas.
+        position : sequence of float
+            In the viewer's world, for slices.
+        """
+        flat = self._controller.viewer.dims.ndisplay == 2
+        point = self._in_slice(position) if flat else surface_point(self._controller, pixel)
+        if point is None:
+            self._message("There is nothing there to measure: click on an object.")
+        # The same place twice, a double click say, has no length.
+        elif not self._points or point.at != self._points[-1].at:
+            self._points.append(point)
+            self._controller.rulers.pending = tuple(self._points)
+            if len(self._points) == self.count:
+                self._end(self._points)
+            else:
+                self._message(ASKED[self.count][len(self._points)])
+
+    def _end(self, points: list[SurfacePoint]) -> None:
+        self._controller.interaction.tool = None
+        self._controller.rulers.pending = ()
+        self._done(points)
+
+    def _in_slice(self, position: Sequence[float]) -> SurfacePoint | None:
+        controller, session = self._controller, self._controller.session
+        world_from_data = data_to_world(controller.packed, units_of(controller.viewer))
+        there = np.asarray(position, dtype=np.float64)[-3:]
+        voxel = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
+        spot = np.rint(voxel).astype(np.int64)
+        if (spot < 0).any() or (spot >= session.labels.shape).any():
+            return None
+        z, y, x = (float(v) for v in voxel * session.spacing)
+        return SurfacePoint(int(session.labels[tuple(spot)]), (z, y, x))

@@ -1,0 +1,149 @@
+"""Where objects stand in the picture, and the point of their surface under a pixel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.geometry.axes import Matrix, Vector, transform_points
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.protocols import Pixel, PointerTarget
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+# Samples along a ray, smallest voxel edges: a tenth of a voxel is finer than its label is.
+STEP = 0.1
+
+
+def pivot_from_scan(target: PointerTarget, object_id: int, frame: Frame) -> Matrix | None:
+    """Return the map from the scan's world, mm, to where an object is seen in pivot space.
+
+    Parameters
+    ----------
+    target : PointerTarget
+    object_id : int
+        0 for what belongs to no object.
+    frame : Frame
+        What the canvas shows.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64 or None
+        None where it is not seen at all.
+    """
+    session = target.session
+    if object_id not in session.states:
+        return frame.camera.pivot_from_world()
+    if session.states[object_id] is ObjectState.HIDDEN:
+        return None
+    pose = target.renderer.picker.pose_of(object_id, frame)
+    return pose.pivot_from_world(session.boxes.center(object_id, session.spacing))
+
+
+def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
+    """Return the point of a surface that a pixel of the canvas shows; None where there is none.
+
+    Parameters
+    ----------
+    target : PointerTarget
+    pixel : (2,) ndarray of float64
+        Of the canvas, row and column.
+    """
+    frame, interaction = target.renderer.frame, target.interaction
+    object_id = interaction.under(pixel)
+    matrix = None if frame is None or not object_id else pivot_from_scan(target, object_id, frame)
+    if frame is None or matrix is None:
+        return None
+    start, way = pixel_ray(np.array(interaction.frame_pixel(pixel)), frame.camera, frame.size)
+    scan: Matrix = np.linalg.inv(matrix).astype(np.float64)
+    planes = session_planes(target.session, object_id)
+    at = first_on_ray(
+        target.session, object_id, transform_points(scan, start), scan[:3, :3] @ way, planes
+    )
+    if at is None:
+        return None
+    z, y, x = (float(v) for v in at)
+    return SurfacePoint(object_id, (z, y, x))
+
+
+def pixel_ray(
+    pixel: NDArray[np.float64], camera: Camera, size: tuple[int, int]
+) -> tuple[Vector, Vector]:
+    """Return a pixel's ray in pivot space: a point of it, and its way from the eye.
+
+    Parameters
+    ----------
+    pixel : (2,) ndarray of float64
+        Row and column.
+    camera : Camera
+    size : (int, int)
+        Height and width of the view, pixels.
+    """
+    down, right = (pixel - (np.asarray(size) - 1) / 2) * camera.height / size[0]
+    on_plane = np.array([0.0, down, right])
+    if np.isinf(camera.distance):
+        return on_plane, np.array([-1.0, 0.0, 0.0])
+    eye = np.array([camera.distance, 0.0, 0.0])
+    return on_plane, on_plane - eye
+
+
+def session_planes(session: Session, object_id: int) -> NDArray[np.float64]:
+    """Return the planes that cut an object as it is shown now, (N, 2, 3) in voxels.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
+    if session.states[object_id] is ObjectState.PACKED:
+        return session.clipping
+    own = session.style(object_id).planes(np.diag([*1 / session.spacing, 1.0]))
+    return np.zeros((0, 2, 3)) if own is None else own
+
+
+def first_on_ray(
+    session: Session, object_id: int, start: Vector, way: Vector, planes: NDArray[np.float64]
+) -> Vector | None:
+    """Return the first point of a ray that lies in an object, world mm; None where none does.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    start, way : (3,) ndarray of float64
+        Of the ray, world mm; the way need not be of unit length.
+    planes : (N, 2, 3) ndarray of float64
+        What lies behind one is not there, voxels.
+    """
+    spacing, bag = np.asarray(session.spacing), session.bag
+    row = bag.boxes.index(object_id)
+    # Wider than the object, as its picture is: rays through the fringe still mean its edge.
+    low = (bag.boxes.lower[row] - 1.5) * spacing
+    high = (bag.boxes.upper[row] + 0.5) * spacing
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.sort(np.stack([(low - start) / way, (high - start) / way]), axis=0)
+    # A ray along an axis is inside these sides for ever, or never.
+    near, far = float(np.nanmax(ends[0])), float(np.nanmin(ends[1]))
+    if not near < far:
+        return None
+    length = (far - near) * float(np.linalg.norm(way))
+    count = int(np.ceil(length / (STEP * spacing.min()))) + 1
+    points = start + np.linspace(near, far, count)[:, None] * way
+    voxels = points / spacing
+    shown = np.ones(count, np.bool_)
+    for point, normal in planes:
+        shown &= (voxels - point) @ normal >= 0
+    for labels in (bag.labels, session.display_labels):
+        spots = np.rint(voxels).astype(np.int64)
+        inside = shown & ((spots >= 0) & (spots < labels.shape)).all(axis=1)
+        hits = np.flatnonzero(inside)[labels[tuple(spots[inside].T)] == object_id]
+        # Only where the ray misses the object itself does its fringe count.
+        if len(hits):
+            return np.asarray(points[hits[0]], dtype=np.float64)
+    return None
