@@ -12,6 +12,7 @@ import typer
 
 # Only typer and names here: commands import what they need, so that `--help` comes at once.
 from napari_unpack.cli_options import (
+    At,
     Backend,
     Box,
     Direction,
@@ -22,6 +23,7 @@ from napari_unpack.cli_options import (
     Ticker,
     ViewOption,
     check_output,
+    load_input,
     open_input,
     requested_decorations,
 )
@@ -121,16 +123,17 @@ def _segment(
             "by default that is found out.",
         ),
     ] = None,
+    at: At = None,
 ) -> None:
     """Segment a volume into its objects."""
     from napari_unpack import segment
-    from napari_unpack.io import load_volume, save_objects_csv
+    from napari_unpack.io import save_objects_csv
     from napari_unpack.io.volumes import WRITABLE, check_savable, save_scan_somewhere
 
     check_output(output, WRITABLE, source)
     if csv is not None:
         check_output(csv, ("",), source)
-    scan = load_volume(source)
+    scan = load_input(source, at)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
     paths, error = save_scan_somewhere(scan.with_labels(_smallest_dtype(found.labels)), output)
@@ -199,11 +202,12 @@ def _order(
     view: ViewOption = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
+    at: At = None,
 ) -> None:
     """Print in which order the objects can be unpacked."""
     from napari_unpack.io.headless import unpack_in_order
 
-    session = open_input(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend, at)
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
     # A saved session may be unpacked in part: its own steps come first, and count.
     gone = session.steps[: session.step]
@@ -233,6 +237,7 @@ def _render(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    at: At = None,
 ) -> None:
     """Render the bag and what is unpacked beside it."""
     from napari_unpack.io import save_png
@@ -242,7 +247,7 @@ def _render(
 
     check_output(output, (".png",), source, labels)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend, at)
     if decorated is not None:
         session.decorations = decorated
     # A saved session shows what its user saw; a plain volume is framed to show all slots.
@@ -280,6 +285,7 @@ def _movie(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    at: At = None,
 ) -> None:
     """Make a movie of the unpacking, or of the bag from all around."""
     from napari_unpack.io import movie
@@ -288,7 +294,7 @@ def _movie(
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
     check_output(checked_movie_path(output), ("",), source, labels)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend)
+    session = open_input(source, labels, direction, view, backend, at)
     if decorated is not None:
         session.decorations = decorated
     path = movie(
@@ -315,12 +321,13 @@ def _table(
     labels: LabelsOption = None,
     view: ViewOption = None,
     backend: Backend = "auto",
+    at: At = None,
 ) -> None:
     """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_objects_csv, save_objects_page
 
     check_output(output, (".html", ".csv"), source, labels)
-    session = open_input(source, labels, None, view, backend)
+    session = open_input(source, labels, None, view, backend, at)
     if output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output)}")
     else:

@@ -11,6 +11,7 @@ from napari_unpack.geometry.view import FROM_ABOVE, View
 
 if TYPE_CHECKING:
     from napari_unpack.appearance import Decorations
+    from napari_unpack.io import Scan
     from napari_unpack.session import Session
 
 Input = Annotated[
@@ -24,6 +25,14 @@ Input = Annotated[
 LabelsOption = Annotated[
     Path | None,
     typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
+]
+At = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="AXIS=N",
+        help="Which channel or time point, where INPUT holds several: c=1, or t=0,c=1.",
+    ),
 ]
 Direction = Annotated[
     str | None,
@@ -62,12 +71,41 @@ class Ticker:
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
+def load_input(source: Path, at: str | None) -> Scan:
+    """Return the volume of a file; say on stderr what had to be assumed of it.
+
+    Parameters
+    ----------
+    source : Path
+    at : str, optional
+        As the option takes it.
+
+    Raises
+    ------
+    ValueError
+        If `at` is not as the option wants it; else as for `load_volume`.
+    """
+    from napari_unpack.io import load_volume
+
+    chosen = {}
+    for part in at.split(",") if at else ():
+        axis, _, number = part.partition("=")
+        if not number.strip().isdigit():
+            raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
+        chosen[axis.strip()] = int(number)
+    scan = load_volume(source, chosen)
+    for sentence in scan.assumed:
+        typer.echo(f"note: {source.name}: {sentence}", err=True)
+    return scan
+
+
 def open_input(
     source: Path,
     labels: Path | None,
     direction: str | None,
     view: tuple[float, float, float] | None,
     backend: str,
+    at: str | None = None,
 ) -> Session:
     """Return the session of a file: a saved one, or a new one on a volume.
 
@@ -80,6 +118,8 @@ def open_input(
     view : (float, float, float), optional
         Direction of looking, z y x; from above where neither it nor a saved session says.
     backend : {"auto", "cpu", "gl"}
+    at : str, optional
+        Which channel or time point, see `load_input`.
 
     Raises
     ------
@@ -87,7 +127,7 @@ def open_input(
         If labels are given beside a saved session.
     """
     # Imported late: these load numba, which takes longer than `--help` should.
-    from napari_unpack.io import load_labels, load_volume, open_session
+    from napari_unpack.io import load_labels, open_session
     from napari_unpack.io.headless import open_scan
     from napari_unpack.io.session_archive import holds_session
 
@@ -103,7 +143,7 @@ def open_input(
         if direction is not None:
             session.direction = direction_of(direction)
         return session
-    scan = load_volume(source)
+    scan = load_input(source, at)
     if labels is not None:
         scan = scan.with_labels(load_labels(labels)[0])
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)

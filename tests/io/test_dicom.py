@@ -70,19 +70,172 @@ def test_a_file_of_a_series_opens_its_series(tmp_path: Path) -> None:
     (tmp_path / "a").rename(tmp_path / "slice.dcm")
     assert load_volume(tmp_path / "slice.dcm").volume.shape == (3, 4, 5)
     assert load_volume(tmp_path / "c1.2.4").volume.shape == (2, 4, 5)
-    with pytest.warns(UserWarning, match="2 series"):
-        assert load_volume(tmp_path).volume.shape == (3, 4, 5)
+    scan = load_volume(tmp_path)
+    assert scan.volume.shape == (3, 4, 5)
+    assert "2 series of [3, 2] images" in scan.assumed[0]
 
 
-def test_a_missing_slice_is_told(tmp_path: Path) -> None:
-    rows = np.concatenate([NUMBERS, NUMBERS[:1]])
-    for i, z in enumerate([0.0, 1.0, 2.0, 4.0]):
+AXIAL = [1, 0, 0, 0, 1, 0]
+
+
+def save_slices(folder: Path, planes: Any, places: Any, **tags: Any) -> None:
+    for plane, place in zip(planes, places, strict=True):
         data = dataset(
-            rows[i], ImagePositionPatient=[0, 0, z], ImageOrientationPatient=[1, 0, 0, 0, 1, 0]
+            plane, ImagePositionPatient=list(place), ImageOrientationPatient=AXIAL, **tags
         )
+        data.save_as(folder / f"{len(list(folder.iterdir()))}.dcm", enforce_file_format=True)
+
+
+def flat(*numbers: int, shape: tuple[int, int] = (4, 5)) -> list[np.ndarray]:
+    return [np.full(shape, number) for number in numbers]
+
+
+def test_a_missing_slice_is_interpolated_and_told(tmp_path: Path) -> None:
+    save_slices(tmp_path, flat(0, 100, 200, 400), [(0, 0, z) for z in (0.0, 1.0, 2.0, 4.0)])
+    scan = load_volume(tmp_path)
+    # From the top: 400 at 4 mm, half way to 200 at 3 mm, and so on.
+    assert scan.volume[:, 0, 0].tolist() == [1400, 1300, 1200, 1100, 1000]
+    assert scan.spacing[0] == 1.0
+    assert "1 to 2 mm apart: they were interpolated to 1 mm" in scan.assumed[0]
+
+
+def test_a_gap_too_large_to_bridge_is_refused(tmp_path: Path) -> None:
+    save_slices(tmp_path, flat(0, 0, 0, 0), [(0, 0, z) for z in (0.0, 1.0, 2.0, 9.0)])
+    with pytest.raises(ValueError, match=r"1 mm apart, but 7 mm at 9 mm: slices are missing"):
+        load_volume(tmp_path)
+
+
+def test_slices_of_a_tilted_gantry_are_moved_back(tmp_path: Path) -> None:
+    # A column of water that stands upright: each slice begins one row, 0.5 mm, further back.
+    planes = [
+        np.where(np.arange(8)[:, None] == 5 - k, 0, -1000) + np.zeros((8, 4)) for k in range(4)
+    ]
+    save_slices(tmp_path, planes, [(0, 0.5 * k, 2.0 * k) for k in range(4)])
+    scan = load_volume(tmp_path)
+    assert scan.volume.shape == (4, 11, 4)
+    np.testing.assert_array_equal(scan.volume[:, :, 0].argmax(axis=1), 5)
+    assert scan.volume[:, 5].min() == 1000
+    assert np.delete(scan.volume, 5, axis=1).max() == 0
+    assert "shifted by up to 3 pixels, as of a tilted gantry" in scan.assumed[0]
+
+
+def test_two_phases_of_one_place_are_time_points(tmp_path: Path) -> None:
+    places = [(0, 0, z) for z in (0.0, 1.0, 2.0)]
+    save_slices(tmp_path, flat(7, 8, 9), places, AcquisitionNumber=2)
+    save_slices(tmp_path, flat(0, 1, 2), places, AcquisitionNumber=1)
+    with pytest.raises(ValueError, match=r"holds 2 time points .* from 0 to 1, such as t=0"):
+        load_volume(tmp_path)
+    assert load_volume(tmp_path, {"t": 0}).volume[:, 0, 0].tolist() == [1002, 1001, 1000]
+    assert load_volume(tmp_path, {"t": 1}).volume[:, 0, 0].tolist() == [1009, 1008, 1007]
+    with pytest.raises(ValueError, match="there is no t=2"):
+        load_volume(tmp_path, {"t": 2})
+
+
+def test_a_slice_that_is_there_twice_is_taken_once_or_refused(tmp_path: Path) -> None:
+    save_slices(tmp_path, flat(0, 1, 2, 1), [(0, 0, z) for z in (0.0, 1.0, 2.0, 1.0)])
+    scan = load_volume(tmp_path)
+    assert scan.volume[:, 0, 0].tolist() == [1002, 1001, 1000]
+    assert scan.assumed == ("1 of its images are there twice: taken once",)
+    save_slices(tmp_path, flat(5), [(0, 0, 2.0)])
+    with pytest.raises(ValueError, match="2 different slices at 2 mm"):
+        load_volume(tmp_path)
+
+
+def test_scouts_and_slices_of_other_pixels_are_left_out(tmp_path: Path) -> None:
+    save_slices(tmp_path, flat(0, 1, 2), [(0, 0, z) for z in (0.0, 1.0, 2.0)])
+    for name, tags in {
+        "scout": {
+            "ImageOrientationPatient": [0, 1, 0, 0, 0, -1],
+            "ImagePositionPatient": [0, 0, 1],
+        },
+        "coarse": {
+            "ImageOrientationPatient": AXIAL,
+            "ImagePositionPatient": [0, 0, 3],
+            "PixelSpacing": [1, 1],
+        },
+    }.items():
+        dataset(np.zeros((4, 5), int), **tags).save_as(
+            tmp_path / f"{name}.dcm", enforce_file_format=True
+        )
+    scan = load_volume(tmp_path)
+    assert scan.volume.shape == (3, 4, 5)
+    assert scan.assumed == (
+        "2 of its 5 images have another size, direction or pixel size: they were left out",
+    )
+
+
+def test_as_many_slices_of_two_kinds_are_refused(tmp_path: Path) -> None:
+    save_slices(tmp_path, flat(0, 1), [(0, 0, 0), (0, 0, 1)])
+    save_slices(tmp_path, flat(0, 1), [(0, 0, 0), (0, 0, 1)], PixelSpacing=[1, 1])
+    with pytest.raises(ValueError, match="2 kinds of slices, as many of each"):
+        load_volume(tmp_path)
+
+
+def test_what_a_series_does_not_say_is_told(tmp_path: Path) -> None:
+    for i, plane in enumerate(flat(0, 1, 2)):
+        data = dataset(plane, InstanceNumber=i + 1, SliceThickness=2.0)
+        del data.PixelSpacing, data.RescaleIntercept
         data.save_as(tmp_path / f"{i}.dcm", enforce_file_format=True)
-    with pytest.warns(UserWarning, match="1 to 2 mm apart"):
-        assert load_volume(tmp_path).spacing[0] == 1.0
+    scan = load_volume(tmp_path)
+    assert scan.spacing == (2.0, 1.0, 1.0)
+    assert scan.volume[:, 0, 0].tolist() == [2024, 2025, 2026]
+    assert [sentence.split(":")[0] for sentence in scan.assumed] == [
+        "it gives no pixel size",
+        "it does not say what its numbers mean",
+        "it gives no positions of its slices",
+    ]
+
+
+def test_a_regular_series_is_as_simpleitk_reads_it(tmp_path: Path) -> None:
+    sitk = pytest.importorskip("SimpleITK")
+    rng = np.random.default_rng(0)
+    planes = rng.integers(-1000, 2000, (5, 6, 7))
+    save_slices(tmp_path, planes, [(3, 4, 1.5 * k) for k in range(5)])
+    reader = sitk.ImageSeriesReader()
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(tmp_path)))
+    expected = reader.Execute()
+    scan = load_volume(tmp_path)
+    # ITK stacks from the lowest slice up; here the highest comes first.
+    np.testing.assert_array_equal(scan.volume[::-1], sitk.GetArrayFromImage(expected) + 1000.0)
+    assert scan.spacing == pytest.approx(expected.GetSpacing()[::-1])
+    assert scan.assumed == ()
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_an_enhanced_file_has_its_groups_honoured(tmp_path: Path, shared: bool) -> None:
+    from pydicom.dataset import Dataset
+
+    def item(**values: Any) -> Any:
+        made = Dataset()
+        for name, value in values.items():
+            setattr(made, name, value)
+        return made
+
+    def groups(k: int, positioned: bool, valued: bool) -> Any:
+        made = Dataset()
+        if positioned:
+            made.PlanePositionSequence = [item(ImagePositionPatient=[0, 0, 1.5 * k])]
+        if valued:
+            made.PlaneOrientationSequence = [item(ImageOrientationPatient=AXIAL)]
+            made.PixelMeasuresSequence = [item(PixelSpacing=[0.5, 0.75], SliceThickness=9)]
+            # Each frame by its own rescale, where the groups are the frames' own.
+            slope = 1 if shared else k + 1
+            made.PixelValueTransformationSequence = [
+                item(RescaleSlope=slope, RescaleIntercept=-1000, RescaleType="HU")
+            ]
+        return made
+
+    stored = np.arange(3 * 4 * 5).reshape(3, 4, 5)
+    data = dataset(stored - 1024, NumberOfFrames=3)
+    del data.PixelSpacing, data.RescaleSlope, data.RescaleIntercept
+    data.PerFrameFunctionalGroupsSequence = [groups(k, True, not shared) for k in range(3)]
+    data.SharedFunctionalGroupsSequence = [groups(0, False, shared)]
+    data.save_as(tmp_path / "enhanced.dcm", enforce_file_format=True)
+    scan = load_volume(tmp_path / "enhanced.dcm")
+    slopes = np.ones(3, int) if shared else np.array([1, 2, 3])
+    np.testing.assert_array_equal(scan.volume, (stored * slopes[:, None, None])[::-1])
+    assert scan.spacing == (1.5, 0.5, 0.75)
+    assert scan.assumed == ()
 
 
 def test_a_multi_frame_dicos_file_without_a_preamble(tmp_path: Path) -> None:
@@ -96,14 +249,6 @@ def test_a_multi_frame_dicos_file_without_a_preamble(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.volume[0], np.arange(20).reshape(4, 5))
     assert scan.volume.shape == (3, 4, 5)
     assert scan.spacing == (1.25, 0.5, 0.75)
-
-
-def test_slices_of_different_sizes_are_refused(tmp_path: Path) -> None:
-    write_series(tmp_path)
-    data = dataset(np.zeros((2, 2), int), ImagePositionPatient=[0, 0, 9])
-    data.save_as(tmp_path / "other.dcm", enforce_file_format=True)
-    with pytest.raises(ValueError, match=r"one size, got \[\(2, 2\), \(4, 5\)\]"):
-        load_volume(tmp_path)
 
 
 def test_a_single_slice_is_no_volume(tmp_path: Path) -> None:

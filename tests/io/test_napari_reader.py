@@ -31,7 +31,8 @@ def test_labels_alone_become_labels(tmp_path: Path) -> None:
     np.savez(path, labels=VOLUME)
     reader = get_reader([str(path)])
     assert reader is not None
-    ((data, about, kind),) = reader([str(path)])
+    with pytest.warns(UserWarning, match=r"atlas.npz: it gives no voxel size: 1 mm was assumed"):
+        ((data, about, kind),) = reader([str(path)])
     assert (data.shape, about["name"], kind) == ((3, 4, 5), "atlas", "labels")
 
 
@@ -56,3 +57,20 @@ def test_a_broken_archive_is_taken_and_explained(tmp_path: Path) -> None:
 def test_a_folder_of_slices_is_taken(tmp_path: Path) -> None:
     (tmp_path / "IM0001").write_bytes(b"\0" * 128 + b"DICM")
     assert get_reader(str(tmp_path)) is not None
+
+
+def test_channels_stay_axes_in_front_from_which_the_panel_chooses(tmp_path: Path) -> None:
+    import tifffile
+
+    path = tmp_path / "a.tif"
+    stack = np.stack([VOLUME, VOLUME + 1], axis=1)
+    metadata = {"axes": "ZCYX", "unit": "um", "spacing": 3}
+    tifffile.imwrite(path, stack, imagej=True, resolution=(2, 2), metadata=metadata)
+    reader = get_reader(str(path))
+    assert reader is not None
+    ((data, about, kind),) = reader(str(path))
+    np.testing.assert_array_equal(data, stack.swapaxes(0, 1))
+    assert about["axis_labels"] == ("c", "z", "y", "x")
+    assert about["scale"] == pytest.approx((1.0, 3e-3, 5e-4, 5e-4))
+    assert about["units"] == ("pixel", "mm", "mm", "mm")
+    assert kind == "image"

@@ -1,6 +1,8 @@
 """Every format comes back as it went out; what is broken or foreign is named."""
 
+import gzip
 import re
+import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -128,6 +130,119 @@ def test_ome_zarr_with_labels(tmp_path: Path, version: str) -> None:
     np.testing.assert_array_equal(back.volume, VOLUME)
     np.testing.assert_array_equal(back.labels, LABELS)
     assert back.spacing == pytest.approx(SPACING)
+
+
+def save_zarr(path: Path, array: np.ndarray, axes: str, **units: str) -> None:
+    zarr = pytest.importorskip("zarr")
+    root = zarr.open_group(str(path), mode="w", zarr_format=2)
+    root.create_array("0", data=array)
+    scale = [{"z": 3.0, "y": 2.0, "x": 1.0}.get(axis, 1.0) for axis in axes]
+    steps = [{"type": "scale", "scale": scale}]
+    root.attrs["multiscales"] = [
+        {
+            "axes": [{"name": a} | ({"unit": units[a]} if a in units else {}) for a in axes],
+            "datasets": [{"path": "0", "coordinateTransformations": steps}],
+        }
+    ]
+
+
+@pytest.mark.parametrize("axes", ["zyxc", "tczyx", "xyz", "cxzy"])
+def test_axes_of_ome_zarr_go_by_their_names(tmp_path: Path, axes: str) -> None:
+    lengths = {"t": 2, "c": 3} | dict(zip("zyx", VOLUME.shape, strict=True))
+    others = [a for a in axes if a not in "zyx"]
+    whole = VOLUME.reshape([*VOLUME.shape] + [1] * len(others)) + np.zeros(
+        [*VOLUME.shape] + [lengths[a] for a in others], np.uint16
+    )
+    # The last element of each other axis is the volume; the rest are something else.
+    for k, a in enumerate(others):
+        whole[(slice(None),) * (3 + k) + (slice(0, lengths[a] - 1),)] = 7
+    order = ["zyx".index(a) if a in "zyx" else 3 + others.index(a) for a in axes]
+    save_zarr(tmp_path / "a.zarr", whole.transpose(order), axes)
+    if others:
+        with pytest.raises(ValueError, match=r"a.zarr holds \d (channel|time point)s .* such as"):
+            load_volume(tmp_path / "a.zarr")
+    found = load_volume(tmp_path / "a.zarr", {a: lengths[a] - 1 for a in others})
+    np.testing.assert_array_equal(found.volume, VOLUME)
+    assert found.spacing == (3.0, 2.0, 1.0)
+    with pytest.raises(ValueError, match="has no axis w to choose from"):
+        load_volume(tmp_path / "a.zarr", dict.fromkeys([*others, "w"], 0))
+
+
+@pytest.mark.parametrize("axes", ["cyx", "tyx"])
+def test_a_channel_or_a_time_is_never_taken_for_z(tmp_path: Path, axes: str) -> None:
+    save_zarr(tmp_path / "a.zarr", VOLUME, axes)
+    with pytest.raises(
+        ValueError, match=rf"must hold a volume with axes z, y, x, got axes {axes[0]}"
+    ):
+        load_volume(tmp_path / "a.zarr")
+
+
+def test_units_are_known_or_told(tmp_path: Path) -> None:
+    save_zarr(tmp_path / "a.zarr", VOLUME, "zyx", z="angstrom", y="inch", x="parsec")
+    found = load_volume(tmp_path / "a.zarr")
+    assert found.spacing == pytest.approx((3e-7, 50.8, 1.0))
+    assert found.assumed == ("its unit of length 'parsec' is not known: mm was assumed",)
+
+
+def test_channels_and_colours_of_tiff_are_offered(tmp_path: Path) -> None:
+    import tifffile
+
+    path = tmp_path / "a.tif"
+    stack = np.stack([VOLUME, VOLUME + 1], axis=1)
+    tifffile.imwrite(path, stack, imagej=True, metadata={"axes": "ZCYX"})
+    with pytest.raises(ValueError, match=r"holds 2 channels"):
+        load_volume(path)
+    np.testing.assert_array_equal(load_volume(path, {"c": 1}).volume, VOLUME + 1)
+    colours = np.stack([VOLUME, VOLUME, VOLUME // 2], axis=-1).astype(np.uint8)
+    tifffile.imwrite(path, colours, photometric="rgb")
+    np.testing.assert_array_equal(load_volume(path, {"c": 2}).volume, colours[..., 2])
+    tifffile.imwrite(path, VOLUME, imagej=True, metadata={"axes": "TYX"})
+    with pytest.raises(ValueError, match="must hold a volume with axes z, y, x"):
+        load_volume(path)
+
+
+def test_the_voxel_size_of_tiff_tags_is_taken_where_it_was_measured(tmp_path: Path) -> None:
+    import tifffile
+
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(
+        path, VOLUME, resolution=(100, 50), resolutionunit="CENTIMETER", photometric="minisblack"
+    )
+    found = load_volume(path)
+    assert found.spacing == pytest.approx((0.2, 0.2, 0.1))
+    assert found.assumed == ("it gives no distance of slices: that of its rows was assumed",)
+    tifffile.imwrite(
+        path, VOLUME, resolution=(72, 72), resolutionunit="INCH", photometric="minisblack"
+    )
+    assert load_volume(path).spacing == (1.0, 1.0, 1.0)
+    assert load_volume(path).assumed == ("it gives no voxel size: 1 mm was assumed",)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_a_nifti_file_that_ends_early_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    save_scan(Scan(VOLUME, SPACING), path)
+    packed = path.read_bytes()
+    whole = gzip.decompress(packed) if suffix.endswith(".gz") else packed
+    assert len(whole) == 352 + VOLUME.nbytes
+    short = gzip.compress(whole[:-1]) if suffix.endswith(".gz") else whole[:-1]
+    for cut in (short, packed[: -len(packed) // 4]):
+        path.write_bytes(cut)
+        with pytest.raises(ValueError, match=r"is not whole: its header asks for [\d,]+ bytes"):
+            load_volume(path)
+
+
+@pytest.mark.parametrize("size", [0.0, np.nan])
+def test_a_voxel_size_of_nifti_that_is_none_is_told(tmp_path: Path, size: float) -> None:
+    path = tmp_path / "a.nii"
+    save_scan(Scan(VOLUME, SPACING), path)
+    # By the standard pixdim begins at byte 76; its fourth number is the size along z.
+    head = bytearray(path.read_bytes())
+    struct.pack_into("<f", head, 76 + 12, size)
+    path.write_bytes(head)
+    found = load_volume(path)
+    assert found.spacing[0] == 1.0
+    assert found.assumed == (f"its voxel size holds {size:g}: 1 mm was assumed there",)
 
 
 def test_labels_alone(tmp_path: Path) -> None:

@@ -10,24 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
 from napari_unpack.io.scan import (
     Scan,
-    Spacing,
     checked_label_array,
     checked_spacing,
     checked_volume_array,
 )
 
 
-def read_npz(path: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing]:
-    """Read what an .npz archive holds.
-
-    Returns
-    -------
-    volume, labels : (Z, Y, X) ndarray or None
-        None where there is no such key; not both.
-    spacing : (float, float, float)
-        mm, z y x; 1 where the archive does not say.
+def read_npz(path: Path) -> FileData:
+    """Read what an .npz archive holds; without a voxel size it is 1 mm.
 
     Raises
     ------
@@ -56,7 +49,9 @@ def read_npz(path: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spac
             f"'volume' and 'labels' of {path} must have one shape, "
             f"got {volume.shape} and {labels.shape}"
         )
-    return volume, labels, checked_spacing(arrays.get("spacing", np.ones(3)), path)
+    assumed = () if "spacing" in arrays else (NO_VOXEL_SIZE,)
+    spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
+    return FileData(volume, spacing=spacing, labels=labels, assumed=assumed)
 
 
 def read_names(path: Path) -> dict[int, str] | None:
@@ -97,8 +92,8 @@ def write_npz(path: Path, scan: Scan) -> None:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 
 
-def read_npy(path: Path) -> NDArray[Any]:
-    """Read a bare array.
+def read_npy(path: Path) -> FileData:
+    """Read a bare array, which says nothing of its voxels: 1 mm.
 
     Raises
     ------
@@ -109,4 +104,4 @@ def read_npy(path: Path) -> NDArray[Any]:
         array: NDArray[Any] = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise ValueError(f"{path} is not a readable .npy array: {error}") from error
-    return array
+    return FileData(checked_volume_array(array, path), assumed=(NO_VOXEL_SIZE,))

@@ -1,68 +1,146 @@
-"""DICOM series and DICOS files through pydicom."""
+"""DICOM series, enhanced CT and DICOS files through pydicom."""
 
 from __future__ import annotations
 
-import warnings
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
 from napari_unpack.io.optional import needed
-from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
+from napari_unpack.io.scan import Spacing, checked_spacing
+from napari_unpack.io.slice_stack import SliceStack
 
 HIGHEST = 32000
 """CT density is clipped to [0, 32000]; see CONVENTIONS.md."""
 
+# Where enhanced files keep, in groups for each frame or for all, what others have at the top.
+_GROUPS = {
+    "ImagePositionPatient": "PlanePositionSequence",
+    "ImageOrientationPatient": "PlaneOrientationSequence",
+    "PixelSpacing": "PixelMeasuresSequence",
+    "SpacingBetweenSlices": "PixelMeasuresSequence",
+    "SliceThickness": "PixelMeasuresSequence",
+    "RescaleSlope": "PixelValueTransformationSequence",
+    "RescaleIntercept": "PixelValueTransformationSequence",
+    "TemporalPositionIndex": "FrameContentSequence",
+    "FrameAcquisitionNumber": "FrameContentSequence",
+}
 
-def read_dicom(path: Path) -> tuple[NDArray[Any], Spacing]:
+# What tells scans of one place apart, the surest first.
+_PHASES = (
+    "TemporalPositionIndex",
+    "TemporalPositionIdentifier",
+    "AcquisitionNumber",
+    "TriggerTime",
+)
+
+# Two slices are in one place where they are nearer than this, mm; positions have two decimals.
+_SAME_PLACE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class _Slice:
+    """One image of a file."""
+
+    path: Path
+    frame: int
+    header: Any
+
+    def value(self, keyword: str) -> Any:
+        """Return a value of this frame, of all frames of its file, or of the file; or None."""
+        group = _GROUPS.get(keyword)
+        frames = self.header.get("PerFrameFunctionalGroupsSequence") or ()
+        shared = self.header.get("SharedFunctionalGroupsSequence") or ()
+        for place in (*frames[self.frame : self.frame + 1], *shared[:1]):
+            items = place.get(group) if group else None
+            if items and items[0].get(keyword) is not None:
+                return items[0].get(keyword)
+        found = self.header.get(keyword)
+        return None if found == "" else found
+
+    def numbers(self, keyword: str, count: int) -> tuple[float, ...] | None:
+        """Return a value of so many numbers, or None."""
+        found = self.value(keyword)
+        values = () if found is None else np.atleast_1d(found)
+        return tuple(float(v) for v in values) if len(values) == count else None
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """What all slices of a volume have in common: size, directions, pixels."""
+        turned = self.numbers("ImageOrientationPatient", 6) or ()
+        # Hundredths: directions are rounded, and a scout differs by a right angle.
+        return (
+            (int(self.header.Rows), int(self.header.Columns)),
+            tuple(np.round(turned, 2).tolist()),
+            tuple(np.round(self.numbers("PixelSpacing", 2) or (), 3).tolist()),
+        )
+
+
+def read_dicom(path: Path) -> FileData:
     """Read a CT volume from a folder of slices, one of its slices, or a multi-frame file.
 
-    Parameters
-    ----------
-    path : Path
-        A folder (the series with the most slices in it is taken), any file of a series, or an
-        enhanced CT or DICOS file with all frames.
-
-    Returns
-    -------
-    volume : (Z, Y, X) ndarray of uint16, or float32
-        CT number (HU) + 1000, clipped to [0, 32000]. What is not CT: rescaled as the file says.
-    spacing : (float, float, float) of mm, z y x
+    Of a folder with several series, or a series with images of several kinds, the one with the
+    most slices is taken; of a series with several scans of one place all are, as axis t. The
+    volume holds CT number (HU) + 1000, clipped to [0, 32000], as uint16; what is not CT is
+    rescaled as the file says.
 
     Raises
     ------
     ValueError
-        If there is no readable series.
+        If there is no readable series, or its slices make no volume.
     ImportError
         If pydicom, or the codec of a compressed file, is missing.
 
     Notes
     -----
     Slices are put in order of position along their normal, so that with z towards the viewer,
-    y down and x right, as napari draws, nothing is mirrored. Files without a preamble, as some
-    DICOS writers make them, are read all the same.
+    y down and x right, as napari draws, nothing is mirrored. Slices that are shifted or unequally
+    far apart are resampled, see `SliceStack.volume`. Files without a preamble, as some DICOS
+    writers make them, are read all the same.
     """
     pydicom = needed("pydicom", "pydicom", "reading DICOM and DICOS")
+    assumed: list[str] = []
+    slices = [
+        _Slice(file, frame, header)
+        for file, header in _headers(pydicom, path, assumed)
+        for frame in range(int(header.get("NumberOfFrames") or 1))
+    ]
+    slices = _of_one_form(slices, path, assumed)
+    if len(slices) < 2:
+        raise ValueError(f"{path} must hold a series of slices, got a single slice")
+    pixels = _Pixels(pydicom)
+    scans = _scans(slices, pixels, path, assumed)
+    volumes = [_volume(scan, pixels, path, assumed) for scan in scans]
+    volume, spacing = volumes[0]
+    if len({v.shape for v, _ in volumes}) > 1:
+        raise ValueError(
+            f"{path} holds {len(volumes)} scans of one place that differ in their slices: save "
+            "each in a series of its own"
+        )
+    if len(volumes) == 1:
+        return FileData(volume, spacing=spacing, assumed=tuple(assumed))
+    return FileData(
+        np.stack([v for v, _ in volumes]), "tzyx", spacing, assumed=tuple(dict.fromkeys(assumed))
+    )
+
+
+def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, Any]]:
     if path.is_dir():
-        headers = _series(pydicom, sorted(p for p in path.rglob("*") if p.is_file()), path)
-    else:
-        # Forced: some DICOS files have no preamble, and this one was named by the user.
-        alone = _header(pydicom, path, force=True)
-        if alone is None or "Rows" not in alone:
-            raise ValueError(f"{path} is not a readable DICOM or DICOS image")
-        headers = [(path, alone)]
-        if int(alone.get("NumberOfFrames", 1) or 1) == 1:
-            headers = _series(
-                pydicom,
-                sorted(p for p in path.parent.iterdir() if p.is_file()),
-                path,
-                alone.get("SeriesInstanceUID"),
-            )
-    if len(headers) == 1 and int(headers[0][1].get("NumberOfFrames", 1) or 1) > 1:
-        return _multi_frame(pydicom, headers[0][0])
-    return _slices(pydicom, headers, path)
+        return _series(pydicom, sorted(p for p in path.rglob("*") if p.is_file()), path, assumed)
+    # Forced: some DICOS files have no preamble, and this one was named by the user.
+    alone = _header(pydicom, path, force=True)
+    if alone is None or "Rows" not in alone:
+        raise ValueError(f"{path} is not a readable DICOM or DICOS image")
+    if int(alone.get("NumberOfFrames") or 1) > 1:
+        return [(path, alone)]
+    beside = sorted(p for p in path.parent.iterdir() if p.is_file())
+    return _series(pydicom, beside, path, assumed, alone.get("SeriesInstanceUID"))
 
 
 def _header(pydicom: Any, path: Path, force: bool = False) -> Any:
@@ -73,7 +151,7 @@ def _header(pydicom: Any, path: Path, force: bool = False) -> Any:
 
 
 def _series(
-    pydicom: Any, files: list[Path], source: Path, wanted: Any = None
+    pydicom: Any, files: list[Path], source: Path, assumed: list[str], wanted: Any = None
 ) -> list[tuple[Path, Any]]:
     found: dict[Any, list[tuple[Path, Any]]] = {}
     for file in files:
@@ -88,65 +166,171 @@ def _series(
         return found[wanted]
     if len(found) > 1:
         sizes = sorted(map(len, found.values()), reverse=True)
-        warnings.warn(
-            f"{source} holds {len(found)} series of {sizes} images; the largest is taken",
-            stacklevel=4,
+        assumed.append(
+            f"it holds {len(found)} series of {sizes} images: the largest was taken; "
+            "open a file of another to have that"
         )
     return max(found.values(), key=len)
 
 
-def _slices(
-    pydicom: Any, headers: list[tuple[Path, Any]], source: Path
-) -> tuple[NDArray[Any], Spacing]:
-    if len(headers) < 2:
-        raise ValueError(f"{source} must hold a series of slices, got a single slice")
-    # Scouts are often stored with a series and have another size.
-    shapes = {(int(h.Rows), int(h.Columns)) for _, h in headers}
-    if len(shapes) > 1:
-        raise ValueError(f"the slices of {source} must have one size, got {sorted(shapes)}")
-    heights = _heights([h for _, h in headers])
-    order = np.argsort(heights, kind="stable")[::-1]
-    gaps = -np.diff(heights[order])
-    # The median: one missing slice may not stretch all others.
-    gap = float(np.median(gaps))
-    first = headers[0][1]
-    if gap <= 0 or "ImagePositionPatient" not in first:
-        gap = float(first.get("SpacingBetweenSlices") or first.get("SliceThickness") or 1.0)
-    # A tenth of a gap is rounding of positions; more is a missing or doubled slice.
-    elif np.abs(gaps - gap).max() > 0.1 * gap:
-        warnings.warn(
-            f"the slices of {source} are {gaps.min():.3g} to {gaps.max():.3g} mm apart; "
-            f"{gap:.3g} mm is taken for all, so lengths along z may be off",
-            stacklevel=4,
+def _of_one_form(slices: list[_Slice], source: Path, assumed: list[str]) -> list[_Slice]:
+    """Return the slices that fit together, leaving out scouts and the like."""
+    forms = Counter(part.form for part in slices)
+    if len(forms) == 1:
+        return slices
+    (form, most), (_, next_most) = forms.most_common(2)
+    # The file that was named says which is meant.
+    named = {part.form for part in slices if part.path == source}
+    if len(named) == 1:
+        (form,) = named
+    elif most == next_most:
+        raise ValueError(
+            f"{source} holds {len(forms)} kinds of slices, as many of each: they differ in size, "
+            f"direction or pixel size, {[kind for kind, _ in forms.most_common(2)]}"
         )
-    # Every slice by its own slope: scanners may change it from slice to slice.
-    planes = [_pixels(pydicom, headers[i][0]) for i in order]
-    rows, cols = (float(v) for v in first.get("PixelSpacing") or (1.0, 1.0))
-    volume = checked_volume_array(np.stack(planes), source)
-    return volume, checked_spacing((gap, rows, cols), source)
+    others = sum(forms.values()) - forms[form]
+    assumed.append(
+        f"{others} of its {len(slices)} images have another size, direction or pixel size: "
+        "they were left out"
+    )
+    return [part for part in slices if part.form == form]
 
 
-def _heights(headers: list[Any]) -> NDArray[np.float64]:
-    # Positions along the common normal; instance numbers, reversed, where there are none.
-    if all("ImagePositionPatient" in h for h in headers):
-        along = [float(v) for v in headers[0].get("ImageOrientationPatient") or (1, 0, 0, 0, 1, 0)]
-        normal = np.cross(along[:3], along[3:])
-        return np.array([normal @ np.asarray(h.ImagePositionPatient, float) for h in headers])
-    return np.array([-float(h.get("InstanceNumber") or 0) for h in headers])
+def _scans(
+    slices: list[_Slice], pixels: _Pixels, source: Path, assumed: list[str]
+) -> list[list[_Slice]]:
+    """Return the slices of each scan, where several of one place are in a series."""
+    heights = _heights(slices)
+    if heights is None or np.ptp(heights) == 0:
+        return [slices]
+    places: dict[int, list[_Slice]] = defaultdict(list)
+    for part, height in zip(slices, heights, strict=True):
+        places[round(height / _SAME_PLACE)].append(part)
+    most = max(map(len, places.values()))
+    if most == 1:
+        return [slices]
+    for keyword in _PHASES:
+        phases: dict[Any, list[_Slice]] = defaultdict(list)
+        for part in slices:
+            phases[str(part.value(keyword))].append(part)
+        if len(phases) == most and {len(p) for p in phases.values()} == {len(places)}:
+            return [phases[key] for key in sorted(phases, key=_as_number)]
+    if all(len(parts) == most for parts in places.values()):
+        assumed.append(f"it holds {most} scans of one place: told apart by their images' numbers")
+        ordered = [sorted(parts, key=_number) for parts in places.values()]
+        return [[parts[k] for parts in ordered] for k in range(most)]
+    # The same image twice is no harm.
+    once = []
+    for parts in places.values():
+        first = pixels.density(parts[0])
+        if any(not np.array_equal(first, pixels.density(other)) for other in parts[1:]):
+            height = heights[slices.index(parts[0])]
+            raise ValueError(
+                f"{source} holds {len(parts)} different slices at {height:.4g} mm, but not "
+                "everywhere: save one scan in a series"
+            )
+        once.append(parts[0])
+    assumed.append(f"{len(slices) - len(once)} of its images are there twice: taken once")
+    return [once]
 
 
-def _pixels(pydicom: Any, path: Path) -> NDArray[Any]:
-    data = pydicom.dcmread(path, force=True)
+def _volume(
+    slices: list[_Slice], pixels: _Pixels, source: Path, assumed: list[str]
+) -> tuple[NDArray[Any], Spacing]:
+    first = slices[0]
+    distances = first.numbers("PixelSpacing", 2)
+    if distances is None:
+        assumed.append("it gives no pixel size: 1 mm was assumed")
+    rows, columns = distances or (1.0, 1.0)
+    if first.header.get("Modality") == "CT" and first.value("RescaleIntercept") is None:
+        assumed.append("it does not say what its numbers mean: CT numbers were assumed")
+    positions = [part.numbers("ImagePositionPatient", 3) for part in slices]
+    heights = _heights(slices)
+    # Read in their order, so that the volume needs no second copy to be turned.
+    if heights is None or np.ptp(heights) == 0:
+        gap = first.numbers("SpacingBetweenSlices", 1) or first.numbers("SliceThickness", 1)
+        said = NO_VOXEL_SIZE if gap is None else "the distance of slices is their thickness"
+        ordered = slices if len({p.path for p in slices}) == 1 else sorted(slices, key=_number)
+        assumed.append(f"it gives no positions of its slices: their order was assumed; {said}")
+        volume = np.stack([pixels.density(part) for part in ordered])
+        return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source)
+    turned = first.numbers("ImageOrientationPatient", 6)
+    if turned is None:
+        assumed.append("it gives no direction of its slices: axial ones were assumed")
+    along = np.array(turned or (1.0, 0, 0, 0, 1.0, 0))
+    ordered = [slices[i] for i in np.argsort(heights, kind="stable")[::-1]]
+    places = {id(part): place for part, place in zip(slices, positions, strict=True)}
+    stack = SliceStack(
+        np.stack([pixels.density(part) for part in ordered]),
+        np.array([places[id(part)] for part in ordered], dtype=np.float64),
+        rows=along[3:],
+        columns=along[:3],
+        spacing=(rows, columns),
+    )
+    # Air is 0 in CT; elsewhere the least there is.
+    air = 0.0 if first.header.get("Modality") == "CT" else float(stack.planes.min())
+    volume, spacing, done = stack.volume(air, source)
+    assumed += done
+    return volume, checked_spacing(spacing, source)
+
+
+def _heights(slices: Sequence[_Slice]) -> NDArray[np.float64] | None:
+    """Return positions along the common normal, mm; None where one slice has none."""
+    positions = [part.numbers("ImagePositionPatient", 3) for part in slices]
+    if any(place is None for place in positions):
+        return None
+    along = slices[0].numbers("ImageOrientationPatient", 6) or (1.0, 0, 0, 0, 1.0, 0)
+    return np.array(positions, dtype=np.float64) @ np.cross(along[:3], along[3:])
+
+
+def _number(part: _Slice) -> tuple[int, int]:
+    return int(part.header.get("InstanceNumber") or 0), part.frame
+
+
+def _as_number(text: str) -> tuple[bool, float, str]:
+    # Numbers by size, before what is none.
     try:
-        raw: NDArray[Any] = data.pixel_array
-    except (AttributeError, ValueError, NotImplementedError, RuntimeError) as error:
-        raise ValueError(f"the pixels of {path} cannot be read: {error}") from error
-    return _density(raw, data)
+        return False, float(text), text
+    except ValueError:
+        return True, 0.0, text
 
 
-def _density(raw: NDArray[Any], data: Any) -> NDArray[Any]:
-    slope, intercept = _rescale(data)
-    if data.get("Modality") == "CT":
+class _Pixels:
+    """Reads the pixels of slices; keeps those of the last file, which may hold many frames."""
+
+    def __init__(self, pydicom: Any) -> None:
+        self._pydicom = pydicom
+        self._path: Path | None = None
+        self._planes: NDArray[Any] = np.zeros((0, 0, 0))
+
+    def density(self, part: _Slice) -> NDArray[Any]:
+        """Return the (R, C) densities of a slice."""
+        if self._path != part.path:
+            self._planes, self._path = self._read(part.path), part.path
+        if part.frame >= len(self._planes):
+            raise ValueError(
+                f"{part.path} must hold {part.frame + 1} images or more, got {len(self._planes)}"
+            )
+        # Every slice by its own slope: scanners may change it from slice to slice.
+        slope, intercept = part.value("RescaleSlope"), part.value("RescaleIntercept")
+        return _density(
+            self._planes[part.frame],
+            1.0 if slope is None else float(slope),
+            0.0 if intercept is None else float(intercept),
+            part.header.get("Modality") == "CT",
+        )
+
+    def _read(self, path: Path) -> NDArray[Any]:
+        data = self._pydicom.dcmread(path, force=True)
+        try:
+            raw: NDArray[Any] = data.pixel_array
+        except (AttributeError, ValueError, NotImplementedError, RuntimeError) as error:
+            raise ValueError(f"the pixels of {path} cannot be read: {error}") from error
+        return raw.reshape(-1, *raw.shape[-2:])
+
+
+def _density(raw: NDArray[Any], slope: float, intercept: float, is_ct: bool) -> NDArray[Any]:
+    if is_ct:
         # In float32, which holds the 16 bits of CT exactly, at half the memory of float64.
         number = np.rint(raw * np.float32(slope) + np.float32(intercept + 1000))
         return np.clip(number, 0, HIGHEST).astype(np.uint16)
@@ -154,46 +338,3 @@ def _density(raw: NDArray[Any], data: Any) -> NDArray[Any]:
     if (slope, intercept) == (1.0, 0.0):
         return raw
     return raw.astype(np.float32) * np.float32(slope) + np.float32(intercept)
-
-
-def _rescale(data: Any) -> tuple[float, float]:
-    source = data
-    shared = data.get("SharedFunctionalGroupsSequence")
-    # Enhanced CT keeps it in the groups that all frames share.
-    if "RescaleSlope" not in data and shared and "PixelValueTransformationSequence" in shared[0]:
-        source = shared[0].PixelValueTransformationSequence[0]
-    return float(source.get("RescaleSlope", 1.0)), float(source.get("RescaleIntercept", 0.0))
-
-
-def _multi_frame(pydicom: Any, path: Path) -> tuple[NDArray[Any], Spacing]:
-    data = pydicom.dcmread(path, force=True)
-    measures = data
-    shared = data.get("SharedFunctionalGroupsSequence")
-    if shared and "PixelMeasuresSequence" in shared[0]:
-        measures = shared[0].PixelMeasuresSequence[0]
-    rows, cols = (float(v) for v in measures.get("PixelSpacing") or (1.0, 1.0))
-    gap = measures.get("SpacingBetweenSlices") or measures.get("SliceThickness") or 1.0
-    volume = checked_volume_array(_pixels(pydicom, path), path)
-    heights = _frame_heights(data)
-    # Frames without positions stay in the order of the file: there is nothing better to go by.
-    if len(heights) == len(volume) and len(volume) > 1:
-        order = np.argsort(heights, kind="stable")[::-1]
-        volume = np.ascontiguousarray(volume[order])
-        gap = float(np.median(-np.diff(heights[order]))) or gap
-    return volume, checked_spacing((float(gap), rows, cols), path)
-
-
-def _frame_heights(data: Any) -> NDArray[np.float64]:
-    frames = data.get("PerFrameFunctionalGroupsSequence") or []
-    shared = (data.get("SharedFunctionalGroupsSequence") or [{}])[0]
-    heights = []
-    for frame in frames:
-        turn = frame if "PlaneOrientationSequence" in frame else shared
-        if "PlanePositionSequence" not in frame or "PlaneOrientationSequence" not in turn:
-            # One frame without a place, and no order can be told for any.
-            return np.zeros(0)
-        along = turn.PlaneOrientationSequence[0].ImageOrientationPatient
-        normal = np.cross([float(v) for v in along[:3]], [float(v) for v in along[3:]])
-        place = frame.PlanePositionSequence[0].ImagePositionPatient
-        heights.append(float(normal @ np.asarray(place, float)))
-    return np.array(heights)

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.io.file_data import FileData
+from napari_unpack.io.nifti import check_nifti
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
@@ -17,20 +19,11 @@ ORIENTATION = "LPI"
 as napari draws, nothing is mirrored, and the table is below."""
 
 
-def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
-    """Read a volume and its voxel size.
+def read_itk(path: Path) -> FileData:
+    """Read a volume and its voxel size from .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr.
 
-    Parameters
-    ----------
-    path : Path
-        .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr.
-
-    Returns
-    -------
-    volume : (Z, Y, X) ndarray
-        As stored, where the file gives no axis directions (the identity); else with its axes
-        turned to `ORIENTATION` by flips and swaps, never by interpolation.
-    spacing : (float, float, float) of mm, z y x
+    The volume is as stored where the file gives no axis directions (the identity); else its axes
+    are turned to `ORIENTATION` by flips and swaps, never by interpolation.
 
     Raises
     ------
@@ -42,6 +35,7 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     sitk = needed("SimpleITK", "SimpleITK", f"reading {path.suffix} files")
     # ITK prints to the terminal what the error below says in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    assumed = check_nifti(path) if path.name.lower().endswith((".nii", ".nii.gz")) else ()
     try:
         image = sitk.ReadImage(str(path))
     except RuntimeError as error:
@@ -53,6 +47,9 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     # A fourth axis of length 1 is a time series of one, which many tools write.
     while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
         image = image[..., 0]
+    if image.GetDimension() == 4:
+        spacing = checked_spacing(image.GetSpacing()[2::-1], path)
+        return FileData(sitk.GetArrayFromImage(image), "tzyx", spacing, assumed=assumed)
     if image.GetDimension() != 3:
         # It refuses what is not 3D in the words that all formats share.
         checked_volume_array(sitk.GetArrayFromImage(image), path)
@@ -60,7 +57,7 @@ def read_itk(path: Path) -> tuple[NDArray[Any], Spacing]:
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
-    return array, checked_spacing(image.GetSpacing()[::-1], path)
+    return FileData(array, spacing=checked_spacing(image.GetSpacing()[::-1], path), assumed=assumed)
 
 
 def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from napari_unpack.io.file_data import SPACE, FileData
 
 LayerData = tuple[Any, dict[str, Any], str]
 
@@ -31,32 +35,43 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
-    With `scale` and `units` in mm. Names of objects become the labels' `features`.
+    With `scale` and `units` in mm. Several channels or time points stay axes in front of z, y, x,
+    from which the panel lets one be chosen. Names of objects become the labels' `features`. What
+    had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`.
 
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
         As for `load_volume`.
     """
-    from napari_unpack.io.volumes import load_labels, load_volume, stem_of, suffix_of
+    from napari_unpack.io.arrays import read_names
+    from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
-    # Labels alone are a file too, such as corrected ones.
-    if suffix_of(first) == ".npz" and "volume" not in _keys(first):
-        labels, spacing = load_labels(first)
-        return [(labels, _attributes(spacing, stem_of(first)), "labels")]
-    scan = load_volume(first)
-    image = _attributes(scan.spacing, scan.name)
-    layers: list[LayerData] = [(scan.volume, image | {"colormap": "gray"}, "image")]
-    if scan.labels is not None:
-        named = {"features": _features(scan.names)} if scan.names else {}
-        about = _attributes(scan.spacing, f"{scan.name} labels") | named
-        layers.append((scan.labels, about, "labels"))
+    found, name = read_file(first).space_last(), stem_of(first)
+    if found.assumed:
+        warnings.warn(f"{first.name}: {'; '.join(found.assumed)}", stacklevel=2)
+    layers: list[LayerData] = []
+    if found.volume is not None:
+        layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
+    if found.labels is not None:
+        # Labels alone are a file too, such as corrected ones.
+        names = read_names(first) if layers and suffix_of(first) == ".npz" else None
+        named = {"features": _features(names)} if names else {}
+        about = _attributes(replace(found, axes=SPACE), f"{name} labels" if layers else name)
+        layers.append((found.labels, about | named, "labels"))
     return layers
 
 
-def _attributes(spacing: tuple[float, float, float], name: str) -> dict[str, Any]:
-    return {"scale": spacing, "units": ("mm",) * 3, "name": name}
+def _attributes(found: FileData, name: str) -> dict[str, Any]:
+    others = len(found.axes) - len(SPACE)
+    return {
+        "scale": (1.0,) * others + found.spacing,
+        "units": ("pixel",) * others + ("mm",) * len(SPACE),
+        "axis_labels": tuple(found.axes),
+        "name": name,
+        "metadata": {"assumed": found.assumed},
+    }
 
 
 def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:

@@ -2,44 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
-    Spacing,
     checked_label_array,
     checked_spacing,
     checked_volume_array,
 )
 
-# To mm. A unit that is not here, or none, counts as mm.
-_MM = {"micrometer": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "meter": 1e3, "nanometer": 1e-6}
 
-
-def read_zarr(path: Path) -> tuple[NDArray[Any], NDArray[Any] | None, Spacing]:
+def read_zarr(path: Path) -> FileData:
     """Read the finest level of a multiscale image, and its first label image if it has one.
 
-    Parameters
-    ----------
-    path : Path
-        Folder of a Zarr group or array.
-
-    Returns
-    -------
-    volume : (Z, Y, X) ndarray
-    labels : (Z, Y, X) ndarray of int, or None
-        None also where the label image has another shape.
-    spacing : (float, float, float)
-        mm, z y x; 1 where the metadata do not say.
+    Labels of another shape than the volume's are left out.
 
     Raises
     ------
     ValueError
-        If it is not a Zarr image of one time point and channel.
+        If it is not a Zarr image.
     ImportError
         If zarr is missing.
     """
@@ -50,14 +37,16 @@ def read_zarr(path: Path) -> tuple[NDArray[Any], NDArray[Any] | None, Spacing]:
         # zarr raises many kinds of its own, which moved between its releases.
         raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
     if not hasattr(node, "keys"):
-        return checked_volume_array(np.asarray(node[...]), path), None, (1.0, 1.0, 1.0)
-    array, spacing = _finest(node, path)
-    volume = checked_volume_array(array, path)
+        array = checked_volume_array(np.asarray(node[...]), path)
+        return FileData(array, assumed=(NO_VOXEL_SIZE,))
+    found = _finest(node, path)
     labels = _labels(node, path)
+    assert found.volume is not None, "it was read"
+    lengths = dict(zip(found.axes, found.volume.shape, strict=True))
     # Labels of a coarser level cannot be laid over the volume.
-    if labels is not None and labels.shape != volume.shape:
+    if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
         labels = None
-    return volume, labels, checked_spacing(spacing, path)
+    return replace(found, labels=labels)
 
 
 def _attributes(node: Any) -> dict[str, Any]:
@@ -67,7 +56,7 @@ def _attributes(node: Any) -> dict[str, Any]:
     return inner
 
 
-def _finest(node: Any, path: Path) -> tuple[NDArray[Any], Spacing]:
+def _finest(node: Any, path: Path) -> FileData:
     scales = _attributes(node).get("multiscales")
     if not scales:
         raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing)")
@@ -77,18 +66,36 @@ def _finest(node: Any, path: Path) -> tuple[NDArray[Any], Spacing]:
         array = np.asarray(node[level["path"]][...])
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
-    # Version 0.3 has bare names.
-    axes = [a if isinstance(a, dict) else {"name": a} for a in scales[0].get("axes", [])]
+    axes = _axes(scales[0], array.ndim, path)
     factors = np.ones(array.ndim)
-    steps = [*scales[0].get("coordinateTransformations", []), *level["coordinateTransformations"]]
-    for step in steps:
-        if step.get("type") == "scale":
-            # Both the whole image and its level may scale; they multiply.
-            factors = factors * np.asarray(step["scale"], dtype=float)
-    for i, axis in enumerate(axes):
-        factors[i] *= _MM.get(axis.get("unit", ""), 1.0)
-    # Time and channel come first, so space is the last three axes.
-    return array, (float(factors[-3]), float(factors[-2]), float(factors[-1]))
+    steps = [
+        *scales[0].get("coordinateTransformations", []),
+        *level.get("coordinateTransformations", []),
+    ]
+    scaled = [step for step in steps if step.get("type") == "scale"]
+    for step in scaled:
+        # Both the whole image and its level may scale; they multiply.
+        factors = factors * np.asarray(step["scale"], dtype=float)
+    assumed = [] if scaled else [NO_VOXEL_SIZE]
+    sides = dict.fromkeys(SPACE, 1.0)
+    for axis, factor in zip(axes, factors, strict=True):
+        if axis["name"] in SPACE:
+            # An axis without a unit counts as mm, as in files of this package.
+            unit = in_millimetres(axis.get("unit"), "mm", assumed)
+            sides[axis["name"]] = float(factor) * unit
+    letters = "".join(axis["name"] for axis in axes)
+    spacing = checked_spacing([sides[axis] for axis in SPACE], path)
+    return FileData(array, letters, spacing, assumed=tuple(assumed))
+
+
+def _axes(scale: dict[str, Any], count: int, path: Path) -> list[dict[str, str]]:
+    # Version 0.3 has bare names, those before none: time, channel, z, y, x then, from the end.
+    named = [a if isinstance(a, dict) else {"name": a} for a in scale.get("axes", [])]
+    named = named or [{"name": axis} for axis in "tczyx"[-count:]]
+    letters = [axis["name"] for axis in named]
+    if len(named) != count or len(set(letters)) != count or any(len(a) != 1 for a in letters):
+        raise ValueError(f"{path} must name its {count} axes by one letter each, got {letters}")
+    return named
 
 
 def _labels(node: Any, path: Path) -> NDArray[Any] | None:
@@ -98,4 +105,8 @@ def _labels(node: Any, path: Path) -> NDArray[Any] | None:
     names = _attributes(group).get("labels") or list(group.keys())
     if not names:
         return None
-    return checked_label_array(_finest(group[names[0]], path)[0], f"the labels of {path}")
+    # Labels have no channels; of several time points the first lies over the volume's first.
+    found = _finest(group[names[0]], path)
+    first = found.one_volume({a: 0 for a in found.axes if a not in SPACE}, path).volume
+    assert first is not None, "it was read"
+    return checked_label_array(first, f"the labels of {path}")

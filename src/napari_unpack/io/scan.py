@@ -29,6 +29,8 @@ class Scan:
         For titles.
     names : mapping of int to str, optional
         What objects are called, by ID; those without a name are left out.
+    assumed : tuple of str
+        A sentence for each thing that the file does not say and that was assumed.
     """
 
     volume: NDArray[Any]
@@ -36,6 +38,7 @@ class Scan:
     labels: NDArray[Any] | None = None
     name: str = "scan"
     names: Mapping[int, str] | None = None
+    assumed: tuple[str, ...] = ()
 
     def with_labels(self, labels: NDArray[Any]) -> Scan:
         """Return the scan with other labels, without names.

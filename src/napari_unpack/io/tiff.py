@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 from typing import Any
@@ -10,41 +11,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
-from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData, in_millimetres
+from napari_unpack.io.scan import Spacing, checked_spacing
 
-_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "micron": 1e-3, "nm": 1e-6}
-# ImageJ writes the micro sign escaped.
-_MM |= {"\\u00b5m": 1e-3, "inch": 25.4, "in": 25.4}
+# Distances that image editors write without having measured anything, pixels an inch.
+_SCREEN_RESOLUTIONS = (1.0, 72.0, 96.0, 300.0)
 
 
-def read_tiff(path: Path) -> tuple[NDArray[Any], Spacing]:
-    """Read a stack and its voxel size.
-
-    Parameters
-    ----------
-    path : Path
-        .tif or .tiff.
-
-    Returns
-    -------
-    volume : (Z, Y, X) ndarray
-    spacing : (float, float, float)
-        mm, z y x; 1 where the file gives no unit.
+def read_tiff(path: Path) -> FileData:
+    """Read a stack with its axes and voxel size.
 
     Raises
     ------
     ValueError
-        If the file is broken or not a 3D volume.
+        If the file is broken or holds no image.
     """
     import tifffile
 
+    assumed: list[str] = []
     try:
         with tifffile.TiffFile(path) as file:
-            array = file.asarray()
-            spacing = _imagej(file) or _ome(file) or (1.0, 1.0, 1.0)
+            if len(file.series) > 1:
+                assumed.append(f"it holds {len(file.series)} images: the first was taken")
+            image = file.series[0]
+            array = image.asarray()
+            axes = _axes(image.axes)
+            spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
     except (tifffile.TiffFileError, OSError, ValueError, IndexError, KeyError) as error:
         raise ValueError(f"{path} is not a readable TIFF stack: {error}") from error
-    return checked_volume_array(array, path), checked_spacing(spacing, path)
+    return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
+
+
+def _axes(letters: str) -> str:
+    # S: samples of a pixel, which are colours. Pages without a meaning (Q, I) are slices.
+    named = letters.lower().replace("s", "c" if "C" not in letters else "s")
+    for page in "qi":
+        if "z" not in named:
+            named = named.replace(page, "z", 1)
+    return named
 
 
 def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
@@ -97,12 +101,12 @@ def _check_written(path: Path, array: NDArray[Any]) -> None:
         raise OSError("it is not whole: is the disk full?")
 
 
-def _imagej(file: Any) -> Spacing | None:
+def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
     # Without a unit the numbers mean nothing: ImageJ writes 1 pixel then.
-    notes = file.imagej_metadata
-    scale = _MM.get((notes or {}).get("unit", ""))
-    if notes is None or scale is None:
+    notes = file.imagej_metadata or {}
+    if notes.get("unit", "pixel") in ("pixel", "pixels", ""):
         return None
+    scale = in_millimetres(notes["unit"], "mm", assumed)
     tags = file.pages[0].tags
     sides = []
     for name in ("YResolution", "XResolution"):
@@ -111,7 +115,7 @@ def _imagej(file: Any) -> Spacing | None:
     return float(notes.get("spacing", 1.0)) * scale, float(sides[0]), float(sides[1])
 
 
-def _ome(file: Any) -> Spacing | None:
+def _ome(file: Any, assumed: list[str]) -> Spacing | None:
     text = file.ome_metadata or ""
     sides = []
     for axis in "ZYX":
@@ -120,5 +124,25 @@ def _ome(file: Any) -> Spacing | None:
         if size is None:
             return None
         # OME's default unit is the micrometre.
-        sides.append(float(size[1]) * _MM.get(unit[1] if unit else "µm", 1.0))
+        scale = in_millimetres(html.unescape(unit[1]) if unit else None, "µm", assumed)
+        sides.append(float(size[1]) * scale)
     return sides[0], sides[1], sides[2]
+
+
+def _tags(file: Any, assumed: list[str]) -> Spacing:
+    """Return the voxel size by TIFF's own tags, which know no distance of slices."""
+    tags = file.pages[0].tags
+    # 2 is the inch, 3 the centimetre; 1 says that the numbers have no unit.
+    unit = {2: 25.4, 3: 10.0}.get(
+        int(tags["ResolutionUnit"].value) if "ResolutionUnit" in tags else 1
+    )
+    sides = []
+    for name in ("YResolution", "XResolution"):
+        pixels, units = tags[name].value if name in tags else (0, 1)
+        if unit and pixels and pixels / units * 25.4 / unit not in _SCREEN_RESOLUTIONS:
+            sides.append(unit * units / pixels)
+    if len(sides) < 2:
+        assumed.append(NO_VOXEL_SIZE)
+        return 1.0, 1.0, 1.0
+    assumed.append("it gives no distance of slices: that of its rows was assumed")
+    return sides[0], sides[0], sides[1]

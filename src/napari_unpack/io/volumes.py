@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import check_space, check_writable
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
-from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_volume_array
+from napari_unpack.io.file_data import FileData
+from napari_unpack.io.scan import Scan, Spacing, checked_label_array
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
 ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
@@ -32,7 +34,7 @@ def stem_of(path: Path) -> str:
     return path.name[: len(path.name) - len(suffix_of(path))]
 
 
-def load_volume(path: str | Path) -> Scan:
+def load_volume(path: str | Path, at: Mapping[str, int] | None = None) -> Scan:
     """Open a volume.
 
     Parameters
@@ -40,22 +42,25 @@ def load_volume(path: str | Path) -> Scan:
     path : str or Path
         .npz (`volume`, and optionally `labels`, `spacing` and `names`), .npy, NIfTI, MetaImage,
         NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
+    at : mapping of str to int, optional
+        Which channel or time point, such as ``{"c": 1, "t": 0}``, where a file has several.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the format is unknown, the file is broken, or what it holds is not a volume.
+        If the format is unknown, the file is broken, what it holds is not a volume, or it holds
+        several and none is chosen.
     ImportError
         If the format needs a package that is not installed; the message says which.
     """
-    file = _existing(path)
-    volume, labels, spacing = _read(file)
-    if volume is None:
+    found = read_file(path).one_volume(at or {}, path)
+    if found.volume is None:
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
-    names = read_names(file) if labels is not None and suffix_of(file) == ".npz" else None
-    return Scan(volume, spacing, labels, stem_of(file), names)
+    file = Path(path).expanduser()
+    names = read_names(file) if found.labels is not None and suffix_of(file) == ".npz" else None
+    return Scan(found.volume, found.spacing, found.labels, stem_of(file), names, found.assumed)
 
 
 def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
@@ -71,11 +76,10 @@ def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
     FileNotFoundError, ValueError, ImportError
         As for `load_volume`, and if it holds no whole numbers.
     """
-    file = _existing(path)
-    volume, labels, spacing = _read(file)
-    found = volume if labels is None else labels
-    assert found is not None, "every reader gives one of them"
-    return checked_label_array(found, path), spacing
+    found = read_file(path)
+    array = found.labels if found.labels is not None else found.one_volume({}, path).volume
+    assert array is not None, "every reader gives one of them"
+    return checked_label_array(array, path), found.spacing
 
 
 def save_scan(scan: Scan, path: str | Path) -> list[Path]:
@@ -170,37 +174,36 @@ def save_scan_somewhere(scan: Scan, path: str | Path) -> tuple[list[Path], OSErr
         return save_scan(scan, fallback), error
 
 
-def _existing(path: str | Path) -> Path:
+def read_file(path: str | Path) -> FileData:
+    """Read all that a file holds, whatever its axes.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ImportError
+        As for `load_volume`.
+    """
     file = Path(path).expanduser()
     if not file.exists():
         raise FileNotFoundError(f"no such file: {path}")
-    return file
+    # Every reader would say something else about an empty file.
+    if file.is_file() and file.stat().st_size == 0:
+        raise ValueError(f"{file} is empty")
+    return _reader(file)(file)
 
 
-def _read(file: Path) -> tuple[NDArray[Any] | None, NDArray[Any] | None, Spacing]:
+def _reader(file: Path) -> Callable[[Path], FileData]:
+    # Imported late: each loads a package that other formats do not need.
     suffix = suffix_of(file)
-    if file.is_dir():
-        # Imported late: each loads a package that other formats do not need.
-        from napari_unpack.io.dicom import read_dicom
+    if file.is_dir() and (
+        suffix == ".zarr" or any((file / m).exists() for m in ("zarr.json", ".zgroup", ".zarray"))
+    ):
         from napari_unpack.io.ome_zarr import read_zarr
 
-        marks = ("zarr.json", ".zgroup", ".zarray")
-        if suffix == ".zarr" or any((file / mark).exists() for mark in marks):
-            return read_zarr(file)
-        volume, spacing = read_dicom(file)
-        return volume, None, spacing
-    # Every reader below would say something else about an empty file.
-    if file.stat().st_size == 0:
-        raise ValueError(f"{file} is empty")
+        return read_zarr
     if suffix == ".npz":
-        return read_npz(file)
+        return read_npz
     if suffix == ".npy":
-        return checked_volume_array(read_npy(file), file), None, (1.0, 1.0, 1.0)
-    volume, spacing = _reader(suffix, file)(file)
-    return volume, None, spacing
-
-
-def _reader(suffix: str, file: Path) -> Any:
+        return read_npy
     if suffix in ITK_SUFFIXES:
         from napari_unpack.io.itk import read_itk
 
@@ -210,7 +213,7 @@ def _reader(suffix: str, file: Path) -> Any:
 
         return read_tiff
     # Scanners write files without a suffix; the mark tells them.
-    if suffix in DICOM_SUFFIXES or _has_dicom_preamble(file):
+    if file.is_dir() or suffix in DICOM_SUFFIXES or _has_dicom_preamble(file):
         from napari_unpack.io.dicom import read_dicom
 
         return read_dicom

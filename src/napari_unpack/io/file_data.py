@@ -1,0 +1,140 @@
+"""What a file holds, before one volume is chosen from it by the names of its axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.io.scan import Spacing, checked_volume_array
+
+SPACE = "zyx"
+
+NO_VOXEL_SIZE = "it gives no voxel size: 1 mm was assumed"
+
+# What an axis that is none of space is called in messages, by its letter.
+_AXIS_NAMES = {"c": "channel", "t": "time point"}
+
+# Lengths in mm, by the names that OME (udunits), OME-XML and ImageJ give them.
+MILLIMETRES = {
+    **dict.fromkeys(("angstrom", "ångström", "Å", "A"), 1e-7),
+    **dict.fromkeys(("nanometer", "nm"), 1e-6),
+    # ImageJ writes the micro sign escaped; there are two signs that look alike.
+    **dict.fromkeys(("micrometer", "micron", "microns", "um", "µm", "μm", "\\u00b5m"), 1e-3),
+    **dict.fromkeys(("millimeter", "mm"), 1.0),
+    **dict.fromkeys(("centimeter", "cm"), 10.0),
+    **dict.fromkeys(("decimeter", "dm"), 100.0),
+    **dict.fromkeys(("meter", "m"), 1000.0),
+    **dict.fromkeys(("inch", "in"), 25.4),
+    **dict.fromkeys(("foot", "ft"), 304.8),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FileData:
+    """What a reader found in a file.
+
+    Parameters
+    ----------
+    volume : ndarray, optional
+        Densities, axes as in `axes`; None where there are labels alone.
+    axes : str
+        A letter for each axis: z, y, x, c (channel), t (time), or what the file calls it.
+    spacing : (float, float, float) of mm, z y x
+    labels : (Z, Y, X) ndarray of int, optional
+    assumed : tuple of str
+        A sentence for each thing that the file does not say and that was assumed.
+    """
+
+    volume: NDArray[Any] | None
+    axes: str = SPACE
+    spacing: Spacing = (1.0, 1.0, 1.0)
+    labels: NDArray[Any] | None = None
+    assumed: tuple[str, ...] = ()
+
+    def one_volume(self, at: Mapping[str, int], source: object) -> FileData:
+        """Return data whose volume has the axes z, y, x.
+
+        Parameters
+        ----------
+        at : mapping of str to int
+            Which element of each other axis that is longer than 1, by its letter.
+        source : object
+            The file's name, for messages.
+
+        Raises
+        ------
+        ValueError
+            If an axis of space is missing, or an element of another is not chosen or not there.
+        """
+        if self.volume is None:
+            return self
+        shape = dict(zip(self.axes, self.volume.shape, strict=True))
+        if not set(SPACE) <= set(self.axes):
+            raise ValueError(
+                f"{source} must hold a volume with axes z, y, x, got {_described(shape)}"
+            )
+        chosen = {axis: at.get(axis, 0) for axis in self.axes if axis not in SPACE}
+        for axis, element in chosen.items():
+            if axis not in at and shape[axis] > 1:
+                raise ValueError(
+                    f"{source} holds {shape[axis]} {axis_name(axis)}s ({_described(shape)}): "
+                    f"choose one, from 0 to {shape[axis] - 1}, such as {axis}=0"
+                )
+            if not 0 <= element < shape[axis]:
+                raise ValueError(
+                    f"{source} holds {shape[axis]} {axis_name(axis)}s, numbered from 0: there is "
+                    f"no {axis}={element}"
+                )
+        unknown = sorted(set(at) - set(chosen))
+        if unknown:
+            raise ValueError(
+                f"{source} has no axis {', '.join(unknown)} to choose from: {_described(shape)}"
+            )
+        volume = self.volume[tuple(chosen.get(axis, slice(None)) for axis in self.axes)]
+        left = [axis for axis in self.axes if axis in SPACE]
+        volume = checked_volume_array(volume.transpose([left.index(a) for a in SPACE]), source)
+        return replace(self, volume=np.ascontiguousarray(volume), axes=SPACE)
+
+    def space_last(self) -> FileData:
+        """Return data with the axes of space last, z y x, and those of length 1 left out."""
+        if self.volume is None or self.axes == SPACE:
+            return self
+        kept = [a for a, n in zip(self.axes, self.volume.shape, strict=True) if n > 1 or a in SPACE]
+        order = [a for a in kept if a not in SPACE] + [a for a in SPACE if a in kept]
+        lone = tuple(i for i, a in enumerate(self.axes) if a not in kept)
+        volume = self.volume.squeeze(lone).transpose([kept.index(a) for a in order])
+        return replace(self, volume=volume, axes="".join(order))
+
+
+def axis_name(axis: str) -> str:
+    """Return what an axis other than those of space is called in messages."""
+    return _AXIS_NAMES.get(axis, f"{axis}-element")
+
+
+def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
+    """Return the length of a unit, mm, and note where it had to be assumed.
+
+    Parameters
+    ----------
+    unit : str, optional
+        As the file names it.
+    default : str
+        What the format means where there is no unit.
+    assumed : list of str
+        Takes a sentence where the unit is not known.
+    """
+    found = MILLIMETRES.get(default if unit is None else unit)
+    if found is None:
+        sentence = f"its unit of length {unit!r} is not known: mm was assumed"
+        if sentence not in assumed:
+            assumed.append(sentence)
+        return 1.0
+    return found
+
+
+def _described(shape: Mapping[str, int]) -> str:
+    return "axes " + ", ".join(f"{axis} ({length})" for axis, length in shape.items())

@@ -1,0 +1,66 @@
+"""What ITK lets pass in NIfTI files: data that end too early, and voxel sizes that are none."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import struct
+import zlib
+from pathlib import Path
+
+# The length of NIfTI-1's header, as its first four bytes say it in either order.
+_HEADER = 348
+
+_CHUNK = 1 << 22
+
+
+def check_nifti(path: Path) -> tuple[str, ...]:
+    """Check that a NIfTI file is as long as its header says; return what is assumed of it.
+
+    ITK fills what is missing with zeros, and takes 1 mm for a voxel size that is none.
+
+    Raises
+    ------
+    ValueError
+        If it is shorter.
+    """
+    packed = path.name.lower().endswith(".gz")
+    try:
+        with gzip.open(path) if packed else path.open("rb") as stream:
+            head = stream.read(_HEADER)
+    except (OSError, EOFError, zlib.error) as error:
+        raise ValueError(f"{path} is not a readable NIfTI file: {error}") from error
+    orders = {_HEADER.to_bytes(4, "little"): "<", _HEADER.to_bytes(4, "big"): ">"}
+    order = orders.get(head[:4])
+    # ITK says what else it is.
+    if order is None or len(head) < _HEADER:
+        return ()
+    dims = struct.unpack_from(f"{order}8h", head, 40)
+    bits = struct.unpack_from(f"{order}h", head, 72)[0]
+    steps = struct.unpack_from(f"{order}8f", head, 76)
+    offset = int(struct.unpack_from(f"{order}f", head, 108)[0])
+    axes = dims[0] if 0 < dims[0] < 8 else 0
+    expected = offset + math.prod(max(n, 1) for n in dims[1 : axes + 1]) * bits // 8
+    found = _unpacked_size(path) if packed else path.stat().st_size
+    if found < expected:
+        raise ValueError(
+            f"{path} is not whole: its header asks for {expected:,} bytes, but it holds {found:,}"
+        )
+    wrong = [f"{step:g}" for step in steps[1 : min(axes, 3) + 1] if not 0 < abs(step) < math.inf]
+    if wrong:
+        return (f"its voxel size holds {', '.join(wrong)}: 1 mm was assumed there",)
+    return ()
+
+
+def _unpacked_size(path: Path) -> int:
+    """Return the bytes in a gzip file as far as they can be read."""
+    # Read through and not by the length at its end: where the end is missing, so is that.
+    size = 0
+    try:
+        with gzip.open(path) as stream:
+            while chunk := stream.read(_CHUNK):
+                size += len(chunk)
+    except (OSError, EOFError, zlib.error):
+        # What was unpacked before still counts: bytes after the data are no matter.
+        pass
+    return size
