@@ -60,6 +60,10 @@ class ArrayFacts:
             digest.update(slab)
         return cls(array.shape, array.dtype.str, digest.hexdigest())
 
+    def record(self) -> dict[str, Any]:
+        """Return them as plain data."""
+        return {"shape": list(self.shape), "dtype": self.dtype, "sha256": self.sha256}
+
     def check(self, array: NDArray[Any], name: str) -> None:
         """Check that an array is this one.
 

@@ -551,6 +551,23 @@ def record_of(session: Session) -> dict[str, Any]:
     }
 
 
+def work_of(session: Session) -> object:
+    """Return what a person has done in a session, to be compared with what it was before.
+
+    Not how the bag is looked at, nor what follows from that by itself, such as hues.
+    """
+    state, view = state_record(session), session.view_state
+    for by_itself in ("hues", "queue", "inspected"):
+        del state[by_itself]
+    ground, image = view.decorations.background, view.decorations.background.image
+    shown = (view.tint_mode, view.show_unlabelled, view.locked_hues, view.hue_margin)
+    around = (ground.name, ground.colors, view.decorations.box, view.decorations.scale)
+    # The edit itself: a stroke may leave all that is written of the objects as it was.
+    edit = session.state.labels_edit
+    picture = None if image is None else id(image)
+    return state, session.rules, shown, around, picture, view.clipping.tolist(), edit
+
+
 def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike) -> Session:
     """Make the session a record was made of, in exactly that state, with nothing to undo.
 

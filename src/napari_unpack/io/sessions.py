@@ -78,22 +78,14 @@ def save_session(
     JSON, PNG and .npz alone, nothing that is run on opening. Arrays are written with shape,
     dtype and SHA-256, which are checked on opening.
     """
-    from importlib.metadata import version
-
-    from napari_unpack.io.session_json import given_labels, record_of
+    from napari_unpack.io.session_json import given_labels
 
     target = Path(path).expanduser()
     tell = progress or no_progress
     if not copy and volume_path is None:
         raise ValueError("copy=False needs volume_path, the file the volume came from")
     tell(0.0, "Saving")
-    manifest: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "written_by": f"napari-unpack {version('napari-unpack')}",
-        "session": record_of(session),
-        "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
-    }
+    manifest = manifest_of(session, standing)
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     # All that is written is of one moment: writing takes long, and a session may go on meanwhile.
     scene, camera = session.scene(), session.camera
@@ -112,19 +104,41 @@ def save_session(
                 # Measured even where it is not copied in, so that a changed file is noticed.
                 facts = ArrayFacts.of(array)
                 where = {"reference": _reference(Path(file), target, name, facts)}
-            manifest[name] = where | {
-                "shape": list(facts.shape),
-                "dtype": facts.dtype,
-                "sha256": facts.sha256,
-            }
+            manifest[name] = where | facts.record()
         tell(0.9, "Saving the state")
         # Small and before the manifest, which makes a folder a session: it comes last.
         with sink.open("picture.png") as stream:
             stream.write(_picture(scene, camera))
         with sink.open(MANIFEST) as stream:
-            stream.write(json.dumps(manifest, allow_nan=False, indent=1).encode())
+            stream.write(written(manifest))
     tell(1.0, "Saved")
     return target
+
+
+def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
+    """Return all that a session's file says beside its arrays, as plain data.
+
+    Parameters
+    ----------
+    session, standing
+        As for `save_session`.
+    """
+    from importlib.metadata import version
+
+    from napari_unpack.io.session_json import record_of
+
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "written_by": f"napari-unpack {version('napari-unpack')}",
+        "session": record_of(session),
+        "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
+    }
+
+
+def written(manifest: dict[str, Any]) -> bytes:
+    """Return a manifest as it is written."""
+    return json.dumps(manifest, allow_nan=False, indent=1).encode()
 
 
 def open_session(

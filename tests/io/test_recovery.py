@@ -1,0 +1,189 @@
+"""Copies of unsaved sessions: written whole, of one process each, and never more than may be."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+from napari_unpack.io import recovery
+from napari_unpack.io.recovery import Leftover, UnsavedCopy, leftovers, locked
+from napari_unpack.io.session_archive import Told
+from napari_unpack.io.session_json import record_of, work_of
+
+
+def bag() -> nu.Session:
+    """Return a session of four cubes."""
+    labels = np.zeros((12, 12, 12), np.uint8)
+    for k, corner in enumerate(((1, 1, 1), (1, 7, 1), (1, 1, 7), (7, 7, 7))):
+        z, y, x = corner
+        labels[z : z + 4, y : y + 4, x : x + 4] = k + 1
+    return nu.Session(labels.astype(np.uint16) * 300, labels, (2.0, 1.0, 1.0))
+
+
+def quiet(_fraction: float) -> None:
+    """Report to nobody."""
+
+
+def kept(home: Path, session: nu.Session, told: Told = quiet) -> UnsavedCopy:
+    copy = UnsavedCopy(home)
+    copy.keep(session, "bag", None, told)
+    return copy
+
+
+def only(home: Path) -> Leftover:
+    (found,) = leftovers(home)
+    return found
+
+
+def test_what_is_kept_comes_back_after_the_process_has_ended(tmp_path: Path) -> None:
+    session = bag()
+    copy = kept(tmp_path, session)
+    session.unpack(2)
+    session.rename(3, "a knife")
+    copy.keep(session, "bag", np.eye(4), quiet)
+    # A process that lives is left alone, also by itself.
+    assert leftovers(tmp_path) == []
+    copy.release()
+    found = only(tmp_path)
+    assert found.name == "bag"
+    again = nu.open_session(found.session)
+    assert record_of(again) == record_of(session)
+    np.testing.assert_array_equal(again.labels, session.labels)
+    assert found.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_arrays_are_written_once_for_each_state_of_the_labels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names: list[str] = []
+    write = recovery.write_array
+
+    def counted(stream: Any, array: Any, told: Told) -> Any:
+        names.append(Path(stream.name).stem)
+        return write(stream, array, told)
+
+    monkeypatch.setattr(recovery, "write_array", counted)
+    session = bag()
+    copy = kept(tmp_path, session)
+    session.unpack(1)
+    copy.keep(session, "bag", None, quiet)
+    assert names == ["volume", "labels"]
+    session.restore(1)
+    session.merge([1, 2])
+    copy.keep(session, "bag", None, quiet)
+    assert names == ["volume", "labels", "labels"]
+    copy.release()
+    assert len(list(only(tmp_path).folder.iterdir())) == 2
+    assert nu.open_session(only(tmp_path).session).ids == session.ids
+
+
+def test_cancelled_in_the_middle_the_state_before_is_what_comes_back(tmp_path: Path) -> None:
+    session = bag()
+    copy = kept(tmp_path, session)
+    before = record_of(session)
+    session.merge([1, 2])
+
+    def full(_fraction: float) -> None:
+        raise OSError("no space left")
+
+    with pytest.raises(OSError, match="no space"):
+        copy.keep(session, "bag", None, full)
+    copy.release()
+    assert record_of(nu.open_session(only(tmp_path).session)) == before
+
+
+def test_what_is_saved_or_ended_is_not_offered(tmp_path: Path) -> None:
+    session = bag()
+    copy = kept(tmp_path, session)
+    copy.forget()
+    copy.release()
+    assert leftovers(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+    copy = kept(tmp_path, session)
+    copy.forget()
+    # The next change needs no arrays.
+    copy.keep(session, "bag", None, quiet)
+    copy.release()
+    assert only(tmp_path).discard()
+    copy = kept(tmp_path, session)
+    copy.remove()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_that_was_killed_leaves_its_copy_and_one_that_lives_keeps_it(
+    tmp_path: Path,
+) -> None:
+    code = (
+        "import sys, time; from pathlib import Path; import test_recovery as t;"
+        "copy = t.kept(Path(sys.argv[1]), t.bag()); print('kept', flush=True); time.sleep(60)"
+    )
+    other = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        cwd=Path(__file__).parent,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == "kept"
+        assert leftovers(tmp_path) == []
+    finally:
+        other.kill()
+        other.wait()
+    assert only(tmp_path).name == "bag"
+
+
+def test_the_oldest_go_first_and_what_is_too_large_is_refused(tmp_path: Path) -> None:
+    session = bag()
+    size = session.volume.nbytes + session.labels.nbytes
+    for k in range(3):
+        copy = UnsavedCopy(tmp_path, 100 * size)
+        copy.keep(session, f"bag {k}", None, quiet)
+        copy.release()
+        (manifest,) = (one for one in leftovers(tmp_path) if one.name == f"bag {k}")
+        time = 1000.0 + k
+        recovery.os.utime(manifest.session / "session.json", (time, time))
+    taken = sum(f.stat().st_size for f in tmp_path.rglob("*") if f.is_file())
+    copy = UnsavedCopy(tmp_path, taken * 2 // 3 + size + 1)
+    copy.keep(session, "new", None, quiet)
+    copy.release()
+    assert [one.name for one in leftovers(tmp_path)] == ["new", "bag 2", "bag 1"]
+    with pytest.raises(OSError, match="more than"):
+        UnsavedCopy(tmp_path, size - 1).keep(session, "large", None, quiet)
+    assert len(leftovers(tmp_path)) == 3
+
+
+def test_a_copy_in_hand_is_not_taken_away(tmp_path: Path) -> None:
+    kept(tmp_path, bag()).release()
+    found = only(tmp_path)
+    lock = locked(found.folder)
+    assert lock is not None
+    assert not found.discard()
+    lock.close()
+    assert found.discard()
+
+
+def test_work_is_what_a_person_did_and_undo_takes_it_back() -> None:
+    session = bag()
+    before = work_of(session)
+    session.recolor()
+    session.select([1])
+    session.inspect(2)
+    session.view = nu.View((0.0, 1.0, 0.0))
+    assert work_of(session) == before
+    session.unpack(1)
+    assert work_of(session) != before
+    session.undo()
+    assert work_of(session) == before
+    session.merge([1, 2])
+    session.undo()
+    assert work_of(session) == before
+    session.tint_mode = "safe"
+    assert work_of(session) != before
