@@ -55,6 +55,8 @@ def test_the_preferences_of_the_manifest_are_the_defaults_in_code(manifest: Plug
     assert drawing["backend"].enum == list(BACKENDS)
     assert drawing["recolor_at_rest"].default is Preferences().recolor_at_rest
     assert drawing["names"].default is Preferences().names
+    keep = pages["files"].properties["keep_unsaved"]
+    assert keep.default is Preferences().keep_unsaved
 
 
 @pytest.mark.parametrize(

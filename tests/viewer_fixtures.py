@@ -66,6 +66,14 @@ def nothing_remembered(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture(autouse=True)
+def nothing_kept_of_other_tests(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Give each test a data folder of its own, in which no unsaved work lies."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("data")))
+
+
+@pytest.fixture(autouse=True)
 def earlier_tests_out_of_the_collectors_way() -> None:
     """Keep the garbage collector off all that was there before a test.
 
@@ -144,7 +152,9 @@ def panel(viewer, qtbot) -> Iterator[Any]:
     """Return the panel, docked in the viewer."""
     made = open_panel(viewer, qtbot)
     yield made
-    made.end()
+    # A viewer that a test closes takes its panel along.
+    if not made.workspace.scheduler.closed:
+        made.end()
 
 
 @pytest.fixture

@@ -49,7 +49,7 @@ def test_what_is_kept_comes_back_after_the_process_has_ended(tmp_path: Path) -> 
     copy.keep(session, "bag", np.eye(4), quiet)
     # A process that lives is left alone, also by itself.
     assert leftovers(tmp_path) == []
-    copy.release()
+    copy.close()
     found = only(tmp_path)
     assert found.name == "bag"
     again = nu.open_session(found.session)
@@ -79,7 +79,7 @@ def test_arrays_are_written_once_for_each_state_of_the_labels(
     session.merge([1, 2])
     copy.keep(session, "bag", None, quiet)
     assert names == ["volume", "labels", "labels"]
-    copy.release()
+    copy.close()
     assert len(list(only(tmp_path).folder.iterdir())) == 2
     assert nu.open_session(only(tmp_path).session).ids == session.ids
 
@@ -95,7 +95,7 @@ def test_cancelled_in_the_middle_the_state_before_is_what_comes_back(tmp_path: P
 
     with pytest.raises(OSError, match="no space"):
         copy.keep(session, "bag", None, full)
-    copy.release()
+    copy.close()
     assert record_of(nu.open_session(only(tmp_path).session)) == before
 
 
@@ -103,17 +103,18 @@ def test_what_is_saved_or_ended_is_not_offered(tmp_path: Path) -> None:
     session = bag()
     copy = kept(tmp_path, session)
     copy.forget()
-    copy.release()
     assert leftovers(tmp_path) == []
+    copy.close()
     assert list(tmp_path.iterdir()) == []
     copy = kept(tmp_path, session)
     copy.forget()
     # The next change needs no arrays.
     copy.keep(session, "bag", None, quiet)
-    copy.release()
+    copy.close()
     assert only(tmp_path).discard()
     copy = kept(tmp_path, session)
-    copy.remove()
+    copy.forget()
+    copy.close()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -146,14 +147,14 @@ def test_the_oldest_go_first_and_what_is_too_large_is_refused(tmp_path: Path) ->
     for k in range(3):
         copy = UnsavedCopy(tmp_path, 100 * size)
         copy.keep(session, f"bag {k}", None, quiet)
-        copy.release()
+        copy.close()
         (manifest,) = (one for one in leftovers(tmp_path) if one.name == f"bag {k}")
         time = 1000.0 + k
         recovery.os.utime(manifest.session / "session.json", (time, time))
     taken = sum(f.stat().st_size for f in tmp_path.rglob("*") if f.is_file())
     copy = UnsavedCopy(tmp_path, taken * 2 // 3 + size + 1)
     copy.keep(session, "new", None, quiet)
-    copy.release()
+    copy.close()
     assert [one.name for one in leftovers(tmp_path)] == ["new", "bag 2", "bag 1"]
     with pytest.raises(OSError, match="more than"):
         UnsavedCopy(tmp_path, size - 1).keep(session, "large", None, quiet)
@@ -161,7 +162,7 @@ def test_the_oldest_go_first_and_what_is_too_large_is_refused(tmp_path: Path) ->
 
 
 def test_a_copy_in_hand_is_not_taken_away(tmp_path: Path) -> None:
-    kept(tmp_path, bag()).release()
+    kept(tmp_path, bag()).close()
     found = only(tmp_path)
     lock = locked(found.folder)
     assert lock is not None

@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -56,11 +57,12 @@ class UnsavedCopy:
 
     Notes
     -----
-    One thread at a time.
+    Any thread: one call waits for another.
     """
 
     def __init__(self, home: Path, most_bytes: int = MOST_BYTES) -> None:
         self._home, self._most_bytes = home, most_bytes
+        self._turn = threading.RLock()
         self._folder: Path | None = None
         self._lock: IO[bytes] | None = None
         self._count = 0
@@ -86,33 +88,32 @@ class UnsavedCopy:
         OSError
             If it cannot be written, or would take more than it may.
         """
-        before = None if self._folder is None else self._latest
-        if self._labels is not session.labels:
-            self._write_arrays(session, told)
-        manifest = manifest_of(session, standing) | self._arrays | {"name": name}
-        with written_atomically(self._latest / MANIFEST) as temporary:
-            temporary.write_bytes(written(manifest))
-        # Only now: until this one was whole, the one before was what could be recovered.
-        if before is not None and before != self._latest:
-            shutil.rmtree(before, ignore_errors=True)
+        with self._turn:
+            before = None if self._folder is None else self._latest
+            if self._labels is not session.labels:
+                self._write_arrays(session, told)
+            manifest = manifest_of(session, standing) | self._arrays | {"name": name}
+            with written_atomically(self._latest / MANIFEST) as temporary:
+                temporary.write_bytes(written(manifest))
+            # Only now: until this one was whole, the one before was what could be recovered.
+            if before is not None and before != self._latest:
+                shutil.rmtree(before, ignore_errors=True)
 
     def forget(self) -> None:
         """Keep nothing to recover, since it is saved; arrays stay, to be used again."""
-        if self._folder is not None:
-            (self._latest / MANIFEST).unlink(missing_ok=True)
+        with self._turn:
+            if self._folder is not None:
+                (self._latest / MANIFEST).unlink(missing_ok=True)
 
-    def remove(self) -> None:
-        """Take everything off the disk."""
-        folder = self._folder
-        self.release()
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-
-    def release(self) -> None:
-        """Leave what is written to be recovered, by this process or another."""
-        if self._lock is not None:
-            self._lock.close()
-        self._folder = self._lock = self._labels = None
+    def close(self) -> None:
+        """Leave what is not forgotten to be recovered, and nothing else."""
+        with self._turn:
+            folder, lock = self._folder, self._lock
+            self._folder = self._lock = self._labels = None
+            if lock is not None:
+                lock.close()
+            if folder is not None and not _sessions(folder):
+                _removed(folder)
 
     @property
     def _latest(self) -> Path:
@@ -123,9 +124,9 @@ class UnsavedCopy:
         from napari_unpack.io.session_json import given_labels
 
         volume, labels = session.volume, session.labels
+        self._home.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._make_room(volume.nbytes + labels.nbytes)
         if self._folder is None:
-            self._home.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=self._home))
             self._lock = locked(self._folder)
             self._count, self._arrays = 0, {}
@@ -162,7 +163,7 @@ class UnsavedCopy:
         old = leftovers(self._home)
         while old and _size(self._home) + needed > self._most_bytes:
             old.pop().discard()
-        if self._home.exists() and shutil.disk_usage(self._home).free < needed + SPARE_BYTES:
+        if shutil.disk_usage(self._home).free < needed + SPARE_BYTES:
             raise OSError("the disk is nearly full")
 
 
@@ -206,8 +207,7 @@ def leftovers(home: Path) -> list[Leftover]:
         if lock is None:
             continue
         lock.close()
-        # By number: the tenth comes after the ninth.
-        kept = sorted(folder.glob(f"*/{MANIFEST}"), key=lambda p: (len(p.parts[-2]), p.parts[-2]))
+        kept = _sessions(folder)
         if not kept:
             _removed(folder)
             continue
@@ -242,6 +242,12 @@ def locked(folder: Path) -> IO[bytes] | None:
             stream.close()
         return None
     return stream
+
+
+def _sessions(folder: Path) -> list[Path]:
+    """List the manifests in a copy, the latest last."""
+    # By number: the tenth comes after the ninth.
+    return sorted(folder.glob(f"*/{MANIFEST}"), key=lambda file: int(file.parent.name))
 
 
 def _removed(folder: Path) -> bool:

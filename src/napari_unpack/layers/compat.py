@@ -103,6 +103,15 @@ def native_window(viewer: napari.Viewer) -> QMainWindow | None:
     return getattr(window, "_qt_window", None)
 
 
+def is_shown(viewer: napari.Viewer) -> bool:
+    """Return whether a viewer's canvas can be seen: not before it is shown, nor while it closes."""
+    native = getattr(native_canvas(viewer), "native", None)
+    # Qt deletes a widget while Python still holds it: any call raises RuntimeError then.
+    with suppress(RuntimeError):
+        return native is not None and bool(native.isVisible())
+    return False
+
+
 class RedrawHook:
     """Takes a canvas's requests for a redraw, by replacing its `update`.
 

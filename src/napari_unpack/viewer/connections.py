@@ -160,6 +160,7 @@ class ControllerConnections:
         self._controller.events.message.emit(words)
 
     def _follow_removal(self, event: Any) -> None:
+        one = self._controller
         # One layer without the others would show half a session.
-        if event.value in self._controller.layers:
-            self._controller.close()
+        if event.value in one.layers:
+            (one.layer_removed or one.close)()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
@@ -86,6 +86,8 @@ class SessionController:
     recolor_at_rest : bool
         Choose hues anew when the camera comes to rest.
     events : ControllerEvents
+    layer_removed : callable or None
+        Called when the user removes one of the three layers; None closes the session.
     outer_session : Session or None
         Of an opened container: the session it is from, whose labels and hues slices show.
     viewer : napari.Viewer
@@ -118,6 +120,7 @@ class SessionController:
         self.sources: tuple[Layer, ...] = tuple(compat.unwrap(layer) for layer in sources)
         self.recolor_at_rest = True
         self.outer_session: Session | None = None
+        self.layer_removed: Callable[[], None] | None = None
         self.events = ControllerEvents()
         self._saved: SavedViewerState | None = None
         self._before = False, "auto"

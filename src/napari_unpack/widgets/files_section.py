@@ -13,13 +13,16 @@ from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
+from napari_unpack.widgets.file_names import FileNames
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.task_progress import TaskProgress
+from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.axes import Matrix
+    from napari_unpack.io.recovery import Leftover
     from napari_unpack.session import Session
 
 
@@ -48,6 +51,8 @@ class Export:
     ----------
     title : str
         In menus.
+    word : str
+        Tells its files from others of the bag; empty for the bag itself.
     suffixes : tuple of str
         Of its files, the usual one first.
     write : callable
@@ -55,6 +60,7 @@ class Export:
     """
 
     title: str
+    word: str
     suffixes: tuple[str, ...]
     write: Callable[[Session, Path, ExportOptions, Progress], Path]
 
@@ -107,23 +113,50 @@ def _table(session: Session, path: Path, options: ExportOptions, progress: Progr
 
 MOVIES = (".mp4", ".gif")
 EXPORTS = (
-    Export("Picture", (".png",), _picture),
-    Export("Movie of the unpacking", MOVIES, _movie("unpacking")),
-    Export("Movie of the bag turning", MOVIES, _movie("turntable")),
-    Export("Objects as web page", (".html",), _report),
-    Export("Objects as table", (".csv",), _table),
+    Export("Picture", "", (".png",), _picture),
+    Export("Movie of the unpacking", "unpacking", MOVIES, _movie("unpacking")),
+    Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
+    Export("Objects as web page", "objects", (".html",), _report),
+    Export("Objects as table", "objects", (".csv",), _table),
 )
 
 WHOLE = "Session with its volume (*.unpack)"
 REFERRING = "Small session that refers to the volume's file (*.unpack)"
 
 
-class FilesSection(Section):
-    """Save, open and export in a worker, with progress and cancel."""
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """A session read from a file, and how its volume is shown."""
 
-    def __init__(self, workspace: Workspace) -> None:
+    session: Session
+    affine: Matrix | None
+    shown_range: tuple[float, float]
+
+
+def _opened(path: Path, progress: Progress) -> _Opened:
+    from napari_unpack.io import open_session
+    from napari_unpack.io.scan import display_range
+    from napari_unpack.io.sessions import standing_of
+
+    session = open_session(path, progress=progress)
+    return _Opened(session, standing_of(path), display_range(session.volume, session.labels))
+
+
+class FilesSection(Section):
+    """Save, open and export in a worker, with progress and cancel.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    unsaved : UnsavedWork
+        Asked before a session is opened in place of another, and told what is saved.
+    """
+
+    def __init__(self, workspace: Workspace, unsaved: UnsavedWork) -> None:
         super().__init__("5", "Files")
-        self._workspace = workspace
+        self._workspace, self._unsaved = workspace, unsaved
+        unsaved.save = self._ask_save_all
+        self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
         self.open = button("Open session…", "Continue a saved session.")
         self.save = button("Save session…", "Save everything, to continue another day.")
@@ -163,14 +196,24 @@ class FilesSection(Section):
             control.setEnabled(idle and self._workspace.session is not None)
         self.lock(None)
 
-    def save_to(self, path: str | Path, refer: bool = False) -> None:
-        """Save the session in a worker.
+    def save_to(
+        self,
+        path: str | Path,
+        refer: bool = False,
+        session: Session | None = None,
+        then: Callable[[], None] | None = None,
+    ) -> None:
+        """Save a session in a worker.
 
         Parameters
         ----------
         path : str or Path
         refer : bool
             Refer to the files of the layers instead of copying them.
+        session : Session, optional
+            By default the one shown.
+        then : callable, optional
+            Called with nothing once it is saved.
         """
         from napari_unpack.io import save_session
         from napari_unpack.layers.placement import standing
@@ -179,21 +222,58 @@ class FilesSection(Section):
         controller = self._workspace.controller
         if controller is None:
             return
-        session = controller.session
+        session = controller.session if session is None else session
+        note_saved = self._unsaved.mark() if session is self._workspace.document else None
         # Saved, so that the layers stand in the same place when the session is opened.
         files["standing"] = standing(controller.packed, session.spacing)
         work = partial(save_session, session, path, copy=not refer, **files)
-        self._begin(lambda progress: work(progress=progress), self._say_written)
+
+        def saved(written: Path) -> None:
+            self._say_written(written)
+            self._names.saved(session, written)
+            for call in (note_saved, then):
+                if call is not None:
+                    call()
+
+        self._begin(lambda progress: work(progress=progress), saved)
 
     def open_from(self, path: str | Path) -> None:
         """Open a session in a worker, and show it in the 3D view."""
-        from napari_unpack.io import open_session
-        from napari_unpack.io.sessions import standing_of
+        file = Path(path)
 
-        self._begin(
-            lambda progress: (open_session(path, progress=progress), standing_of(path)),
-            lambda found: self._show(found[0], found[1], Path(path).stem),
+        def opened(found: _Opened) -> None:
+            self._names.opened(found.session, file)
+            self._replace(found, file.stem)
+
+        self._read(file, file.name, opened)
+
+    def restore(self, leftover: Leftover, then: Callable[[], None]) -> None:
+        """Open an unsaved session that a process left behind, and show it in the 3D view.
+
+        Parameters
+        ----------
+        leftover : Leftover
+        then : callable
+            Called with nothing once it is shown.
+        """
+
+        def restored() -> None:
+            self._unsaved.never_saved()
+            then()
+
+        self._read(
+            leftover.session,
+            leftover.name,
+            lambda found: self._replace(found, leftover.name, restored),
         )
+
+    def _read(self, path: Path, name: str, then: Callable[[_Opened], None]) -> None:
+        # Before it is read, so that nobody waits to be asked; and after, for changes meanwhile.
+        work = partial(_opened, path)
+        self._unsaved.ask(f"Opening {name} ends it.", lambda: self._begin(work, then))
+
+    def _replace(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
+        self._unsaved.ask(f"Opening {name} ends it.", lambda: self._show(found, name, then))
 
     def export_to(self, kind: Export, path: str | Path) -> None:
         """Write an export in a worker; the view is not disturbed.
@@ -225,6 +305,8 @@ class FilesSection(Section):
 
     def _finish(self, outcome: TaskResult[Any]) -> None:
         self._refresh()
+        if outcome.error is not None:
+            self._unsaved.take_back()
         if not outcome.cancelled:
             # A format may need a package that is not installed.
             with notifications.errors_shown(ImportError):
@@ -233,9 +315,10 @@ class FilesSection(Section):
     def _say_written(self, path: Path | str) -> None:
         self.set_status(f"{Path(path).name} written")
 
-    def _show(self, session: Session, affine: Matrix | None, name: str) -> None:
+    def _show(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
         from napari_unpack.io.session_json import given_labels
 
+        session = found.session
         # A session saved during an inspection opens with the whole bag.
         session.leave()
         preferred, camera = preferences(), session.camera
@@ -243,8 +326,9 @@ class FilesSection(Section):
         viewer = self._workspace.viewer
         placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
         # Hidden, because the 3D view shows the session in their place.
-        placed |= {"affine": affine, "visible": False}
-        image = viewer.add_image(session.volume, name=name, colormap="gray", **placed)
+        placed |= {"affine": found.affine, "visible": False}
+        shown = {"colormap": "gray", "contrast_limits": found.shown_range}
+        image = viewer.add_image(session.volume, name=name, **shown, **placed)
         labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
         self._workspace.open(
             session,
@@ -255,6 +339,8 @@ class FilesSection(Section):
             recolor_at_rest=preferred.recolor_at_rest,
         )
         self.set_status(f"{name} opened")
+        if then is not None:
+            then()
 
     def _files(self) -> dict[str, Any]:
         """Return the files that the layers of the session were read from, if any."""
@@ -267,25 +353,41 @@ class FilesSection(Section):
         return found
 
     def _ask_open(self) -> None:
-        path, _ = QFileDialog.getOpenFileName(
-            self, "Open session", "", "Sessions (*.unpack *.zip session.json)"
-        )
+        kinds = "Sessions (*.unpack *.zip session.json)"
+        path, _ = QFileDialog.getOpenFileName(self, "Open session", self._names.to_open(), kinds)
         if path:
             # A session that is a folder is chosen by the file in it.
             chosen = Path(path)
             self.open_from(chosen.parent if chosen.name == "session.json" else chosen)
 
     def _ask_save(self) -> None:
+        self._ask_where(self._workspace.session)
+
+    def _ask_save_all(self, then: Callable[[], None]) -> None:
+        self._ask_where(self._workspace.document, then)
+
+    def _ask_where(self, session: Session | None, then: Callable[[], None] | None = None) -> None:
+        controller = self._workspace.controller
+        if controller is None or session is None:
+            return
         # Only a volume that came from a file can be referred to.
         forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
-        path, chosen = QFileDialog.getSaveFileName(self, "Save session", "", ";;".join(forms))
+        proposed = self._names.to_save(session, controller.sources)
+        path, chosen = QFileDialog.getSaveFileName(self, "Save session", proposed, ";;".join(forms))
         if path:
-            self.save_to(with_suffix(path, ".unpack"), refer=chosen == REFERRING)
+            self.save_to(with_suffix(path, ".unpack"), chosen == REFERRING, session, then)
 
     def _ask(self, kind: Export, _checked: bool = False) -> None:
+        controller = self._workspace.controller
+        if controller is None:
+            return
         suffixes = " ".join(f"*{suffix}" for suffix in kind.suffixes)
-        path, _ = QFileDialog.getSaveFileName(self, kind.title, "", f"{kind.title} ({suffixes})")
+        proposed = self._names.to_write(controller.sources, kind.word, kind.suffixes[0])
+        path, _ = QFileDialog.getSaveFileName(
+            self, kind.title, proposed, f"{kind.title} ({suffixes})"
+        )
         if path:
+            self._names.wrote(Path(path))
             self.export_to(kind, with_suffix(path, *kind.suffixes))
 
 

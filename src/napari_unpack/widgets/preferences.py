@@ -31,6 +31,8 @@ class Preferences:
         Recolour whenever the camera comes to rest.
     names : bool
         Write the names of unpacked objects beside them.
+    keep_unsaved : bool
+        Keep unsaved work on disk in case napari ends unexpectedly.
     """
 
     seconds: float = 1.2
@@ -38,6 +40,7 @@ class Preferences:
     backend: str = "auto"
     recolor_at_rest: bool = True
     names: bool = False
+    keep_unsaved: bool = True
 
 
 def preferences() -> Preferences:
@@ -61,6 +64,7 @@ def preferences() -> Preferences:
         recolor_at_rest=bool(stored.drawing.recolor_at_rest),
         # Preferences stored by earlier versions say nothing of it.
         names=bool(getattr(stored.drawing, "names", False)),
+        keep_unsaved=bool(getattr(getattr(stored, "files", None), "keep_unsaved", True)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
@@ -33,6 +34,7 @@ from napari_unpack.widgets.section import Section, button, form
 from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.session_builder import BuiltSession, build
 from napari_unpack.widgets.task_progress import TaskProgress
+from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -52,11 +54,19 @@ class _Order:
 
 
 class SegmentSection(Section):
-    """Choose a volume, and labels if there are any, and begin."""
+    """Choose a volume, and labels if there are any, and begin.
 
-    def __init__(self, workspace: Workspace) -> None:
+    Parameters
+    ----------
+    workspace : Workspace
+    unsaved : UnsavedWork
+        Asked before other objects take the place of those that are shown.
+    """
+
+    def __init__(self, workspace: Workspace, unsaved: UnsavedWork) -> None:
         super().__init__("1", "Segment")
-        self._workspace = workspace
+        self._workspace, self._unsaved = workspace, unsaved
+        self._begun = 0.0
         self._order: _Order | None = None
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
@@ -210,6 +220,10 @@ class SegmentSection(Section):
         names : mapping of int to str, optional
             Of objects of the chosen labels, by ID; by default those of the layer.
         """
+        # Before the work, so that nobody waits to be asked.
+        self._unsaved.ask("Segmenting again ends it.", partial(self._run, then, names))
+
+    def _run(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
         if self.progress.running:
             return
         image, labels = self.volume_input.layer, self.labels_input.layer
@@ -224,7 +238,7 @@ class SegmentSection(Section):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
             order = _Order(image, labels if _is_labels(labels) else None, volume, ids)
             settings = self.options.settings()
-            self._order, self._then = order, then
+            self._order, self._then, self._begun = order, then, monotonic()
             self._explain_missing_volume(image)
             self._begin(partial(build, volume, ids, names or {}, settings))
 
@@ -243,6 +257,8 @@ class SegmentSection(Section):
         self._refresh()
 
     def _finish(self, outcome: TaskResult[BuiltSession | list[LayerData]]) -> None:
+        if outcome.error is not None:
+            self._unsaved.take_back()
         try:
             if not outcome.cancelled:
                 with notifications.errors_shown():
@@ -257,23 +273,16 @@ class SegmentSection(Section):
             for layer in result:
                 self._workspace.viewer.add_layer(Layer.create(*layer))
         elif self._order is not None:
-            self._show(self._order, result)
+            show = partial(self._show, self._order, result, monotonic() - self._begun)
+            # Once more for what was done while the objects were found.
+            # Where they are not wanted now, their labels are there all the same.
+            keep = partial(self._labels_layer, self._order, result)
+            self._unsaved.ask("Showing the new objects ends it.", show, cancelled=keep)
 
-    def _show(self, order: _Order, built: BuiltSession) -> None:
+    def _show(self, order: _Order, built: BuiltSession, seconds: float) -> None:
         # An open session hides the image: the new labels must take over its real visibility.
         self._workspace.close()
-        image, labels = order.image, order.labels
-        # Objects of one time point are labels of their own, as those that were found are.
-        new = order.ids if labels is not None and labels.ndim > 3 else built.found
-        if new is not None:
-            labels = unwrap(
-                self._workspace.viewer.add_labels(
-                    np.asarray(new),
-                    name=f"{order.volume.name} objects",
-                    **place_of(image if labels is None else labels),
-                    visible=image.visible,
-                )
-            )
+        image, labels = order.image, self._labels_layer(order, built)
         preferred = preferences()
         built.session.backend = preferred.backend
         built.session.take_least_occluded = preferred.take_least_occluded
@@ -286,8 +295,26 @@ class SegmentSection(Section):
             backend=preferred.backend,
             recolor_at_rest=preferred.recolor_at_rest,
         )
+        if built.found is not None:
+            self._unsaved.found_in(seconds)
         if self._then is not None:
             self._then()
+
+    def _labels_layer(self, order: _Order, built: BuiltSession) -> Labels | None:
+        """Return the layer of an order's objects, a new one where they are new."""
+        image, labels = order.image, order.labels
+        # Objects of one time point are labels of their own, as those that were found are.
+        new = order.ids if labels is not None and labels.ndim > 3 else built.found
+        if new is None:
+            return labels
+        return unwrap(
+            self._workspace.viewer.add_labels(
+                np.asarray(new),
+                name=f"{order.volume.name} objects",
+                **place_of(image if labels is None else labels),
+                visible=image.visible,
+            )
+        )
 
     def _add_sample(self) -> None:
         if not self.progress.running:

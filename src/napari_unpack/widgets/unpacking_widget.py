@@ -17,6 +17,7 @@ from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
+from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.section import Collapsible, label, rule
 from napari_unpack.widgets.segment_section import SegmentSection
@@ -24,6 +25,7 @@ from napari_unpack.widgets.shortcuts import Shortcuts, help_text
 from napari_unpack.widgets.slices_button import SlicesButton
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
+from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.wheel_guard import WheelGuard
 from napari_unpack.widgets.workspace import Change, Workspace
 
@@ -118,11 +120,14 @@ class UnpackingWidget(QWidget):
         self.workspace = Workspace(napari_viewer, self)
         self.commands = Commands(self.workspace)
         self.planner = RevealPlanner(self.workspace, self.commands, self)
-        self.segment = SegmentSection(self.workspace)
+        self.unsaved = UnsavedWork(self.workspace, self)
+        self.segment = SegmentSection(self.workspace, self.unsaved)
         self.color = ColorSection(self.workspace, self.commands)
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
-        self.files = FilesSection(self.workspace)
+        self.files = FilesSection(self.workspace, self.unsaved)
+        self.keeper = RecoveryKeeper(self.workspace, self.unsaved, self)
+        self.recovery = RecoveryBar(self.workspace, self.files.restore, self.keeper)
         self.slices = SlicesButton(self.workspace, self)
         self.measure = MeasureBox(self.workspace)
         self.objects.contents.addWidget(self.measure)
@@ -146,15 +151,17 @@ class UnpackingWidget(QWidget):
         WheelGuard(self)
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
-        scheduler = self.workspace.scheduler
+        scheduler, release = self.workspace.scheduler, self.keeper.release
         # `Viewer.close` deletes the panel before it could end; long work would run on.
         self.destroyed.connect(lambda *_: scheduler.close())
+        self.destroyed.connect(lambda *_: release())
 
     def _arrange(self) -> None:
         inside = QWidget()
         column = QVBoxLayout(inside)
         column.setContentsMargins(2 * GAP, 2 * GAP, 2 * GAP, 2 * GAP)
         column.setSpacing(2 * GAP)
+        column.addWidget(self.recovery)
         steps = (self.segment, self.color, self.unpack, self.objects, self.files)
         for k, step in enumerate(steps):
             # A rule between two steps, none above the first.
@@ -191,6 +198,8 @@ class UnpackingWidget(QWidget):
         if self._ended:
             return
         self._ended = True
+        self.keeper.end()
+        self.unsaved.end()
         self.segment.end()
         self.files.end()
         self.slices.end()
@@ -212,7 +221,7 @@ class UnpackingWidget(QWidget):
         outermost(self).installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """End after the window closed.
+        """Ask before the window closes with unsaved work, and end after it closed.
 
         Parameters
         ----------
@@ -220,6 +229,13 @@ class UnpackingWidget(QWidget):
         event : QEvent
         """
         if event.type() == QEvent.Type.Close and watched is outermost(self):
+            # Where the canvas is gone already, a program closes the viewer: nobody is asked.
+            if self.unsaved.worth_keeping and compat.is_shown(self._viewer):
+                event.ignore()
+                # Not by napari's own `close`, which asks whether one is sure.
+                again = partial(QWidget.close, watched)
+                self.unsaved.ask("Closing the window ends it.", again, quitting=True)
+                return True
             # Only after: the user may still call a close off, and then nothing may have ended.
             self.workspace.scheduler.soon(self._end_with_window)
         return False

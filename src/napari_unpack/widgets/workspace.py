@@ -93,6 +93,11 @@ class Workspace(QObject):
         """The session shown, or None."""
         return None if self.controller is None else self.controller.session
 
+    @property
+    def document(self) -> Session | None:
+        """The session of the whole bag, also while the contents of an object are shown."""
+        return self._outer[0].session if self._outer else self.session
+
     def open(
         self,
         session: Session,

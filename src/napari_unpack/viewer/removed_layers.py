@@ -1,0 +1,65 @@
+"""What was removed from a viewer's layer list in one go, to be put back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from napari_unpack.layers import compat
+from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.viewer.viewer_state import SavedView
+
+if TYPE_CHECKING:
+    import napari
+    from napari.layers import Layer
+
+
+class RemovedLayers:
+    """Remembers the layers that one command removes, until the event loop has the turn again.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+        Or the public proxy of it.
+    scheduler : Scheduler
+
+    Notes
+    -----
+    napari lets nobody call a removal off; what is put back is as if it had been.
+    """
+
+    def __init__(self, viewer: napari.Viewer, scheduler: Scheduler) -> None:
+        self._viewer: napari.Viewer = compat.unwrap(viewer)
+        self._scheduler = scheduler
+        self._removed: list[tuple[int, Layer]] = []
+        self._view: SavedView | None = None
+        self._ndisplay = 3
+        self._viewer.layers.events.removed.connect(self._on_removed)
+
+    def close(self) -> None:
+        """Remember nothing more."""
+        self._viewer.layers.events.removed.disconnect(self._on_removed)
+        self._removed.clear()
+
+    def put_back(self) -> bool:
+        """Put all of them back at their places; return whether there were any."""
+        removed, view = self._removed[::-1], self._view
+        self._removed.clear()
+        layers, viewer = self._viewer.layers, self._viewer
+        for index, layer in removed:
+            if layer not in layers:
+                layers.insert(min(index, len(layers)), layer)
+        if removed and view is not None:
+            # napari fits the view anew when the first layer comes.
+            viewer.dims.ndisplay = self._ndisplay
+            view.give_back(viewer.scene.camera)
+            # What is deleted is what was selected.
+            layers.selection = {layer for _, layer in removed}
+        return bool(removed)
+
+    def _on_removed(self, event: Any) -> None:
+        if not self._removed:
+            self._view = SavedView.of(self._viewer.scene.camera)
+            self._ndisplay = int(self._viewer.dims.ndisplay)
+            # Posted now, so after what others post while they hear of the removal.
+            self._scheduler.soon(lambda: self._scheduler.soon(self._removed.clear))
+        self._removed.append((event.index, event.value))

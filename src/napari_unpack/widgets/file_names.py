@@ -1,0 +1,101 @@
+"""The names and folders that file dialogs propose."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+from napari.utils.history import (
+    get_open_history,
+    get_save_history,
+    update_open_history,
+    update_save_history,
+)
+
+from napari_unpack.io.volumes import stem_of
+
+if TYPE_CHECKING:
+    from napari.layers import Layer
+
+    from napari_unpack.session import Session
+
+# What Windows allows in no file name, and what ends a folder's anywhere.
+FORBIDDEN = re.compile(r'[\\/:*?"<>|\x00-\x1f]+')
+
+
+class FileNames:
+    """Proposes where to save and open; napari itself remembers the folders between starts."""
+
+    def __init__(self) -> None:
+        self._files: WeakKeyDictionary[Session, Path] = WeakKeyDictionary()
+
+    def to_open(self) -> str:
+        """Return the folder in which something was opened last."""
+        return str(get_open_history()[0])
+
+    def opened(self, session: Session, path: Path) -> None:
+        """Take note of the file a session came from.
+
+        Parameters
+        ----------
+        session : Session
+        path : Path
+        """
+        self._files[session] = path.absolute()
+        update_open_history(str(path.absolute()))
+
+    def to_save(self, session: Session, sources: Sequence[Layer]) -> str:
+        """Return where a session was saved last, or else a name for it.
+
+        Parameters
+        ----------
+        session : Session
+        sources : sequence of napari layers
+            What it is of.
+        """
+        known = self._files.get(session)
+        return self.to_write(sources, "", ".unpack") if known is None else str(known)
+
+    def saved(self, session: Session, path: Path) -> None:
+        """Take note of the file a session was saved to.
+
+        Parameters
+        ----------
+        session : Session
+        path : Path
+        """
+        self._files[session] = path.absolute()
+        self.wrote(path)
+
+    def to_write(self, sources: Sequence[Layer], what: str, suffix: str) -> str:
+        """Return a name after the bag's file and what is written of it, where one wrote last.
+
+        Parameters
+        ----------
+        sources : sequence of napari layers
+        what, suffix : str
+        """
+        words = [bag_name(sources), what]
+        return str(Path(get_save_history()[0]) / (" ".join(filter(None, words)) + suffix))
+
+    def wrote(self, path: Path) -> None:
+        """Take note of the folder that was written into."""
+        update_save_history(str(path.absolute()))
+
+
+def bag_name(sources: Sequence[Layer]) -> str:
+    """Return what a bag is called: its file's name, or else its layer's.
+
+    Parameters
+    ----------
+    sources : sequence of napari layers
+        What its session is of.
+    """
+    if not sources:
+        return "bag"
+    path = sources[0].source.path
+    name = stem_of(Path(path)) if path else str(sources[0].name)
+    return FORBIDDEN.sub(" ", name).strip(" .") or "bag"

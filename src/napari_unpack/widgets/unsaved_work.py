@@ -1,0 +1,211 @@
+"""Whether a session holds work that is saved nowhere, and the one question before it would end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+from qtpy.QtCore import QObject, Signal
+from qtpy.QtWidgets import QMessageBox, QWidget
+
+from napari_unpack.io.session_json import work_of
+from napari_unpack.layers.compat import is_shown
+from napari_unpack.viewer.removed_layers import RemovedLayers
+from napari_unpack.widgets.workspace import Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+Call = Callable[[], None]
+
+# Whoever waited that long for the objects would mind doing so again.
+LONG_SECONDS = 60.0
+
+
+@dataclass
+class _Known:
+    """What need not be asked for.
+
+    Parameters
+    ----------
+    saved : object
+        What was done when the session was opened or last saved.
+    given_up : object
+        What was done when the user said that it may be lost.
+    long_found : bool
+        Whether its objects took long to find and are saved nowhere.
+    """
+
+    saved: object
+    given_up: object = None
+    long_found: bool = False
+
+
+class UnsavedWork(QObject):
+    """Asks once before unsaved work ends: Save, Discard or Cancel.
+
+    Signals: `settled` when work has been saved or given up, so that it need not be kept.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    parent : QWidget
+        The question is shown over its window.
+
+    Attributes
+    ----------
+    save : callable
+        Given what to do once the session is saved, asks where to and saves.
+    question : QMessageBox or None
+        The one that is shown.
+    """
+
+    settled = Signal()
+
+    def __init__(self, workspace: Workspace, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._workspace, self._panel = workspace, parent
+        self._known: WeakKeyDictionary[Session, _Known] = WeakKeyDictionary()
+        self._removed = RemovedLayers(workspace.viewer, workspace.scheduler)
+        self.save: Callable[[Call], None] = lambda then: None
+        self.question: QMessageBox | None = None
+        workspace.switched.connect(self._follow)
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything was done since the session was opened or last saved."""
+        session, known = self._document()
+        if session is None or known is None:
+            return False
+        return work_of(session) not in (known.saved, known.given_up)
+
+    @property
+    def worth_keeping(self) -> bool:
+        """Whether anything would be missed after a crash: changes, or objects found for long."""
+        _, known = self._document()
+        return self.changed or (known is not None and known.long_found)
+
+    def mark(self) -> Call:
+        """Return what is to be called once the session, as it is now, is saved."""
+        session, known = self._document()
+        if session is None or known is None:
+            return lambda: None
+        # The work of this moment: the session may go on while it is written.
+        return partial(self._note_saved, known, work_of(session))
+
+    def never_saved(self) -> None:
+        """Take note that the session shown is saved nowhere, though nothing is done yet."""
+        _, known = self._document()
+        if known is not None:
+            known.saved = None
+
+    def found_in(self, seconds: float) -> None:
+        """Take note of how long it took to find the objects of the session shown."""
+        _, known = self._document()
+        if known is not None:
+            known.long_found = seconds >= LONG_SECONDS
+
+    def give_up(self) -> None:
+        """Let all that is unsaved be lost without a question."""
+        session, known = self._document()
+        if session is not None and known is not None:
+            known.given_up, known.long_found = work_of(session), False
+            self.settled.emit()
+
+    def take_back(self) -> None:
+        """Forget that work was given up, since what it was given up for was not done."""
+        _, known = self._document()
+        if known is not None:
+            known.given_up = None
+
+    def ask(
+        self, reason: str, then: Call, quitting: bool = False, cancelled: Call | None = None
+    ) -> None:
+        """Do something that ends the session, after a question where work would be lost.
+
+        Parameters
+        ----------
+        reason : str
+            A sentence: what ends it.
+        then : callable
+            Called at once where nothing would be lost, else once it is saved or given up.
+        quitting : bool, optional
+            Whether the layers end too: then objects that took long to find are work as well.
+        cancelled : callable, optional
+            Called where the answer is Cancel.
+        """
+        if self.question is not None:
+            self.question.raise_()
+        elif self.worth_keeping if quitting else self.changed:
+            self._show(reason, then, cancelled)
+        else:
+            then()
+
+    def end(self) -> None:
+        """Watch nothing more."""
+        self._removed.close()
+
+    def _document(self) -> tuple[Session | None, _Known | None]:
+        session = self._workspace.document
+        return session, None if session is None else self._known.get(session)
+
+    def _follow(self) -> None:
+        session, controller = self._workspace.document, self._workspace.controller
+        if session is not None and session not in self._known:
+            self._known[session] = _Known(work_of(session))
+        if controller is not None:
+            controller.layer_removed = self._on_layer_removed
+
+    def _on_layer_removed(self) -> None:
+        controller = self._workspace.controller
+        # A viewer that closes removes its layers too; nobody could answer any more.
+        if controller is not None and self.changed and is_shown(self._workspace.viewer):
+            self._workspace.scheduler.soon(self._ask_about_layers)
+        elif controller is not None:
+            controller.close()
+
+    def _ask_about_layers(self) -> None:
+        controller = self._workspace.controller
+        if controller is None or not controller.is_open:
+            return
+        if not is_shown(self._workspace.viewer):
+            controller.close()
+        # First: the question is asked over the picture as it was, and Cancel has nothing to do.
+        elif self._removed.put_back():
+            self.ask("Without its layers it ends.", controller.close)
+
+    def _show(self, reason: str, then: Call, cancelled: Call | None) -> None:
+        controller = self._workspace.controller
+        sources = () if controller is None else controller.sources
+        name = f" of {sources[0].name}" if sources else ""
+        box = QMessageBox(self._panel.window())
+        box.setIcon(QMessageBox.Icon.Question)
+        box.setWindowTitle("Virtual Unpacking")
+        box.setText(f"Save the unpacking{name}?")
+        box.setInformativeText(f"{reason} What was done since it was last saved would be lost.")
+        kinds = QMessageBox.StandardButton
+        box.setStandardButtons(kinds.Save | kinds.Discard | kinds.Cancel)
+        box.setDefaultButton(kinds.Save)
+        box.finished.connect(partial(self._answer, box, then, cancelled))
+        self.question = box
+        # Not `exec`, which would run everything else within this call.
+        box.open()
+
+    def _answer(self, box: QMessageBox, then: Call, cancelled: Call | None, _result: int) -> None:
+        button = box.standardButton(box.clickedButton()) if box.clickedButton() else None
+        self.question = None
+        box.deleteLater()
+        if button == QMessageBox.StandardButton.Discard:
+            self.give_up()
+            then()
+        elif button == QMessageBox.StandardButton.Save:
+            self.save(then)
+        elif cancelled is not None:
+            cancelled()
+
+    def _note_saved(self, known: _Known, work: object) -> None:
+        known.saved, known.given_up, known.long_found = work, None, False
+        self.settled.emit()

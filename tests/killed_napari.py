@@ -1,0 +1,51 @@
+"""A napari in a process of its own, which a test kills."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from opened_panel import SMALL, add_bag, states
+
+
+def unpack_for_ever() -> None:
+    """Unpack the pile of balls, print what was done once that is on disk, and go on flying."""
+    import napari
+    from qtpy.QtCore import QTimer
+
+    from napari_unpack.io.recovery import recovery_folder
+    from napari_unpack.session import Session
+    from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+    viewer: Any = napari.Viewer(show=True)
+    viewer.window.resize(*SMALL)
+    panel = UnpackingWidget(viewer)
+    viewer.window.add_dock_widget(panel, name="Virtual Unpacking", area="right")
+    image, expert = add_bag(viewer)
+    session = Session(image.data, expert.data, spacing=(2.0, 1.0, 1.0))
+    panel.workspace.open(session, [image, expert], recolor_at_rest=False)
+    session.rename(1, "a knife")
+    session.merge([4, 6])
+    panel.workspace.controller.seconds = 600.0
+    panel.workspace.controller.unpack(3)
+
+    def tell() -> None:
+        kept = [p.read_text() for p in recovery_folder().glob("*/*/session.json")]
+        # A whole second later than the last change, so that it is in the file.
+        if not kept or len(json.loads(kept[-1])["session"]["situation"]["out"]) < 3:
+            return
+        timer.stop()
+        done = {
+            "states": {i: s.replace("FLYING_OUT", "UNPACKED") for i, s in states(session).items()},
+            "hues": session.hues,
+            "names": list(session.objects["name"]),
+            "voxels": np.bincount(session.labels.ravel()).tolist(),
+        }
+        print(json.dumps(done), flush=True)
+
+    timer = QTimer()
+    timer.timeout.connect(tell)
+    timer.start(100)
+    napari.run()

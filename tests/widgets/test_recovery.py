@@ -1,0 +1,138 @@
+"""Unsaved work is kept by itself, and offered after a crash."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import pytest
+from napari.utils.notifications import notification_manager
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+
+from napari_unpack.io import recovery as copies
+from napari_unpack.io.recovery import leftovers, recovery_folder
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import add_bag, controller_with, open_panel, press, rest, states
+
+LEFT = Qt.MouseButton.LeftButton
+
+
+@pytest.fixture
+def worked(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+    """Return the panel with a session in which nothing was done yet."""
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    panel.workspace.controller.seconds = 0.15
+    return panel
+
+
+def on_disk() -> dict[str, Any] | None:
+    """Return what is kept of the only session, None where that is nothing."""
+    found = list(recovery_folder().glob("*/*/session.json"))
+    return json.loads(found[0].read_bytes()) if found else None
+
+
+def out_on_disk() -> int:
+    kept = on_disk()
+    return 0 if kept is None else len(kept["session"]["situation"]["out"])
+
+
+def crash(home: str) -> dict[str, Any]:
+    """Unpack in another napari, kill it while things fly, and return what was done there."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    code = "import killed_napari; killed_napari.unpack_for_ever()"
+    other = subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert other.stdout is not None
+        return json.loads(other.stdout.readline())
+    finally:
+        other.kill()
+        other.wait()
+
+
+def test_a_change_is_on_disk_within_two_seconds_and_gone_once_it_is_saved(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = worked
+    rest(panel, qtbot)
+    qtbot.wait(1200)
+    assert on_disk() is None
+    # The first change waits for the arrays; of a small bag they are nothing.
+    for count in (1, 2):
+        begun = monotonic()
+        press(qtbot, panel.unpack.next)
+        qtbot.waitUntil(lambda count=count: out_on_disk() == count, timeout=10000)
+        assert monotonic() - begun < 2 * 3
+    assert leftovers(recovery_folder()) == []
+    # Another panel in this process neither offers nor touches it.
+    panel.files.save_to(tmp_path / "kept.unpack")
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
+    qtbot.waitUntil(lambda: on_disk() is None, timeout=10000)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: out_on_disk() == 3, timeout=10000)
+    rest(panel, qtbot)
+    panel.commands.undo()
+    panel.commands.undo()
+    panel.commands.undo()
+    qtbot.waitUntil(lambda: out_on_disk() == 0, timeout=10000)
+    panel.unsaved.give_up()
+    panel.end()
+    assert list(recovery_folder().iterdir()) == []
+
+
+def test_a_full_disk_is_told_once_and_stops_nothing(
+    worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel = worked
+    monkeypatch.setattr(copies, "SPARE_BYTES", 1 << 62)
+    before = len(notification_manager.records)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: len(notification_manager.records) > before, timeout=10000)
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    qtbot.wait(1500)
+    (said,) = [one.message for one in notification_manager.records[before:]]
+    assert "The disk is nearly full." in said
+    assert panel.workspace.session.step == 2
+
+
+@pytest.mark.timeout(300)
+def test_after_a_kill_everything_is_there_again(viewer: Any, qtbot: QtBot) -> None:
+    done = crash(os.environ["XDG_DATA_HOME"])
+    assert list(done["states"].values()).count("UNPACKED") == 3
+    panel = open_panel(viewer, qtbot)
+    bar = panel.recovery
+    qtbot.waitUntil(bar.isVisible, timeout=20000)
+    assert bar.sentence.text().startswith("An unpacking of bag from ")
+    assert bar.sentence.text().endswith(" was not saved.")
+    qtbot.mouseClick(bar.restore, LEFT)
+    qtbot.waitUntil(lambda: panel.workspace.session is not None, timeout=60000)
+    session = panel.workspace.session
+    assert {str(i): name for i, name in states(session).items()} == done["states"]
+    assert {str(i): hue for i, hue in session.hues.items()} == done["hues"]
+    assert list(session.objects["name"]) == done["names"]
+    assert np.bincount(session.labels.ravel()).tolist() == done["voxels"]
+    assert "a knife" in done["names"]
+    # It is not saved yet, and on disk again before what was left behind goes.
+    assert panel.unsaved.changed
+    qtbot.waitUntil(lambda: len(list(recovery_folder().iterdir())) == 1, timeout=20000)
+    qtbot.waitUntil(lambda: not bar.isVisible(), timeout=20000)
+    assert out_on_disk() == 3
+    panel.end()
+
+    # Not asked for, so it is offered again; discarded, it is gone.
+    again = open_panel(viewer, qtbot)
+    qtbot.waitUntil(again.recovery.isVisible, timeout=20000)
+    qtbot.mouseClick(again.recovery.discard, LEFT)
+    qtbot.waitUntil(lambda: not again.recovery.isVisible(), timeout=20000)
+    assert list(recovery_folder().iterdir()) == []
+    again.end()

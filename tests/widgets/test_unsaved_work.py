@@ -1,0 +1,236 @@
+"""Work that is saved nowhere ends after one question, answered with the mouse, or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QEvent, QObject, Qt
+from qtpy.QtWidgets import QFileDialog, QMessageBox
+
+import napari_unpack as nu
+from napari_unpack.layers import compat
+from napari_unpack.viewer.viewer_state import SavedView
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import add_bag, controller_with, press, rest, states
+
+Button = QMessageBox.StandardButton
+
+
+@pytest.fixture
+def worked(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+    """Return the panel with a session in which something was done."""
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    panel.workspace.controller.seconds = 0.15
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    return panel
+
+
+def answer(panel: UnpackingWidget, qtbot: QtBot, button: Any) -> str:
+    """Wait for the question, press a button of it; return what it said."""
+    qtbot.waitUntil(lambda: panel.unsaved.question is not None, timeout=10000)
+    box = panel.unsaved.question
+    assert box is not None
+    assert box.isVisible()
+    said = f"{box.text()} {box.informativeText()}"
+    qtbot.mouseClick(box.button(button), Qt.MouseButton.LeftButton)
+    assert panel.unsaved.question is None
+    return said
+
+
+class Closed(QObject):
+    """Counts how often a window is closed, and has it stay: napari's fixture closes it."""
+
+    count = 0
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() != QEvent.Type.Close:
+            return False
+        self.count += 1
+        event.ignore()
+        return True
+
+
+def done(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
+
+
+def test_nothing_is_asked_where_nothing_was_done(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    session = panel.workspace.session
+    viewer.scene.camera.angles = (20, 50, 10)
+    session.select([1])
+    press(qtbot, panel.unpack.next)
+    panel.commands.undo()
+    rest(panel, qtbot)
+    assert not panel.unsaved.changed
+    viewer.layers.remove("Sprites")
+    assert panel.workspace.controller is None
+    assert len(viewer.layers) == 2
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_layers_deleted_in_naparis_list_are_asked_for_and_cancel_leaves_all_as_it_was(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, backend: str
+) -> None:
+    panel, controller = worked, worked.workspace.controller
+    controller.backend = backend
+    rest(panel, qtbot)
+    viewer.scene.camera.zoom *= 1.1
+    rest(panel, qtbot)
+    session, before = controller.session, states(controller.session)
+    layers, camera = list(viewer.layers), SavedView.of(viewer.scene.camera)
+    # All of them at once: the image goes too, and comes back.
+    for gone in ([controller.packed], layers):
+        viewer.layers.selection = set(gone)
+        rest(panel, qtbot)
+        seen = viewer.screenshot(canvas_only=True, flash=False)
+        viewer.layers.remove_selected()
+        said = answer(panel, qtbot, Button.Cancel)
+        assert said.startswith("Save the unpacking of bag? Without its layers it ends.")
+        assert list(viewer.layers) == layers
+        assert panel.workspace.controller is controller
+        assert controller.is_open
+        assert states(session) == before
+        rest(panel, qtbot)
+        assert SavedView.of(viewer.scene.camera) == camera
+        again = viewer.screenshot(canvas_only=True, flash=False)
+        assert np.abs(again.astype(int) - seen.astype(int)).max() <= 2
+    # It goes on: nothing was taken down.
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    assert session.step == 2
+    viewer.layers.remove("Packed")
+    answer(panel, qtbot, Button.Discard)
+    assert panel.workspace.controller is None
+    assert len(viewer.layers) == 2
+
+
+def test_what_is_saved_is_not_asked_for_again_until_something_is_done(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    panel, path = worked, tmp_path / "kept.unpack"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(path), ""))
+    viewer.layers.remove("Transition")
+    answer(panel, qtbot, Button.Save)
+    # Until it is saved it stays.
+    assert panel.workspace.controller is not None
+    qtbot.waitUntil(lambda: panel.workspace.controller is None, timeout=60000)
+    assert nu.open_session(path).step == 1
+
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    assert not panel.unsaved.changed
+    session = panel.workspace.session
+    session.rename(1, "a knife")
+    assert panel.unsaved.changed
+    panel.files.save_to(path)
+    done(panel, qtbot)
+    assert not panel.unsaved.changed
+
+
+def test_a_place_to_save_to_that_is_not_chosen_is_a_cancel(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: Any
+) -> None:
+    panel = worked
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: ("", ""))
+    viewer.layers.remove("Transition")
+    answer(panel, qtbot, Button.Save)
+    assert panel.workspace.controller is not None
+    assert panel.unsaved.changed
+
+
+def test_segmenting_again_and_opening_ask_before_the_work(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel, session = worked, worked.workspace.session
+    path = nu.save_session(session, tmp_path / "other.unpack")
+    panel.segment.start.click()
+    assert "Segmenting again ends it." in answer(panel, qtbot, Button.Cancel)
+    assert not panel.segment.progress.running
+    panel.files.open_from(path)
+    assert "Opening other.unpack ends it." in answer(panel, qtbot, Button.Cancel)
+    assert not panel.files.progress.running
+    # Given up for what then fails: it is there, and asked for the next time.
+    panel.files.open_from(tmp_path / "missing.unpack")
+    answer(panel, qtbot, Button.Discard)
+    done(panel, qtbot)
+    assert panel.workspace.session is session
+    assert panel.unsaved.changed
+    panel.segment.start.click()
+    answer(panel, qtbot, Button.Discard)
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=60000)
+    assert panel.workspace.session is not session
+    assert panel.unsaved.question is None
+
+
+def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel, session = worked, worked.workspace.session
+    found = SimpleNamespace(labels=session.labels.astype(np.int32), objects=None)
+    monkeypatch.setattr("napari_unpack.segmentation.segment", lambda *_, **__: found)
+    panel.segment.labels_input.choose(None)
+    panel.segment.start.click()
+    answer(panel, qtbot, Button.Discard)
+    session.rename(1, "a knife")
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=90000)
+    assert "the new objects" in answer(panel, qtbot, Button.Cancel)
+    assert panel.workspace.session is session
+    assert "bag objects" in [layer.name for layer in viewer.layers]
+
+
+def test_closing_the_window_asks_once_and_cancel_keeps_it_open(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot
+) -> None:
+    panel, window, closed = worked, compat.native_window(viewer), Closed()
+    # Behind the panel's, which is asked first.
+    window.installEventFilter(closed)
+    window.installEventFilter(panel)
+    window.close()
+    assert "Closing the window ends it." in answer(panel, qtbot, Button.Cancel)
+    assert closed.count == 0
+    assert panel.workspace.controller.is_open
+    window.close()
+    answer(panel, qtbot, Button.Discard)
+    assert closed.count == 1
+    assert panel.unsaved.question is None
+    window.removeEventFilter(closed)
+
+
+def test_objects_that_took_long_to_find_are_work_when_the_window_closes(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    window = compat.native_window(viewer)
+    panel.unsaved.found_in(59)
+    assert not panel.unsaved.worth_keeping
+    panel.unsaved.found_in(61)
+    # Their labels stay in the viewer, so that nothing else would lose them.
+    assert not panel.unsaved.changed
+    window.close()
+    answer(panel, qtbot, Button.Cancel)
+    assert window.isVisible()
+
+
+def test_a_viewer_closed_by_a_program_asks_nobody(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot
+) -> None:
+    scheduler, unsaved = worked.workspace.scheduler, worked.unsaved
+    assert unsaved.changed
+    with qtbot.captureExceptions() as errors:
+        viewer.close()
+        qtbot.waitUntil(lambda: scheduler.closed, timeout=5000)
+        qtbot.wait(50)
+    assert errors == []
+    assert unsaved.question is None
