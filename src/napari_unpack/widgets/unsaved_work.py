@@ -182,7 +182,7 @@ class UnsavedWork(QObject):
         sources = () if controller is None else controller.sources
         name = f" of {sources[0].name}" if sources else ""
         box = QMessageBox(self._panel.window())
-        box.setIcon(QMessageBox.Icon.Question)
+        box.setIcon(QMessageBox.Icon.Warning)
         box.setWindowTitle("Virtual Unpacking")
         box.setText(f"Save the unpacking{name}?")
         box.setInformativeText(f"{reason} What was done since it was last saved would be lost.")
