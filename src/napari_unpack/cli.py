@@ -208,7 +208,10 @@ def _order(
     from napari_unpack.io.headless import unpack_in_order
 
     session = open_input(source, labels, direction, view, backend, at)
-    typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{'volume cm3':>11}{'density':>9}")
+    # An input without a session of its own is in mm, and its volumes in cm³.
+    volumes = session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
+    title = f"volume {volumes.name}".replace("³", "3")
+    typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{title:>14}{'density':>9}")
     # A saved session may be unpacked in part: its own steps come first, and count.
     gone = session.steps[: session.step]
     left = max(count - sum(map(len, gone)), 0)
@@ -218,7 +221,7 @@ def _order(
             facts = session.objects.loc[i]
             typer.echo(
                 f"{step:>4}  {session.label_of(i):>5}  {str(facts['name'])[:23]:<24}"
-                f"{facts['volume_mm3'] / 1000:>11.1f}{facts['mean_density']:>9.0f}"
+                f"{volumes.text(float(facts['volume_mm3'])):>14}{facts['mean_density']:>9.0f}"
             )
 
 
@@ -329,7 +332,7 @@ def _table(
     check_output(output, (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend, at)
     if output.suffix.lower() == ".csv":
-        typer.echo(f"wrote {save_objects_csv(session.objects, output)}")
+        typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
     else:
         path = save_objects_page(session, output, source.stem, progress=Ticker(), backend=backend)
         typer.echo(f"wrote {path}")

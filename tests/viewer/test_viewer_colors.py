@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from napari_unpack.appearance import Decorations
+from napari_unpack.appearance.decorations import draw_scale
+from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.viewer import animation, canvas_backend
 from viewer_fixtures import canvas
 
@@ -158,11 +160,28 @@ def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:
     assert changed(far) < 0.7
 
 
-def test_the_viewers_own_scale_bar_comes_and_goes_with_the_controller(staged, session) -> None:
+def test_the_scale_bar_is_that_of_pictures_in_the_unit_of_the_session(staged, session) -> None:
     viewer, controller = staged
     bar = viewer.canvas.overlays.scale_bar
-    session.decorations = Decorations.of("light", ["scale"])
-    assert bar.visible
+    bar.visible = True
+    session.decorations = Decorations.of("light")
+    assert controller.settle(60)
+    bare = canvas(viewer)
+    seen = []
+    for unit in ("mm", "voxels", LengthUnit(MICRO, 1000.0)):
+        session.length_unit = unit
+        session.decorations = Decorations.of("light", ["scale"])
+        assert controller.settle(60)
+        # One bar is enough.
+        assert not bar.visible
+        shown = canvas(viewer)
+        frame, unit = controller.frame, session.length_unit
+        wanted = draw_scale(frame.camera, frame.size, session.decorations.ink, unit)[..., 3] > 0.5
+        away = np.abs(shown - bare).max(axis=2) > 60
+        assert (away == wanted).mean() > 0.999
+        assert away[wanted].mean() > 0.9
+        seen.append(shown)
+    # 1.5 mm are a voxel: another round number, another length.
+    assert np.abs(seen[0] - seen[1]).max() > 60
     controller.close()
-    assert not bar.visible
     assert viewer.canvas.background_color_override is None

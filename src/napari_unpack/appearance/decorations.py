@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -12,7 +13,12 @@ from numpy.typing import NDArray
 from napari_unpack.appearance.background import Background, Color
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
 from napari_unpack.geometry.view import Camera
+
+if TYPE_CHECKING:
+    from PIL import ImageDraw
+    from PIL.ImageFont import FreeTypeFont
 
 KINDS = ("box", "scale")
 # Pairs of the corners that `geometry.boxes.box_corners` lists.
@@ -36,11 +42,14 @@ class Decorations:
         Edges of the box around all objects.
     scale : bool
         A scale bar, true in the plane of the camera's centre.
+    unit : LengthUnit
+        Of the scale bar, and of all lengths and volumes that are told.
     """
 
     background: Background
     box: bool = False
     scale: bool = False
+    unit: LengthUnit = MM
 
     @classmethod
     def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Decorations:
@@ -133,44 +142,95 @@ def draw_edges(
     return alpha[..., None] * color, depth
 
 
-def draw_scale(camera: Camera, size: tuple[int, int], ink: Color) -> NDArray[np.float32]:
+def draw_scale(
+    camera: Camera, size: tuple[int, int], ink: Color, unit: LengthUnit = MM
+) -> NDArray[np.float32]:
     """Draw a scale bar with its length in the lower right corner: (H, W, 4), premultiplied.
+
+    Parameters
+    ----------
+    camera, size, ink, unit
+        As for `scale_mark`.
+    """
+    drawn = np.zeros((*size, 4), np.float32)
+    rgba, row, col = scale_mark(camera, size, ink, unit)
+    drawn[row:, col:] = rgba
+    return drawn
+
+
+def scale_mark(
+    camera: Camera, size: tuple[int, int], ink: Color, unit: LengthUnit
+) -> tuple[NDArray[np.float32], int, int]:
+    """Draw a scale bar and its length.
 
     Parameters
     ----------
     camera, size, ink
         As for `draw_edges`.
+    unit : LengthUnit
+
+    Returns
+    -------
+    rgba : (h, w, 4) ndarray of float32
+        The image's lower right corner, premultiplied.
+    row, col : int
+        Its first pixel.
     """
     from PIL import Image, ImageDraw, ImageFont
 
     # A fifth of the width is long enough to be read off, and leaves room for the bag.
-    length, words = round_length(0.2 * camera.height * size[1] / size[0])
+    length, words = round_length(0.2 * camera.height * size[1] / size[0], unit)
     pixels = max(1, round(length * size[0] / camera.height))
     # Sizes are those of an image 720 pixels high; below half of that writing is illegible.
-    unit = max(min(size) / 720, 0.5)
-    thick, edge = max(1, round(3 * unit)), round(24 * unit)
-    canvas = Image.new("L", (size[1], size[0]))
+    zoom = max(min(size) / 720, 0.5)
+    thick, edge = max(1, round(3 * zoom)), round(24 * zoom)
+    # Room for words that are longer than the bar.
+    height, width = min(size[0], round(90 * zoom)), min(size[1], pixels + 6 * edge)
+    canvas = Image.new("L", (width, height))
     pen = ImageDraw.Draw(canvas)
-    right, bottom = size[1] - edge, size[0] - edge
+    right, bottom = width - edge, height - edge
     pen.rectangle((right - pixels, bottom - thick, right - 1, bottom - 1), fill=255)
-    font = ImageFont.load_default(size=max(9, round(15 * unit)))
-    middle = right - pixels / 2, bottom - thick - round(6 * unit)
-    pen.text(middle, words, fill=255, font=font, anchor="ms")
+    font = ImageFont.load_default(size=max(9, round(15 * zoom)))
+    assert isinstance(font, ImageFont.FreeTypeFont), "a size was asked for"
+    # Beside a short bar the words end where the bar ends, or the edge would cut them off.
+    middle = min(right - pixels / 2, right + edge - 4 - font.getlength(words) / 2)
+    _write(pen, middle, bottom - thick - round(6 * zoom), words, font)
     alpha = np.asarray(canvas, np.float32)[..., None] / np.float32(255)
     color = np.array([*ink[:3], 1.0], np.float32) * np.float32(min(1.0, ink[3] + 0.2))
     drawn: NDArray[np.float32] = alpha * color
-    return drawn
+    return drawn, size[0] - height, size[1] - width
 
 
-def round_length(longest: float) -> tuple[float, str]:
-    """Return the largest of 1, 2 and 5 times a power of ten up to a length, mm, and its words."""
-    power = 10.0 ** np.floor(np.log10(longest))
-    length = float(power * max(f for f in (1, 2, 5) if f * power <= longest * (1 + 1e-9)))
-    if length >= 1000:
-        return length, f"{length / 1000:g} m"
-    if length >= 1:
-        return length, f"{length:g} mm"
-    return length, f"{length * 1000:g} \N{MICRO SIGN}m"
+def _write(
+    pen: ImageDraw.ImageDraw, middle: float, baseline: float, words: str, font: FreeTypeFont
+) -> None:
+    # Pillow's own font has no µ: it is written as a u with a longer stem.
+    plain = words.replace("\N{MICRO SIGN}", "u")
+    pen.text((middle, baseline), plain, fill=255, font=font, anchor="ms")
+    if MICRO in words:
+        start = middle - font.getlength(plain) / 2 + font.getlength(plain[: words.index(MICRO)])
+        left = round(start + font.getbbox("u", anchor="ls")[0])
+        stem, below = max(1, round(font.size / 11)), round(font.size / 5)
+        pen.rectangle((left, baseline - below, left + stem - 1, baseline + below), fill=255)
+
+
+def round_length(longest: float, unit: LengthUnit = MM) -> tuple[float, str]:
+    """Return the largest of 1, 2 and 5 times a power of ten up to a length, mm, and its words.
+
+    Parameters
+    ----------
+    longest : float
+        mm.
+    unit : LengthUnit
+        In which the length is round.
+    """
+    limit = longest * unit.per_mm
+    power = 10.0 ** np.floor(np.log10(limit))
+    length = float(power * max(f for f in (1, 2, 5) if f * power <= limit * (1 + 1e-9)))
+    # In steps of a thousand, for the unit that says it with the fewest digits.
+    steps = {"mm": (MICRO, "mm", "m"), MICRO: ("nm", MICRO, "mm")}.get(unit.name, (unit.name,) * 3)
+    shift = 0 if unit.name == "voxels" else 1 if length >= 1000 else 0 if length >= 1 else -1
+    return length / unit.per_mm, f"{length / 1000.0**shift:g} {steps[1 + shift]}"
 
 
 @njit(cache=True, nogil=True)

@@ -165,10 +165,11 @@ def decorated(
 
     around = session.decorations
     shown = [kind for kind in ("box", "scale") if getattr(around, kind)]
-    return Decorations.of(
+    made = Decorations.of(
         around.background if background is None else background,
         shown if decorations is None else decorations,
     )
+    return replace(made, unit=around.unit)
 
 
 def packed_count(session: Session) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import check_writable, checked_target, written_atomically
+from napari_unpack.geometry.length_unit import MM, LengthUnit, VolumeUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
@@ -122,8 +123,8 @@ COLUMNS = (
     ("t", "Name"),
     ("t", "Where"),
     ("n", "Left as"),
-    ("n", "Volume cm³"),
-    ("n", "Size mm"),
+    ("n", "Volume {volume}"),
+    ("n", "Size {length}"),
     ("n", "Density"),
     ("n", "Confidence"),
 )
@@ -175,11 +176,13 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
     name = escape(title)
     out = len(session.poses)
     count = f"{len(session.ids)} objects" + (f", {out} taken out" if out else "")
+    length, volume = session.length_unit, _volumes(session)
     heads = "".join(
         f'<th scope="col" data-kind="{kind}"{" aria-sort=none" if kind else ""}>'
-        + (f"<button>{words}</button>" if kind else words)
+        + (f"<button>{titled}</button>" if kind else titled)
         + "</th>"
         for kind, words in COLUMNS
+        for titled in [words.format(volume=volume.name, length=length.name)]
     )
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -210,7 +213,7 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
 
 
 def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
-    objects, boxes = session.objects, session.boxes
+    objects, boxes, volumes = session.objects, session.boxes, _volumes(session)
     spacing = np.asarray(session.spacing)
     # Steps up to now: those undone are still in the bag.
     left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
@@ -230,9 +233,9 @@ def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
             + _number(session.label_of(i), str(session.label_of(i)))
             + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
             + _number(left.get(i), str(left.get(i, "")))
-            + _number(facts["volume_mm3"], _amount(float(facts["volume_mm3"]) / 1000))
+            + _number(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
             # Sorted by the longest edge, though all three are shown.
-            + _number(edges[0], " × ".join(f"{edge:.0f}" for edge in edges))
+            + _number(edges[0], session.length_unit.edges(edges))
             + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
             + _number(sure, "–" if math.isnan(sure) else percent(sure))
             + "</tr>"
@@ -245,8 +248,8 @@ def _number(value: Any, words: str) -> str:
     return f'<td class="n" data-value="{format(value, ".9g") if known else ""}">{words}</td>'
 
 
-def _amount(volume: float) -> str:
-    return f"{volume:.2g}" if volume < 1 else f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
+def _volumes(session: Session) -> VolumeUnit:
+    return session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
 
 
 def _image(session: Session, object_id: int, backend: str) -> str:
@@ -269,7 +272,7 @@ def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
     return f"data:image/png;base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
-def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
+def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit = MM) -> Path:
     """Write a table of objects, one row an object, the ID first.
 
     Parameters
@@ -278,9 +281,22 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path) -> Path:
         Indexed by ID, such as `Segmentation.objects` or `Session.objects`.
     path : str or Path
         The file; its folder must exist.
+    unit : LengthUnit
+        Of volumes, centres and ratios, such as `Session.length_unit`; the names of columns say
+        which.
     """
     target = Path(path)
+    objects = _in_unit(objects, unit)
     with written_atomically(target) as temporary:
         # Six digits are more than any measure has; one line end on every system.
         objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
     return target
+
+
+def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
+    if unit == MM:
+        return objects
+    names = {"mm": "volume_mm3", "voxels": "volume_voxels"}
+    powers = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
+    told = {name: objects[name] * unit.per_mm**n for name, n in powers.items() if name in objects}
+    return objects.assign(**told).rename(columns={"volume_mm3": names.get(unit.name, "volume_um3")})

@@ -19,6 +19,7 @@ from napari_unpack.appearance import Background, Decorations, TransferFunction, 
 from napari_unpack.appearance.tints import Mode, Rgba
 from napari_unpack.geometry.axes import checked_spacing, unit
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -401,6 +402,7 @@ def decorations_record(around: Decorations) -> dict[str, Any]:
         "picture": None if ground.image is None else _encoded(ground.image),
         "box": around.box,
         "scale": around.scale,
+        "unit": {"name": around.unit.name, "per_mm": around.unit.per_mm},
     }
 
 
@@ -423,7 +425,12 @@ def decorations_from(fields: Fields) -> Decorations:
         picture,
         fields.text("name"),
     )
-    return Decorations(ground, fields.flag("box"), fields.flag("scale"))
+    # Files of before the choice are in mm.
+    unit = MM
+    if fields.has("unit"):
+        told = fields.part("unit")
+        unit = LengthUnit(told.text("name"), told.positive("per_mm"))
+    return Decorations(ground, fields.flag("box"), fields.flag("scale"), unit)
 
 
 def _encoded(picture: Any) -> str:

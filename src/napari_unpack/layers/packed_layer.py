@@ -18,6 +18,7 @@ from napari_unpack.appearance.decorations import box_edges
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.compat import PictureLayer, register
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage, to_bytes
+from napari_unpack.layers.scale_bar import ScaleBar
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.layers.vispy_adapter import QuadsAdapter
 from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
@@ -49,6 +50,7 @@ class Backdrop:
     _ground: tuple[object, ImageTexture] | None = None
     _strokes: list[Stroke] = field(default_factory=list)
     _edges: tuple[Frame, list[Quad]] | None = None
+    _bar: ScaleBar = field(default_factory=ScaleBar)
 
     def show(self, around: Decorations) -> None:
         """Show other surroundings."""
@@ -65,6 +67,10 @@ class Backdrop:
         if self._ground is None or self._ground[0] != size:
             self._ground = size, ImageTexture(to_bytes(ground.paint(size)))
         return [Quad(self._ground[1], FARTHEST)]
+
+    def before(self, frame: Frame) -> list[Quad]:
+        """Return the quads of the scale bar."""
+        return self._bar.quads(frame, self.around)
 
     def edges(self, frame: Frame, opacity: float) -> list[Quad]:
         """Return the quads of the box's edges.
@@ -89,7 +95,7 @@ class Backdrop:
 
 
 def decorate_canvas(viewer: napari.Viewer, around: Decorations) -> None:
-    """Give a viewer's canvas the colour and the scale bar that decorations ask for.
+    """Give a viewer's canvas the colour that decorations ask for, and no second scale bar.
 
     Parameters
     ----------
@@ -99,12 +105,8 @@ def decorate_canvas(viewer: napari.Viewer, around: Decorations) -> None:
     ground = around.background
     plain = None if ground.name == OWN else (*ground.colors[0][:3], 1.0)
     viewer.canvas.background_color_override = plain
-    bar = viewer.canvas.overlays.scale_bar
-    if bar.visible != around.scale:
-        bar.visible = around.scale
-    if around.scale:
-        # The colour napari chooses suits its own canvas, which may be covered.
-        bar.colored, bar.color = True, (*around.ink[:3], 1.0)
+    # Ours has the session's unit, and is in pictures and films as well.
+    viewer.canvas.overlays.scale_bar.visible = False
 
 
 class PackedLayer(PictureLayer):
@@ -197,7 +199,7 @@ class PackedLayer(PictureLayer):
         if self.backdrop is None:
             return quads
         edges = self.backdrop.edges(self.frame or frame, self.dimming)
-        return [*self.backdrop.behind(frame), *quads, *edges]
+        return [*self.backdrop.behind(frame), *quads, *edges, *self.backdrop.before(frame)]
 
     def _bag_quads(self, frame: Frame) -> Sequence[Quad]:
         if self._image is None:

@@ -10,6 +10,7 @@ from napari.layers import Layer
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
 from napari_unpack.geometry.rays import voxel_from_world
 
 if TYPE_CHECKING:
@@ -152,11 +153,31 @@ def spacing_of(layer: Layer) -> tuple[float, float, float]:
     return (z, y, x)
 
 
+def unit_of(layer: Layer) -> LengthUnit:
+    """Return the unit a layer's lengths are told in: its own, where napari knows it.
+
+    Returns
+    -------
+    LengthUnit
+        µm for a layer in µm or finer units; mm for other units of length, and for numbers
+        without a unit; voxels where there are no numbers either, only ones.
+    """
+    own = layer.units[-1]
+    spacing = spacing_of(layer)
+    if dict(own.dimensionality) != LENGTH:
+        return LengthUnit.voxels(spacing) if equal_spacing(spacing, np.ones(3)) else MM
+    # A micrometre is 0.001 mm but for rounding.
+    return LengthUnit(MICRO, 1000.0) if _millimetres(own) < 0.0011 else MM
+
+
 def _millimetres(unit: pint.Unit) -> float:
-    if dict(unit.dimensionality) != {"[length]": 1.0}:
+    if dict(unit.dimensionality) != LENGTH:
         return 1.0
     return float((1.0 * unit).to("millimeter").magnitude)
 
+
+# What pint says of units of length.
+LENGTH = {"[length]": 1.0}
 
 # Of a voxel's edge: less than this is rounding in a product of affines.
 SAME_SIZE = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from napari_unpack.appearance import Decorations
-from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale
+from napari_unpack.appearance.decorations import box_edges, draw_edges, scale_mark
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.view import Camera
@@ -52,5 +52,6 @@ def on_background(image: Image, camera: Camera, decorations: Decorations) -> Ima
     far = np.full(size, np.inf, np.float32)
     patches = [ImagePatch(image, far, 0, 0)]
     if decorations.scale:
-        patches.append(ImagePatch(draw_scale(camera, size, decorations.ink), far, 0, 0))
+        mark, row, col = scale_mark(camera, size, decorations.ink, decorations.unit)
+        patches.append(ImagePatch(mark, far[row:, col:], row, col))
     return compose(size, patches, decorations.background)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import commands
@@ -272,9 +273,19 @@ class Document:
             self.events.transfer_function.emit(self.state.transfer_function)
 
     def decorate(self, decorations: Decorations) -> None:
-        """Take another background, box and scale bar."""
-        self.see(decorations=decorations)
-        self.events.surroundings.emit(decorations)
+        """Take another background, box and scale bar; the unit of lengths stays."""
+        kept = replace(decorations, unit=self.view_state.decorations.unit)
+        self.see(decorations=kept)
+        self.events.surroundings.emit(kept)
+
+    def measure_in(self, wanted: LengthUnit | str) -> None:
+        """Tell lengths in another unit, given whole or by its name; told as surroundings."""
+        unit, around = wanted, self.view_state.decorations
+        if isinstance(unit, str):
+            unit = LengthUnit.voxels(self.spacing) if unit == "voxels" else LengthUnit(unit)
+        if unit != around.unit:
+            self.see(decorations=replace(around, unit=unit))
+            self.events.surroundings.emit(self.view_state.decorations)
 
     def set_tints(self, mode: Mode) -> None:
         """Make tints of hues another way; told as a change of hues."""

@@ -219,6 +219,8 @@ class Session:
     """
     decorations = Setting(lambda s: s._doc.view_state.decorations, lambda s, v: s._doc.decorate(v))
     """Background, box and scale bar of every image."""
+    length_unit = Setting(lambda s: s.decorations.unit, lambda s, v: s._doc.measure_in(v))
+    """In which lengths are told, a `LengthUnit`; "mm", "µm" or "voxels" set one."""
     tint_mode = Setting(lambda s: s._doc.view_state.tint_mode, lambda s, v: s._doc.set_tints(v))
     """How hues become tints: "perceptual", "hsv" as in the paper, "safe" where red looks green."""
     show_unlabelled = Setting(

@@ -68,7 +68,7 @@ def hint(session: Session, object_id: int) -> str:
     object_id : int
     """
     row = session.objects.loc[object_id]
-    return f"{row['name']}, {volume_words(float(row['volume_mm3']))}"
+    return f"{row['name']}, {volume_words(float(row['volume_mm3']), session.length_unit)}"
 
 
 def _features(objects: pd.DataFrame | None, ids: list[int]) -> pd.DataFrame:

@@ -10,16 +10,17 @@ import numpy as np
 from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QSlider, QWidget
 
+from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.session.errors import percent
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.session.quantities import three_digits
+from napari_unpack.session.quantities import three_digits, volume_words
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.notifications import errors_shown, show_error
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.axes import Vector
@@ -49,6 +50,7 @@ class InspectionBox(QWidget):
         self._workspace = workspace
         self._inspected = 0
         self._points: list[Point] | None = None
+        self._known: Facts | None = None
         self.facts = label("", "hint", wrap=True)
         self.facts.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.editor = OpacityEditor()
@@ -66,15 +68,17 @@ class InspectionBox(QWidget):
         self.cut.valueChanged.connect(lambda _: self._apply_soon())
         self.open.clicked.connect(lambda: commands.open_container(self._inspected))
         self.reset.clicked.connect(self._reset)
-        workspace.changed.connect(lambda _: self._follow())
-        workspace.switched.connect(self._follow)
+        workspace.changed.connect(self._follow)
+        workspace.switched.connect(lambda: self._follow())
         self.hide()
 
-    def _follow(self) -> None:
+    def _follow(self, change: Change | None = None) -> None:
         session = self._workspace.session
         inspected = next(iter(objects_in(session, ObjectState.INSPECTED)), 0)
         # News come with every flight; only another object is of interest here.
         if inspected == self._inspected:
+            if change is not None and Change.SURROUNDINGS in change:
+                self._describe()
             return
         self._inspected = inspected
         self._workspace.scheduler.forget(self._apply)
@@ -86,6 +90,7 @@ class InspectionBox(QWidget):
         from napari_unpack.session.object_facts import facts_of
 
         self.facts.setText("…")
+        self._known = None
         # In a worker: the tightest box and the neighbours of a large object take a while.
         task = Task(object(), lambda _: facts_of(session, object_id))
         show = partial(self._show_facts, session, object_id)
@@ -103,8 +108,14 @@ class InspectionBox(QWidget):
     def _show_facts(self, session: Session, object_id: int, facts: Facts) -> None:
         # The facts of an object left meanwhile come late.
         if session is self._workspace.session and object_id == self._inspected:
-            names = session.objects["name"]
-            self.facts.setText(describe(facts, [str(names[i]) for i in facts.neighbours]))
+            self._known = facts
+            self._describe()
+
+    def _describe(self) -> None:
+        facts, session = self._known, self._workspace.session
+        if facts is not None and session is not None:
+            names = [str(session.objects["name"][i]) for i in facts.neighbours]
+            self.facts.setText(describe(facts, names, session.length_unit))
 
     def _edit(self, points: list[Point]) -> None:
         self._points = points
@@ -146,7 +157,7 @@ class InspectionBox(QWidget):
             self._load(session, self._inspected)
 
 
-def describe(facts: Facts, neighbours: Sequence[str]) -> str:
+def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> str:
     """Write an object's facts as rich text.
 
     Parameters
@@ -154,14 +165,15 @@ def describe(facts: Facts, neighbours: Sequence[str]) -> str:
     facts : Facts
     neighbours : sequence of str
         Names of the objects that touched it, the largest contact first.
+    unit : LengthUnit
     """
     # Three digits each, or edges of a cell would all be 0.
-    size = " × ".join(three_digits(edge) for edge in facts.size_mm)
-    volume = facts.volume_mm3 / 1000
+    size = " × ".join(three_digits(edge * unit.per_mm) for edge in facts.size_mm)
     lines = [
         f"<b>{facts.name}</b>",
-        f"length × width × height {size} mm, along its own axes",
-        f"{volume:.1f} cm³, density {facts.mean:.0f} ± {facts.spread:.0f}",
+        f"length × width × height {size} {unit.name}, along its own axes",
+        f"{volume_words(facts.volume_mm3, unit)}, "
+        f"density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
         lines.append(f"{percent(facts.confidence)} sure that it is one whole object")

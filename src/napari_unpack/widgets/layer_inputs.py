@@ -14,7 +14,7 @@ from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QComboBox
 
 from napari_unpack.layers.compat import unwrap
-from napari_unpack.layers.placement import spacing_of
+from napari_unpack.layers.placement import FIELDS, spacing_of
 
 if TYPE_CHECKING:
     import napari
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 class LayerInput(QComboBox):
     """A drop-down list of the viewer's layers that keeps itself up to date.
 
-    `chosen` is emitted when the chosen layer changes, by hand or because layers came and went.
+    `chosen` is emitted when the chosen layer changes, by hand or because layers came and went;
+    `listed` when layers are listed anew, also because one has another name, size or place.
 
     Parameters
     ----------
@@ -40,6 +41,7 @@ class LayerInput(QComboBox):
     """
 
     chosen = Signal()
+    listed = Signal()
 
     def __init__(
         self,
@@ -99,6 +101,7 @@ class LayerInput(QComboBox):
         # Also where the chosen layer was removed.
         if self.layer is not kept:
             self.chosen.emit()
+        self.listed.emit()
 
     def _fill(self) -> None:
         self.clear()
@@ -132,8 +135,8 @@ class LayerInput(QComboBox):
 
     def _followed(self) -> list[Any]:
         # Names and reasons are shown; other data may have another shape.
-        events = [layer.events for layer in self._layers]
-        return [event for each in events for event in (each.name, each.data)]
+        told = ("name", "data", *FIELDS)
+        return [layer.events[name] for layer in self._layers for name in told]
 
 
 def is_users(layer: Layer) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from napari_unpack.geometry.length_unit import LengthUnit, VolumeUnit
 from napari_unpack.session.errors import percent
 from napari_unpack.session.object_state import ObjectState
 
@@ -70,8 +71,8 @@ TITLES = {
     Column.SWATCH: ("", "Colour and opacity in every view: click one to choose another."),
     Column.NAME: ("Name", "Double-click to rename."),
     Column.STATE: ("State", "Where the object is now."),
-    Column.VOLUME: ("cm³", "Volume in cubic centimetres."),
-    Column.SIZE: ("Size, mm", "Extents along the object's own axes, longest first, in mm."),
+    Column.VOLUME: ("Volume", "Volume {volume}; step 1 has the choice of units."),
+    Column.SIZE: ("Size", "Extents along the object's own axes, longest first, in {length}."),
     Column.DENSITY: ("Mean density", "Mean density in the volume's own values."),
     Column.CONFIDENCE: (
         "Confidence",
@@ -82,16 +83,46 @@ TITLES = {
     Column.BLOCKERS: ("Blocked by", "Objects that stand directly in its way."),
     Column.NOTE: ("Note", "Your note: double-click to write one."),
 }
-# For bags of objects all below 1 cm³, such as nuclei under a microscope.
-TINY_TITLE = "mm³", "Volume in cubic millimetres."
-
 # What columns without a title are called where one chooses columns.
 CHOICES = {Column.EYE: "Shown", Column.SWATCH: "Colour", Column.FLAG: "Flag"}
 
 
 def choice_of(column: Column) -> str:
     """Return what a column is called where one chooses columns."""
-    return CHOICES.get(column) or ("Volume" if column == Column.VOLUME else TITLES[column][0])
+    return CHOICES.get(column) or TITLES[column][0]
+
+
+@dataclass(frozen=True)
+class Units:
+    """In which lengths and volumes of a table are told.
+
+    Parameters
+    ----------
+    length : LengthUnit
+    volume : VolumeUnit
+        One for all objects.
+    """
+
+    length: LengthUnit
+    volume: VolumeUnit
+
+    @classmethod
+    def of(cls, length: LengthUnit, largest_mm3: float) -> Units:
+        """Return the units of objects up to a largest.
+
+        Parameters
+        ----------
+        length : LengthUnit
+        largest_mm3 : float
+        """
+        return cls(length, length.volume_unit(largest_mm3))
+
+    def title(self, column: Column) -> tuple[str, str]:
+        """Return a column's title and its tooltip."""
+        title, tip = TITLES[column]
+        named = {Column.VOLUME: self.volume.name, Column.SIZE: f"{title}, {self.length.name}"}
+        told = tip.format(volume=self.volume.words, length=self.length.name)
+        return named.get(column, title), told
 
 
 @dataclass(frozen=True)
@@ -103,7 +134,7 @@ class Row:
     id, label : int
         In the session, and in the user's own labels, which the session may have renumbered.
     volume : float
-        cm³.
+        mm³.
     density, confidence : float
         NaN where it is not known.
     name : str
@@ -155,14 +186,13 @@ class Row:
         words = (self.name, self.note, FLAG_WORDS[self.flag] if self.flag else "")
         return "\n".join(words).casefold()
 
-    def text(self, column: Column, tiny: bool = False) -> str:
+    def text(self, column: Column, units: Units) -> str:
         """Return what a cell shows.
 
         Parameters
         ----------
         column : Column
-        tiny : bool
-            Volumes in mm³.
+        units : Units
         """
         match column:
             case Column.NAME:
@@ -170,10 +200,9 @@ class Row:
             case Column.STATE:
                 return self.state_words
             case Column.VOLUME:
-                volume = self.volume * (1000 if tiny else 1)
-                return f"{volume:.1f}" if volume < 100 else f"{volume:.0f}"
+                return units.volume.text(self.volume)
             case Column.SIZE if self.edges is not None:
-                return " × ".join(f"{edge:.0f}" for edge in self.edges)
+                return units.length.edges(self.edges)
             case Column.SIZE:
                 return PENDING
             case Column.DENSITY:
@@ -213,14 +242,13 @@ class Row:
                 return (not self.note, self.note.casefold())
         return -1.0 if np.isnan(self.confidence) else self.confidence
 
-    def tooltip(self, column: Column, tiny: bool = False) -> str:
+    def tooltip(self, column: Column, units: Units) -> str:
         """Return what the mouse over a cell is told.
 
         Parameters
         ----------
         column : Column
-        tiny : bool
-            Volumes in mm³.
+        units : Units
         """
         match column:
             case Column.STATE if self.state_words in MARKS:
@@ -234,14 +262,13 @@ class Row:
                 return f"{self.name}: {FLAG_WORDS[self.flag]}. Click to change the flag."
             case Column.NOTE:
                 return self.note or TITLES[column][1]
-        unit = "mm³" if tiny else "cm³"
         lines = [
             f"{self.name}, object {self.label}, {self.state_words}",
-            f"{self.text(Column.VOLUME, tiny)} {unit}",
-            f"mean density {self.text(Column.DENSITY)}",
+            f"{self.text(Column.VOLUME, units)} {units.volume.name}",
+            f"mean density {self.text(Column.DENSITY, units)}",
         ]
         if self.edges is not None:
-            lines[1] += f", {self.text(Column.SIZE)} mm"
+            lines[1] += f", {self.text(Column.SIZE, units)} {units.length.name}"
         if not np.isnan(self.confidence):
             lines.append(f"confidence {percent(self.confidence)} that this is one whole object")
         if self.is_example:

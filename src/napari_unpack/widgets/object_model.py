@@ -10,19 +10,19 @@ import numpy as np
 from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from qtpy.QtGui import QColor, QFont
 
+from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session.errors import listed
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.object_columns import (
     FIRST,
     MARKS,
     NO_HUE,
-    TINY_TITLE,
-    TITLES,
     TOGETHER,
     UNPACKABLE,
     Column,
     Rgb,
     Row,
+    Units,
 )
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class ObjectModel(QAbstractTableModel):
         self._session: Session | None = None
         self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}
-        self._tiny = False
+        self._units = Units.of(MM, 0.0)
         self._keys: dict[int, tuple[list[Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
@@ -83,8 +83,12 @@ class ObjectModel(QAbstractTableModel):
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
         self._rows = self._read()
-        self._tiny = bool(self._rows) and max(row.volume for row in self._rows) < 1.0
+        self._units = self._measured_in()
         self.endResetModel()
+
+    def _measured_in(self) -> Units:
+        unit = MM if self._session is None else self._session.length_unit
+        return Units.of(unit, max((row.volume for row in self._rows), default=0.0))
 
     def refresh(
         self, unpackable: Iterable[int] | None = None, first: Iterable[int] | None = None
@@ -102,6 +106,12 @@ class ObjectModel(QAbstractTableModel):
             self._unpackable = frozenset(unpackable)
         if first is not None:
             self._first = frozenset(first)
+        units, self._units = self._units, self._measured_in()
+        if units != self._units and self._rows:
+            across = Qt.Orientation.Horizontal
+            self.headerDataChanged.emit(across, Column.VOLUME, Column.SIZE)
+            last = self.index(len(self._rows) - 1, Column.SIZE)
+            self.dataChanged.emit(self.index(0, Column.VOLUME), last)
         before, self._rows = self._rows, self._read()
         for k, (old, new) in enumerate(zip(before, self._rows, strict=True)):
             if old != new:
@@ -214,7 +224,7 @@ class ObjectModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return None
         column = Column(section)
-        title, tip = TINY_TITLE if column == Column.VOLUME and self._tiny else TITLES[column]
+        title, tip = self._units.title(column)
         answers = {Role.DisplayRole: title, Role.ToolTipRole: tip}
         return _alignment(column) if role == Role.TextAlignmentRole else answers.get(role)
 
@@ -255,7 +265,7 @@ class ObjectModel(QAbstractTableModel):
             case Role.TextAlignmentRole:
                 return _alignment(column)
             case Role.ToolTipRole:
-                return row.tooltip(column, self._tiny)
+                return row.tooltip(column, self._units)
             case _ if role == SORT:
                 return row.sort_key(column)
         own = {ID: row.id, STATE: row.state, FLAG: row.flag, SEARCHED: row.searched}
@@ -265,7 +275,7 @@ class ObjectModel(QAbstractTableModel):
         # Measured only where a table shows the column, and told once it is.
         if column == Column.SIZE and row.edges is None and self._measures is not None:
             self._measures.want()
-        return row.text(column, self._tiny)
+        return row.text(column, self._units)
 
     def _blockers_of(self, object_id: int) -> tuple[int, ...]:
         if self._blockers is None:
@@ -324,7 +334,7 @@ def _rows_of(session: Session) -> list[Row]:
         Row(
             id=int(i),
             label=int(session.label_of(int(i))),
-            volume=float(record.volume_mm3) / 1000,
+            volume=float(record.volume_mm3),
             density=float(record.mean_density),
             confidence=float(getattr(record, "confidence", float("nan"))),
         )

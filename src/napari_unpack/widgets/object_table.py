@@ -352,7 +352,7 @@ class ObjectTable(QTableView):
             c: max(
                 w,
                 measure(WIDEST.get(c, "")) + PADDING,
-                measure(TITLES[c][0]) + (PADDING if TITLES[c][0] else 0),
+                measure(title) + (PADDING if title else 0),
             )
             for c, w in WIDTHS.items()
         }

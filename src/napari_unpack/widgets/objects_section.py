@@ -100,7 +100,7 @@ class ObjectsSection(Section):
             # Rows came or went, so that refreshing in place is not possible.
             self.model.load(session)
             self._count()
-        elif change & (Change.STATES | Change.HUES | Change.QUEUE):
+        elif change & (Change.STATES | Change.HUES | Change.QUEUE | Change.SURROUNDINGS):
             self.model.refresh()
             self._count()
         self._enable()

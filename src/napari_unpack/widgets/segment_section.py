@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from napari.layers import Image, Labels, Layer
 
+from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.placement import equal_spacing, place_of, spacing_of
 from napari_unpack.session.errors import listed
@@ -35,6 +36,7 @@ from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.session_builder import BuiltSession, build
 from napari_unpack.widgets.task_progress import TaskProgress
 from napari_unpack.widgets.unsaved_work import UnsavedWork
+from napari_unpack.widgets.voxel_size import VoxelSize
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ class _Order:
     labels: Labels | None
     volume: Volume
     ids: LazyArray | None
+    unit: LengthUnit
 
 
 class SegmentSection(Section):
@@ -79,6 +82,7 @@ class SegmentSection(Section):
         )
         self.volume_input.setPlaceholderText("No volume yet")
         self.index = IndexChooser()
+        self.voxels = VoxelSize()
         self.labels_input = LayerInput(viewer, _is_users_labels, none=FIND, refusal=self._misfit)
         self.labels_input.setToolTip(
             "Labels that you have already, of the same shape; without them the volume is segmented."
@@ -97,7 +101,7 @@ class SegmentSection(Section):
         self.options = SegmentOptions()
         self.contents.addLayout(form(Volume=self.volume_input))
         self.contents.addWidget(self.index)
-        self.contents.addLayout(form(Objects=self.labels_input))
+        self.contents.addLayout(form(Voxels=self.voxels, Objects=self.labels_input))
         for widget in (self.start, self.rescale, self.sample, self.options, self.progress):
             self.contents.addWidget(widget)
 
@@ -106,6 +110,8 @@ class SegmentSection(Section):
         self.rescale.clicked.connect(self._use_new_size)
         self.progress.ended.connect(self._finish)
         self.volume_input.chosen.connect(self._choose_volume)
+        self.volume_input.listed.connect(self._show_voxels)
+        self.voxels.chosen.connect(self._measure_in)
         self.labels_input.chosen.connect(self._refresh)
         workspace.switched.connect(self._reload)
         workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)
@@ -131,6 +137,7 @@ class SegmentSection(Section):
     def _choose_volume(self) -> None:
         layer = self.volume_input.layer
         self.index.show_axes(layer, self._workspace.viewer)
+        self._show_voxels()
         # Which labels fit depends on the volume.
         self.labels_input.refresh()
         was_alone, self._labels_alone = self._labels_alone, _is_labels(layer)
@@ -158,7 +165,26 @@ class SegmentSection(Section):
         self.fold.setChecked(controller is not None)
         if controller is not None:
             controller.events.rescaled.connect(self._offer_new_size)
+            # A session from a file brings layers of its own.
+            if self._order is None and controller.sources:
+                self.volume_input.choose(controller.sources[0])
+        self._show_voxels()
         self._refresh()
+
+    def _show_voxels(self) -> None:
+        """Show the chosen volume's voxel size, in the unit of its session if it has one."""
+        layer, controller = self.volume_input.layer, self._workspace.controller
+        if layer is None:
+            return
+        if controller is not None and layer in controller.sources:
+            self.voxels.show_layer(layer, controller.session.length_unit)
+        else:
+            self.voxels.show_layer(layer)
+
+    def _measure_in(self, unit: LengthUnit) -> None:
+        controller = self._workspace.controller
+        if controller is not None and self.volume_input.layer in controller.sources:
+            controller.session.length_unit = unit
 
     def _offer_new_size(self) -> None:
         self.fold.setChecked(False)
@@ -192,6 +218,7 @@ class SegmentSection(Section):
         self.options.setVisible(image is not None and labels is None and idle)
         self.volume_input.setEnabled(image is not None and idle)
         self.index.setEnabled(idle)
+        self.voxels.setEnabled(image is not None)
         # Labels without a volume have no densities to find other objects by.
         self.labels_input.setEnabled(image is not None and idle and not _is_labels(image))
         self.rescale.setVisible(idle and self._has_other_size())
@@ -236,7 +263,9 @@ class SegmentSection(Section):
             ids = None
             if _is_labels(labels):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
-            order = _Order(image, labels if _is_labels(labels) else None, volume, ids)
+            order = _Order(
+                image, labels if _is_labels(labels) else None, volume, ids, self.voxels.unit
+            )
             settings = self.options.settings()
             self._order, self._then, self._begun = order, then, monotonic()
             self._explain_missing_volume(image)
@@ -285,6 +314,7 @@ class SegmentSection(Section):
         image, labels = order.image, self._labels_layer(order, built)
         preferred = preferences()
         built.session.backend = preferred.backend
+        built.session.length_unit = order.unit
         built.session.take_least_occluded = preferred.take_least_occluded
         # Labels without a volume are both inputs at once.
         sources = [image] if labels is None or labels is image else [image, labels]

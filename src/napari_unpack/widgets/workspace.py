@@ -38,6 +38,7 @@ class Change(Flag):
     VIEW = auto()
     SELECTED = auto()
     MEASUREMENTS = auto()
+    SURROUNDINGS = auto()
 
 
 @dataclass(frozen=True)
@@ -199,7 +200,7 @@ class Workspace(QObject):
         controller.renderer.end_inspection()
         view = SavedView.of(self.viewer.scene.camera)
         # What the user chose for the bag holds for its contents.
-        inner.tint_mode = session.tint_mode
+        inner.tint_mode, inner.length_unit = session.tint_mode, session.length_unit
         self._switch_to(inner, [*self._outer, _OuterBag(session, controller.sources, view)])
 
     def leave_container(self) -> None:
@@ -265,6 +266,7 @@ class Workspace(QObject):
             Change.VIEW: events.view,
             Change.SELECTED: events.selected,
             Change.MEASUREMENTS: events.measurements,
+            Change.SURROUNDINGS: events.surroundings,
         }
         for change, signal in watched.items():
             self._connect(signal, lambda *_, change=change: self._heard.emit(change))

@@ -1,0 +1,84 @@
+"""How large a voxel is, and the unit in which lengths and volumes are told."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qtpy.QtCore import Signal
+from qtpy.QtWidgets import QComboBox, QHBoxLayout, QSizePolicy, QWidget
+
+from napari_unpack.geometry.length_unit import MM, UNITS, LengthUnit
+from napari_unpack.layers.placement import spacing_of, unit_of
+from napari_unpack.widgets.section import label
+from napari_unpack.widgets.theme import GAP
+
+if TYPE_CHECKING:
+    from napari.layers import Layer
+
+
+class VoxelSize(QWidget):
+    """The voxel size of a layer, with a choice of its unit.
+
+    `chosen` is emitted with a `LengthUnit` when a person chooses one. The numbers stay those of
+    the layer: a file may say mm and mean µm.
+    """
+
+    chosen = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._spacing = (1.0, 1.0, 1.0)
+        self._own = self.unit = MM
+        self._layer: Layer | None = None
+        self._chosen: str | None = None
+        self.size = label("", "status")
+        # Numbers of many digits must not widen the panel.
+        self.size.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.names = QComboBox()
+        self.names.addItems(UNITS)
+        self.names.setAccessibleName("Unit of lengths")
+        self.names.setToolTip(
+            "What the numbers of the file are: mm, µm, or nothing known, which is counted in "
+            "voxels. Table, facts, scale bar and reports follow."
+        )
+        line = QHBoxLayout(self)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.setSpacing(GAP)
+        line.addWidget(self.size, stretch=1)
+        line.addWidget(self.names)
+        self.names.activated.connect(lambda _: self._choose())
+
+    def show_layer(self, layer: Layer, unit: LengthUnit | None = None) -> None:
+        """Show the voxel size of a layer.
+
+        Parameters
+        ----------
+        layer : napari layer
+        unit : LengthUnit, optional
+            By default the layer's own, where napari knows it.
+        """
+        own = unit_of(layer)
+        # The same layer anew, after a change of its scale or name: a choice by hand holds.
+        kept = self._chosen if layer is self._layer and own.per_mm == self._own.per_mm else None
+        self._layer, self._spacing, self._own, self._chosen = layer, spacing_of(layer), own, kept
+        self._show(unit or (own if kept is None else self._named(kept)))
+
+    def _show(self, unit: LengthUnit) -> None:
+        self.unit = unit
+        self.names.setCurrentText(unit.name)
+        edges = [edge * unit.per_mm for edge in self._spacing]
+        # Thin spaces, so that three digits of each find room beside the choice.
+        self.size.setText("\u2009×\u2009".join(f"{edge:.3g}" for edge in edges))
+        whole = " × ".join(f"{edge:.6g}" for edge in edges)
+        self.size.setToolTip(f"Edges of a voxel along z, y and x: {whole} {unit.name}.")
+
+    def _choose(self) -> None:
+        self._chosen = self.names.currentText()
+        self._show(self._named(self._chosen))
+        self.chosen.emit(self.unit)
+
+    def _named(self, name: str) -> LengthUnit:
+        if name == "voxels":
+            return LengthUnit.voxels(self._spacing)
+        # The layer's own numbers: its mm, or its µm where it has those.
+        return LengthUnit(name, 1.0 if self._own.name == "voxels" else self._own.per_mm)

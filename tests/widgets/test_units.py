@@ -1,0 +1,78 @@
+"""The unit chosen in step 1 is that of everything told."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+from qtpy.QtTest import QTest
+
+from napari_unpack.geometry.length_unit import MICRO, LengthUnit
+from napari_unpack.io import open_session, save_objects_csv, save_session
+from napari_unpack.io.report import save_objects_page
+from napari_unpack.widgets.object_model import Column
+from opened_panel import add_bag, controller_with, rest
+
+ONE, TWO = ("\u2009×\u2009".join(edges) for edges in ("111", "211"))
+
+
+def _told(panel: Any) -> tuple[str, str, str]:
+    """Return title and first cell of the volumes, and the title of the sizes."""
+    model, across = panel.objects.model, Qt.Orientation.Horizontal
+    titles = [model.headerData(c, across, 0) for c in (Column.VOLUME, Column.SIZE)]
+    return titles[0], model.data(model.index(0, Column.VOLUME)), titles[1]
+
+
+def test_table_facts_page_and_csv_follow_the_unit(
+    panel: Any, piled: Any, qtbot: QtBot, tmp_path: Path
+) -> None:
+    voxels, names = panel.segment.voxels, panel.segment.voxels.names
+    assert (voxels.size.text(), names.currentText()) == (TWO, "mm")
+    assert _told(panel) == ("cm³", "8.9", "Size, mm")
+    panel.commands.inspect(1)
+    qtbot.waitUntil(lambda: "cm³" in panel.unpack.inspection.facts.text(), timeout=20000)
+    # A file that says mm may mean µm: the numbers stay.
+    panel.segment.fold.setChecked(False)
+    QTest.keyClick(names, Qt.Key.Key_Down)
+    rest(panel, qtbot)
+    volume = float(piled.objects["volume_mm3"][1])
+    assert piled.length_unit == LengthUnit(MICRO)
+    assert (voxels.size.text(), _told(panel)) == (TWO, ("µm³", f"{volume:.0f}", "Size, µm"))
+    assert f"{volume:.0f} µm³" in panel.unpack.inspection.facts.text()
+    page = save_objects_page(piled, tmp_path / "page.html", backend="cpu").read_text("utf-8")
+    assert "Volume µm³" in page
+    assert "Size µm" in page
+
+    QTest.keyClick(names, Qt.Key.Key_Down)
+    rest(panel, qtbot)
+    count = int(piled.objects["voxels"][1])
+    assert _told(panel) == ("voxels", str(count), "Size, voxels")
+    save_objects_csv(piled.objects, tmp_path / "table.csv", piled.length_unit)
+    table = pd.read_csv(tmp_path / "table.csv", index_col="id")
+    assert table["volume_voxels"][1] == pytest.approx(count, rel=1e-5)
+    assert table["z"][1] == pytest.approx(piled.objects["z"][1] / 2 ** (1 / 3), rel=1e-5)
+    save_session(piled, tmp_path / "saved.unpack")
+    assert open_session(tmp_path / "saved.unpack").length_unit == piled.length_unit
+
+
+@pytest.mark.parametrize(
+    ("units", "scale", "unit", "size"),
+    [
+        ("um", (2, 1, 1), MICRO, TWO),
+        ("nm", (2000, 1000, 1000), MICRO, TWO),
+        ("pixel", (2, 1, 1), "mm", TWO),
+        ("pixel", (1, 1, 1), "voxels", ONE),
+    ],
+)
+def test_the_unit_is_the_layers_where_napari_knows_it(
+    viewer: Any, panel: Any, qtbot: QtBot, units: str, scale: tuple[int, ...], unit: str, size: str
+) -> None:
+    image, labels = add_bag(viewer)
+    for layer in (image, labels):
+        layer.scale, layer.units = scale, (units,) * 3
+    session = controller_with(panel, qtbot, labels)
+    assert (panel.segment.voxels.size.text(), session.length_unit.name) == (size, unit)
+    if units == "um":
+        assert float(_told(panel)[1]) == pytest.approx(session.objects["voxels"][1] * 2, rel=1e-3)
