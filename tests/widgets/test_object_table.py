@@ -9,6 +9,7 @@ from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
+from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.object_model import ID, ObjectModel
@@ -38,6 +39,7 @@ def _session(names: tuple[str, ...], ids: tuple[int, ...]) -> SimpleNamespace:
         states=dict.fromkeys(ids, ObjectState.PACKED),
         hues={ids[0]: 0.0},
         tint_mode="hsv",
+        length_unit=MM,
         selected=frozenset(),
         examples=frozenset(),
         annotations=SimpleNamespace(colors={}, notes={}, flags={}),
@@ -98,7 +100,7 @@ def test_larger_objects_are_measured_in_cubic_centimetres(
     table.objects.load(session)
     title = table.rows.headerData(Column.VOLUME, Qt.Orientation.Horizontal, DISPLAY)
     assert title == "cm³"
-    assert sorted(_shown(table, Column.VOLUME)) == ["0.0", "123", "2.3"]
+    assert sorted(_shown(table, Column.VOLUME)) == ["0.01", "123", "2.3"]
 
 
 def test_swatches_wear_the_tints_of_the_picture(

@@ -187,10 +187,10 @@ def test_the_docked_table_shares_model_and_selection_and_remembers_its_columns(
     qtbot.waitUntil(lambda: table.selected_ids() == [4], timeout=5000)
 
     actions = {action.text(): action for action in table.columns_menu().actions()}
-    wanted = {"Order out", "Blocked by", "Note", "Size, mm", "Confidence", "Mean density"}
+    wanted = {"Order out", "Blocked by", "Note", "Size", "Confidence", "Mean density"}
     assert wanted <= actions.keys()
     assert not actions["Name"].isEnabled()
-    for title, column in (("Blocked by", Column.BLOCKERS), ("Size, mm", Column.SIZE)):
+    for title, column in (("Blocked by", Column.BLOCKERS), ("Size", Column.SIZE)):
         if not actions[title].isChecked():
             actions[title].trigger()
         assert not table.isColumnHidden(column)

@@ -53,6 +53,11 @@ class ObjectModel(QAbstractTableModel):
     sizes : ObjectSizes, optional
         Measures the objects as soon as a table shows their sizes; by default those are the edges
         of upright boxes.
+
+    Attributes
+    ----------
+    units : Units
+        In which lengths and volumes are told; those of the session.
     """
 
     def __init__(
@@ -69,7 +74,7 @@ class ObjectModel(QAbstractTableModel):
         self._session: Session | None = None
         self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}
-        self._units = Units.of(MM, 0.0)
+        self.units = Units.of(MM, 0.0)
         self._keys: dict[int, tuple[list[Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
@@ -83,7 +88,7 @@ class ObjectModel(QAbstractTableModel):
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
         self._rows = self._read()
-        self._units = self._measured_in()
+        self.units = self._measured_in()
         self.endResetModel()
 
     def _measured_in(self) -> Units:
@@ -106,8 +111,8 @@ class ObjectModel(QAbstractTableModel):
             self._unpackable = frozenset(unpackable)
         if first is not None:
             self._first = frozenset(first)
-        units, self._units = self._units, self._measured_in()
-        if units != self._units and self._rows:
+        units, self.units = self.units, self._measured_in()
+        if units != self.units and self._rows:
             across = Qt.Orientation.Horizontal
             self.headerDataChanged.emit(across, Column.VOLUME, Column.SIZE)
             last = self.index(len(self._rows) - 1, Column.SIZE)
@@ -179,6 +184,11 @@ class ObjectModel(QAbstractTableModel):
         ]
 
     @property
+    def widest(self) -> str:
+        """The text of the largest volume."""
+        return self.units.volume.text(max((row.volume for row in self._rows), default=0.0))
+
+    @property
     def knows_confidence(self) -> bool:
         """Whether the confidence of any object is known."""
         return any(not np.isnan(row.confidence) for row in self._rows)
@@ -224,7 +234,7 @@ class ObjectModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return None
         column = Column(section)
-        title, tip = self._units.title(column)
+        title, tip = self.units.title(column)
         answers = {Role.DisplayRole: title, Role.ToolTipRole: tip}
         return _alignment(column) if role == Role.TextAlignmentRole else answers.get(role)
 
@@ -265,7 +275,7 @@ class ObjectModel(QAbstractTableModel):
             case Role.TextAlignmentRole:
                 return _alignment(column)
             case Role.ToolTipRole:
-                return row.tooltip(column, self._units)
+                return row.tooltip(column, self.units)
             case _ if role == SORT:
                 return row.sort_key(column)
         own = {ID: row.id, STATE: row.state, FLAG: row.flag, SEARCHED: row.searched}
@@ -275,7 +285,7 @@ class ObjectModel(QAbstractTableModel):
         # Measured only where a table shows the column, and told once it is.
         if column == Column.SIZE and row.edges is None and self._measures is not None:
             self._measures.want()
-        return row.text(column, self._units)
+        return row.text(column, self.units)
 
     def _blockers_of(self, object_id: int) -> tuple[int, ...]:
         if self._blockers is None:

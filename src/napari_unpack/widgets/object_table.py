@@ -28,7 +28,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.object_columns import TITLES, Column, choice_of
+from napari_unpack.widgets.object_columns import Column, choice_of
 from napari_unpack.widgets.object_model import (
     FLAG,
     ID,
@@ -287,6 +287,7 @@ class ObjectTable(QTableView):
         self.rows.setSourceModel(model)
         self.setModel(self.rows)
         model.modelReset.connect(self._fit_columns)
+        model.headerDataChanged.connect(lambda *_: self._fit_columns())
         self._silent = False
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
@@ -348,11 +349,14 @@ class ObjectTable(QTableView):
 
     def _fit_columns(self) -> None:
         measure = self.fontMetrics().horizontalAdvance
+        titles = {c: self.objects.units.title(c)[0] for c in WIDTHS}
+        # Millions of voxels are longer than any number of cm³.
+        widest = WIDEST | {Column.VOLUME: max(WIDEST[Column.VOLUME], self.objects.widest, key=len)}
         widths = {
             c: max(
                 w,
-                measure(WIDEST.get(c, "")) + PADDING,
-                measure(title) + (PADDING if title else 0),
+                measure(widest.get(c, "")) + PADDING,
+                measure(titles[c]) + (PADDING if titles[c] else 0),
             )
             for c, w in WIDTHS.items()
         }
