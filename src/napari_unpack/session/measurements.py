@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.session.quantities import angle_words, length_words
 
 if TYPE_CHECKING:
@@ -87,7 +88,11 @@ class Measurement:
     @property
     def words(self) -> str:
         """What was measured, for people: "34.2 mm", or "90.0° (12.0 mm, 34.2 mm)"."""
-        lengths = ", ".join(length_words(mm) for mm in self.lengths)
+        return self.words_in(MM)
+
+    def words_in(self, unit: LengthUnit) -> str:
+        """Say what was measured in a unit of lengths."""
+        lengths = ", ".join(length_words(mm, unit) for mm in self.lengths)
         return lengths if self.angle is None else f"{angle_words(self.angle)} ({lengths})"
 
 

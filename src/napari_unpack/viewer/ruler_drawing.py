@@ -132,7 +132,8 @@ class RulerDrawing:
         if measured is None:
             return quads
         on_light = self._target.session.decorations.background.is_light
-        words = [length_words(mm) for mm in measured.lengths]
+        unit = self._target.session.length_unit
+        words = [length_words(mm, unit) for mm in measured.lengths]
         spots = [(a + b) / 2 for a, b in pairwise(pixels)]
         if measured.angle is not None:
             words.append(angle_words(measured.angle))

@@ -172,8 +172,7 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
     lines = [
         f"<b>{facts.name}</b>",
         f"length × width × height {size} {unit.name}, along its own axes",
-        f"{volume_words(facts.volume_mm3, unit)}, "
-        f"density {facts.mean:.0f} ± {facts.spread:.0f}",
+        f"{volume_words(facts.volume_mm3, unit)}, density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
         lines.append(f"{percent(facts.confidence)} sure that it is one whole object")

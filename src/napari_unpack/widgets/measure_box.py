@@ -118,8 +118,8 @@ class MeasureBox(Collapsible):
         self._fill()
 
     def _refresh(self, change: Change) -> None:
-        # Names may have changed with the states.
-        if change & (Change.MEASUREMENTS | Change.STATES | Change.LABELS):
+        # Names may have changed with the states, and the unit of lengths with the surroundings.
+        if change & (Change.MEASUREMENTS | Change.STATES | Change.LABELS | Change.SURROUNDINGS):
             self._fill()
 
     def _fill(self) -> None:
@@ -133,7 +133,8 @@ class MeasureBox(Collapsible):
             names = session.objects["name"]
             for one in measurements:
                 on = ", ".join(str(names[i]) for i in sorted(one.objects) if i in names.index)
-                item = QListWidgetItem(f"{one.words} on {on}" if on else one.words, self.list)
+                words = one.words_in(session.length_unit)
+                item = QListWidgetItem(f"{words} on {on}" if on else words, self.list)
                 item.setToolTip(f"{item.text()}. {AWAY}")
         self.list.setVisible(bool(measurements))
         height = self.list.fontMetrics().height() + PADDING
