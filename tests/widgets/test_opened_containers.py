@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import Qt
+from qtpy.QtCore import QPoint, Qt
 
+from mouse import move
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -100,6 +101,32 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     assert not workspace.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     assert workspace.controller.interaction.in_slice((10, 10, 10)) == 1
+
+
+def test_slices_show_what_is_inside_the_opened_object(studied: Any, qtbot: QtBot) -> None:
+    viewer, panel, outer, _ = studied
+    press(qtbot, panel.slices.button)
+    dock = panel.slices.dock
+    assert dock.linked.shape == outer.labels.shape
+    press(qtbot, panel.unpack.inspection.open)
+    inner, linked = panel.workspace.session, dock.linked
+    assert linked.shape == inner.labels.shape
+    center = inner.boxes.center(inner.ids[1], inner.spacing)
+    controller = panel.workspace.controller
+    assert controller.settle(60)
+    frame, widget = controller.frame, compat.native_canvas(viewer).native
+    row, col = frame.camera.project(center, frame.size)
+    for aside in (1, 0):
+        move(widget, QPoint(round(col) + aside, round(row)))
+        # napari hears of at most one movement in 5 ms.
+        qtbot.wait(20)
+    assert inner.labels[linked.crosshair] == controller.interaction.pointed != 0
+    qtbot.waitUntil(lambda: dock.settled, timeout=20000)
+    for plane, view in dock.views.items():
+        shape = inner.labels.shape
+        assert view.image.shape[:2] == (shape[plane.rows], shape[plane.cols])
+    press(qtbot, panel.unpack.back_to_bag)
+    assert dock.linked.shape == outer.labels.shape
 
 
 def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(

@@ -18,6 +18,7 @@ from napari_unpack.appearance import tints_of
 from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
 from napari_unpack.viewer.linked_slices import OUTSIDE
+from napari_unpack.widgets.slices_button import SlicesButton, remembered
 from opened_panel import CENTERS, at_rest, press, rest
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -288,10 +289,24 @@ def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(
     assert dock.isVisible()
     assert len(callbacks) == count
 
+    # What was open opens by itself with the first session of the next start.
+    assert remembered().value("open", type=bool)
+    panel.slices.end()
+    again = SlicesButton(panel.workspace)
+    panel.workspace.switched.emit()
+    assert again.button.isChecked()
+    assert again.dock.isVisible()
+    again.end()
+    panel.slices = SlicesButton(panel.workspace, panel)
+    press(qtbot, panel.slices.button)
+    dock = panel.slices.dock
+    drawn(dock, qtbot)
+    linked = dock.linked
+
     # Another session is shown in the same dock, and none is while there is none.
     panel.workspace.close()
     assert dock.linked is None
-    assert slices.z.image is None
+    assert dock.views[ALONG_Z].image is None
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=90000)
     drawn(dock, qtbot)

@@ -17,7 +17,7 @@ from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.rendering.slice_image import PLANES, Plane, Window, slice_image, window_for
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
-from napari_unpack.viewer.layer_tables import describe
+from napari_unpack.viewer.layer_tables import hint
 from napari_unpack.viewer.picking import Voxel
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 
 # Share of a tint in the colour of an object that is outside the bag, of that of a packed one.
 OUTSIDE = 0.3
+
+# Between two drawings of the marker: without a graphics card each takes as long, and the slices
+# are what the eye follows.
+MARK_MS = 60
 
 
 class SliceEvents(SignalGroup):
@@ -134,7 +138,7 @@ class LinkedSlices:
     def name_at(self, voxel: Voxel) -> str:
         """Return what the object of a voxel is called, empty for none."""
         object_id = self.object_at(voxel)
-        return describe(self._session, object_id) if object_id in self._session.states else ""
+        return hint(self._session, object_id) if object_id in self._session.states else ""
 
     def density_at(self, voxel: Voxel) -> float:
         """Return the density of a voxel."""
@@ -289,8 +293,11 @@ class LinkedSlices:
     def _mark(self, marked: bool) -> None:
         """Show the crosshair's point in the 3D view, or not."""
         if marked or self._marked:
-            self._controller.renderer.transition.repaint()
+            self._controller.scheduler.throttle(self.marker, MARK_MS, self._repaint)
         self._marked = marked
+
+    def _repaint(self) -> None:
+        self._controller.renderer.transition.repaint()
 
     def _marker_point(self, frame: Frame) -> Vector | None:
         renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)

@@ -15,19 +15,17 @@ from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 
 # As arrows in the view: light, with a dark line under it for bright objects.
-INK, HALO = (1.0, 0.92, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+INK, HALO = (1.0, 0.96, 0.6, 1.0), (0.0, 0.0, 0.0, 0.6)
 
-# Pixels from the middle to an arm's ends: the point itself stays visible.
-INNER, OUTER = 4.0, 15.0
+# Half the length of its lines, pixels.
+REACH = 13.0
 
-# Of what lies behind something: seen, but told from what lies before it.
-HIDDEN_OPACITY = 0.7
-
-ARMS = np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
+# Of what lies behind something: below one half, or it would hide the bright lines.
+HIDDEN_OPACITY = 0.49
 
 
 class PointMarker:
-    """Draws a cross of four arms, full where nothing is before its point and faint elsewhere.
+    """Draws a cross, bright where nothing is before its point and fainter elsewhere.
 
     Parameters
     ----------
@@ -37,35 +35,38 @@ class PointMarker:
 
     def __init__(self, point_in: Callable[[Frame], Vector | None]) -> None:
         self.point_in = point_in
-        self._strokes = [Stroke(HALO, 3.6) for _ in ARMS] + [Stroke(INK, 1.9) for _ in ARMS]
+        self._halos = [Stroke(HALO, 3.6) for _ in range(2)]
+        self._inks = [Stroke(INK, 2.0) for _ in range(2)]
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the cross's quads."""
         point = self.point_in(frame)
         if point is None:
             return ()
-        lines = arms_of(point, frame)
-        quads: list[Quad] = []
-        for stroke, line in zip(self._strokes, [*lines, *lines], strict=True):
-            full = stroke.quad(line, frame.camera, frame.size, 1.0)
-            if full is not None:
-                before = replace(full.place, ndc_depth=FRONT)
-                quads += [Quad(full.image, before, HIDDEN_OPACITY), full]
-        return quads
+        lines = lines_of(point, frame)
+        drawn = [
+            stroke.quad(line, frame.camera, frame.size, 1.0)
+            for strokes in (self._halos, self._inks)
+            for stroke, line in zip(strokes, lines, strict=True)
+        ]
+        at_depth = [quad for quad in drawn if quad is not None]
+        through = [
+            replace(quad, place=replace(quad.place, ndc_depth=FRONT), opacity=HIDDEN_OPACITY)
+            for quad in at_depth[len(self._halos) :]
+        ]
+        return at_depth + through
 
 
-def arms_of(point: Vector, frame: Frame) -> list[NDArray[np.float64]]:
-    """Return the arms of a cross, lines of two (3,) ends in pivot space.
+def lines_of(point: Vector, frame: Frame) -> list[NDArray[np.float64]]:
+    """Return the lines of a cross, each of two (3,) ends in pivot space.
 
     Parameters
     ----------
     point : (3,) ndarray of float64
         Pivot space, mm.
     frame : Frame
-        In whose image the arms have one length at any depth.
+        In whose image they have one length at any depth.
     """
     camera = frame.camera
-    mm = camera.height / frame.size[0] * (1.0 - point[0] / camera.distance)
-    ends = np.zeros((len(ARMS), 2, 3))
-    ends[:, :, 1:] = ARMS[:, None, :] * (np.array([INNER, OUTER]) * mm)[None, :, None]
-    return list(point + ends)
+    mm = REACH * camera.height / frame.size[0] * (1.0 - point[0] / camera.distance)
+    return [point + mm * np.array([-way, way]) for way in np.eye(3)[1:]]

@@ -83,10 +83,11 @@ class SlicesButton(QObject):
         """Show whether the dock is open, however it was opened or closed."""
         with QSignalBlocker(self.button):
             self.button.setChecked(shown)
-        # With the whole window it is hidden too, and will be open the next time.
         window = native_window(self._workspace.viewer)
-        if window is not None and window.isVisible():
-            remembered().setValue("open", shown)
+        # With the whole window, or what is left of it, it is hidden too, and open the next time.
+        with suppress(RuntimeError):
+            if window is not None and window.isVisible():
+                remembered().setValue("open", shown)
 
 
 def remembered() -> QSettings:

@@ -56,6 +56,9 @@ class SlicesDock(QWidget):
         self.overlay.setToolTip("How much of an object's colour lies over the greys.")
         self.black = _density("Densities up to this are black.")
         self.white = _density("Densities from this on are white.")
+        names = {self.overlay: "Colours", self.black: "Black density", self.white: "White density"}
+        for control, name in names.items():
+            control.setAccessibleName(name)
         self.automatic = button(
             "Automatic greys", "Take black and white from the contrast limits of the image."
         )
