@@ -18,7 +18,8 @@ from napari_unpack.appearance import tints_of
 from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
 from napari_unpack.viewer.linked_slices import OUTSIDE
-from napari_unpack.widgets.slices_button import SlicesButton, remembered
+from napari_unpack.widgets.remembered import remembered
+from napari_unpack.widgets.slices_button import OPEN, SlicesButton
 from opened_panel import CENTERS, at_rest, press, rest
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -231,6 +232,13 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     session.tint_mode = "safe"
     np.testing.assert_allclose(color(), expected(0.8), atol=2)
 
+    # A colour of its own is the object's here too, with the opacity that was chosen.
+    session.annotations.set_color([1], (0.0, 1.0, 0.0, 0.5))
+    drawn(dock, qtbot)
+    np.testing.assert_allclose(linked.tints()[1], (0, 1, 0, 0.4), atol=1e-6)
+    assert color()[1] > color()[0]
+    session.annotations.set_color([1], None)
+
     low, high = linked.window
     QTest.mousePress(view, RIGHT, PLAIN, pos=QPoint(40, 40))
     move(view, QPoint(70, 40), RIGHT)
@@ -290,7 +298,7 @@ def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(
     assert len(callbacks) == count
 
     # What was open opens by itself with the first session of the next start.
-    assert remembered().value("open", type=bool)
+    assert remembered().value(OPEN, type=bool)
     panel.slices.end()
     again = SlicesButton(panel.workspace)
     panel.workspace.switched.emit()

@@ -210,9 +210,12 @@ class LinkedSlices:
         """Return the (M, 4) tints of slices: those of the 3D view, faint for what is outside."""
         session = self._session
         tints = tints_of(session.hues, session.label_data.largest_id, mode=session.tint_mode)
+        # Opacity as it was chosen: a slice has no depth in which it would add up.
+        for object_id, color in session.annotations.colors.items():
+            tints[object_id] = color
         shares = {ObjectState.PACKED: 1.0, ObjectState.HIDDEN: 0.0}
         for object_id, state in session.states.items():
-            tints[object_id, 3] = self._overlay * shares.get(state, OUTSIDE)
+            tints[object_id, 3] *= self._overlay * shares.get(state, OUTSIDE)
         return tints
 
     def draw(self) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, QSettings, QSignalBlocker
+from qtpy.QtCore import QObject, QSignalBlocker
 
 from napari_unpack.layers.compat import native_window, unwrap
+from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button
 from napari_unpack.widgets.workspace import Workspace
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from napari_unpack.widgets.slices_dock import SlicesDock
 
 NAME = "Slices"
+# Of what is remembered.
+OPEN = "slices/open"
 
 
 class SlicesButton(QObject):
@@ -58,7 +61,7 @@ class SlicesButton(QObject):
     def _reopen(self) -> None:
         """Open the dock with the first session where it was open the last time."""
         first = self.dock is None and self._workspace.controller is not None
-        if first and remembered().value("open", False, type=bool):
+        if first and remembered().value(OPEN, False, type=bool):
             self.button.setChecked(True)
 
     def _toggle(self, wanted: bool) -> None:
@@ -87,13 +90,4 @@ class SlicesButton(QObject):
         # With the whole window, or what is left of it, it is hidden too, and open the next time.
         with suppress(RuntimeError):
             if window is not None and window.isVisible():
-                remembered().setValue("open", shown)
-
-
-def remembered() -> QSettings:
-    """Return what is kept of the dock from one start of napari to the next."""
-    scope = QSettings.Scope.UserScope
-    # Of one format everywhere; napari's own settings take no keys of docks.
-    settings = QSettings(QSettings.Format.IniFormat, scope, "napari-unpack", "napari-unpack")
-    settings.beginGroup("slices")
-    return settings
+                remembered().setValue(OPEN, shown)

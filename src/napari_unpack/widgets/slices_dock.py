@@ -10,9 +10,9 @@ from qtpy.QtWidgets import QDoubleSpinBox, QGridLayout, QSlider, QWidget
 
 from napari_unpack.rendering.slice_image import PLANES
 from napari_unpack.viewer.linked_slices import LinkedSlices
+from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.slice_view import AXES, SliceView
-from napari_unpack.widgets.slices_button import remembered
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.wheel_guard import WheelGuard
 from napari_unpack.widgets.workspace import Workspace
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from napari_unpack.rendering.slice_image import Plane
     from napari_unpack.viewer.controller import SessionController
     from napari_unpack.viewer.picking import Voxel
+
+# Of what is remembered.
+OVERLAY = "slices/overlay"
 
 # Wider than that by its height the dock has all in one row, and narrower in one column.
 WIDE, NARROW = 2.2, 0.62
@@ -52,7 +55,7 @@ class SlicesDock(QWidget):
         self.where = label("", "status", wrap=True)
         self.overlay = QSlider(Qt.Orientation.Horizontal)
         self.overlay.setRange(0, 100)
-        self.overlay.setValue(int(remembered().value("overlay", 50)))
+        self.overlay.setValue(int(remembered().value(OVERLAY, 50)))
         self.overlay.setToolTip("How much of an object's colour lies over the greys.")
         self.black = _density("Densities up to this are black.")
         self.white = _density("Densities from this on are white.")
@@ -226,7 +229,7 @@ class SlicesDock(QWidget):
             view.fit()
 
     def _set_overlay(self, percent: int) -> None:
-        remembered().setValue("overlay", percent)
+        remembered().setValue(OVERLAY, percent)
         if self._linked is not None:
             self._linked.overlay = percent / 100
 
