@@ -15,7 +15,7 @@ PLUGIN_WORKERS ?= $(subst -n 2,-n 4,$(WORKERS))
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
 
-.PHONY: setup kernels demo test test-plain test-plugin lint bench soak screenshots clean
+.PHONY: setup kernels demo test test-plain test-plugin lint bench soak fuzz screenshots clean
 
 setup: $(READY)
 
@@ -63,6 +63,11 @@ lint: $(READY)
 bench: $(READY) kernels
 	@$(BIN)/python -m pip install --quiet -c constraints.txt --group bench
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
+
+# Damaged files and killed saves for as long as it is let: make fuzz SECONDS=600.
+fuzz: $(READY)
+	@$(BIN)/python tests/io/damaged_files.py $(or $(SECONDS),600)
+	@folder=$$(mktemp -d) && $(BIN)/python tests/io/saves_at_risk.py killed $$folder/killed 200; rm -rf $$folder
 
 # An hour of random commands on the plugin; make soak SECONDS=600 for less.
 soak: $(READY) kernels

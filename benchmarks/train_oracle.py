@@ -25,7 +25,7 @@ from scipy.ndimage import gaussian_filter
 from napari_unpack.segmentation import Oracle, segment
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import default_oracle, fit_features
-from napari_unpack.segmentation.evaluation import contingency, iou_table
+from napari_unpack.segmentation.evaluation import best_iou
 from napari_unpack.segmentation.training import oracle_examples, true_objects
 from napari_unpack.simulation import simulate_bag
 
@@ -75,7 +75,7 @@ def coarser(bag: Any, seed: int) -> Solids:
 def found_examples(bag: Any) -> Examples:
     """Return the features of what is found in a bag, of objects and of what is none."""
     labels = segment(bag.volume, bag.spacing).labels
-    overlap = iou_table(contingency(bag.labels, labels)).max(axis=0, initial=0.0)
+    overlap = best_iou(bag.labels, labels)
     good, bad = [], []
     regions = true_objects(bag.volume, labels, bag.spacing, 1)
     for region, iou in zip(regions, overlap.tolist(), strict=True):
@@ -139,7 +139,7 @@ def quality(oracle: Oracle, seeds: range) -> dict[str, float]:
         for side, rows in zip((good, bad), oracle_examples(bag, seed), strict=True):
             side.extend(rows)
         found = segment(bag.volume, bag.spacing).labels
-        iou = iou_table(contingency(bag.labels, found)).max(axis=0, initial=0.0)
+        iou = best_iou(bag.labels, found)
         regions = list(true_objects(bag.volume, found, bag.spacing, 1))
         scores.extend(oracle.scores(np.array([features(r) for r in regions])).tolist())
         overlaps.extend(iou.tolist())

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.segmentation.classifier_training import Scan, train
 from benchmarks.segmentation.pair_examples import fit_classifier
-from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
     MOST_RIVALS,
@@ -92,7 +92,7 @@ def border_examples(
 
 def owners(labels: NDArray[np.int32], truth: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
     """Return the true object that each label mostly is, 0 where it is none's or several's."""
-    table = contingency(labels, truth)
+    table = Overlaps.of(labels, truth).table
     compact = np.flatnonzero(np.bincount(labels.reshape(-1)))
     objects = np.unique(np.append(truth.reshape(-1), 0))
     main = table.argmax(axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from napari_unpack.segmentation.evaluation import contingency
+from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.learned.pair_classifier import (
     PAIR_FEATURES,
     PairClassifier,
@@ -90,7 +90,7 @@ def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np
     (M, T) ndarray of float64
         Row 0 is empty.
     """
-    table = contingency(parts, truth)
+    table = Overlaps.of(parts, truth).table
     compact = np.flatnonzero(np.bincount(parts.reshape(-1)))
     found = np.zeros((int(parts.max(initial=0)) + 1, table.shape[1]))
     found[compact[compact > 0]] = table[1:]

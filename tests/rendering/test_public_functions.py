@@ -231,6 +231,7 @@ ONES = np.ones((3, 3, 3), np.uint16)
         ({"tints": {1: (1, 2, 0)}}, ValueError, "tints"),
         ({"tints": {1: (1, 0)}}, ValueError, "tints"),
         ({"step": 0.0}, ValueError, "step"),
+        ({"step": 1e-12}, ValueError, "step must be a number of mm, .* or more"),
         ({"clipping": [[0, 0, 1]]}, ValueError, "clipping"),
     ],
 )

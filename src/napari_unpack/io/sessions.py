@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
-import zlib
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, TYPE_CHECKING, Any
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.io.json_fields import Fields
+from napari_unpack.io.read_errors import read_errors_told
 from napari_unpack.io.session_archive import (
     MANIFEST,
     ArrayFacts,
@@ -156,7 +155,7 @@ def open_session(
     volume, labels : (Z, Y, X) ndarray, optional
         The arrays themselves, for a session that refers to files which are gone.
     progress : callable, optional
-        Takes (fraction, text); raising in it cancels.
+        Takes (fraction, text); raising `Cancelled` in it cancels.
 
     Raises
     ------
@@ -171,7 +170,7 @@ def open_session(
     source = Path(path).expanduser()
     tell = progress or no_progress
     tell(0.0, "Opening the session")
-    try:
+    with read_errors_told(source):
         with opened_for_reading(source) as store:
             fields = _manifest(store, source)
             given = {"volume": volume, "labels": labels}
@@ -187,10 +186,8 @@ def open_session(
                 )
                 for name in ("volume", "labels")
             }
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
-        raise ValueError(f"{source} is damaged or not whole: {error}") from error
-    tell(0.8, "Making the session ready")
-    session = session_from(fields["session"], found["volume"], found["labels"])
+        tell(0.8, "Making the session ready")
+        session = session_from(fields["session"], found["volume"], found["labels"])
     tell(1.0, "Opened")
     return session
 
@@ -206,7 +203,7 @@ def standing_of(path: str | Path) -> NDArray[np.float64] | None:
         If it is damaged, or no affine that can be inverted.
     """
     source = Path(path).expanduser()
-    with opened_for_reading(source) as store:
+    with read_errors_told(source), opened_for_reading(source) as store:
         fields = _manifest(store, source)
     if not fields.has("standing"):
         return None

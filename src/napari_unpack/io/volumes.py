@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import check_space, check_writable
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
+from napari_unpack.io.read_errors import read_errors_told
 from napari_unpack.io.scan import Scan, Spacing, checked_label_array
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
@@ -188,7 +189,8 @@ def read_file(path: str | Path) -> FileData:
     # Every reader would say something else about an empty file.
     if file.is_file() and file.stat().st_size == 0:
         raise ValueError(f"{file} is empty")
-    return _reader(file)(file)
+    with read_errors_told(file):
+        return _reader(file)(file)
 
 
 def _reader(file: Path) -> Callable[[Path], FileData]:

@@ -139,7 +139,9 @@ class Oracle:
         except FileNotFoundError:
             raise
         except (*_UNREADABLE, zipfile.BadZipFile, zlib.error) as error:
-            raise ValueError(f"{path} is not an oracle, or is damaged: {error}") from error
+            raise ValueError(
+                f"{path} is not an oracle, or is damaged: {str(error)[:300]}"
+            ) from error
         if str(found.get("format")) != FORMAT or tuple(found.get("features", ())) != FEATURES:
             raise ValueError(
                 f"{path} is not an oracle of this version ({FORMAT}, {len(FEATURES)} features); "

@@ -1,0 +1,45 @@
+"""One boundary around everything that reads a file: any failure is one sentence that names it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from napari_unpack.tasks import Cancelled
+
+
+_LONGEST = 400
+"""Characters of a message: what fits into a window."""
+
+
+@contextmanager
+def read_errors_told(file: Path) -> Iterator[None]:
+    """Turn whatever a damaged file has a library raise into one sentence.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, and what was found in it.
+    FileNotFoundError, PermissionError, ImportError, Cancelled
+        As they are: these say already what is to be done.
+    """
+    try:
+        yield
+    except (FileNotFoundError, PermissionError, ImportError, Cancelled):
+        raise
+    except ValueError as error:
+        # Some quote what they found, which may be pages of bytes.
+        sentence = " ".join(str(error).split())[:_LONGEST]
+        if file.name in sentence and sentence == str(error):
+            raise
+        # A library's own sentence may not say which file it was given, and go on for lines.
+        raise ValueError(sentence if file.name in sentence else f"{file}: {sentence}") from error
+    except MemoryError as error:
+        raise ValueError(f"{file} asks for more memory than there is: is it damaged?") from error
+    except Exception as error:
+        # Whatever a damaged file may hold: each library has errors of its own for it.
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(
+            f"{file} is damaged or not whole, or of another format ({reason[:_LONGEST]})"
+        ) from error
