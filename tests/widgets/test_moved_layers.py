@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
+from qtpy.QtWidgets import QMessageBox
 
+from mouse import LEFT
 from opened_panel import press, rest
 
 
@@ -47,6 +49,8 @@ def test_another_voxel_size_is_said_and_used_on_demand(
     assert said.startswith("The voxels of 'bag' are 4 x 1 x 1 mm now, and 2 x 1 x 1 mm in the 3D")
     assert not panel.segment.fold.isChecked()
     press(qtbot, panel.segment.rescale)
+    # What is unpacked would be lost.
+    qtbot.mouseClick(panel.unsaved.question.button(QMessageBox.StandardButton.Discard), LEFT)
     qtbot.waitUntil(lambda: panel.workspace.session not in (session, None), timeout=20000)
     rest(panel, qtbot)
     fresh = panel.workspace.session

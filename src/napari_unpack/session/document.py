@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -253,8 +253,9 @@ class Document:
         self.see(view=view, camera=camera)
         self.events.view.emit(camera)
 
-    def resize(self, size: tuple[int, int]) -> None:
+    def resize(self, wanted: Sequence[int]) -> None:
         """Take over the window's height and width in pixels."""
+        size = int(wanted[0]), int(wanted[1])
         if size == self.view_state.canvas_size:
             return
         self.see(canvas_size=size)

@@ -202,10 +202,7 @@ class Session:
         lambda s, v: s._set_rules(take_least_occluded=bool(v)),
     )
     """Where nothing is unpackable: True takes the least occluded object, False raises."""
-    canvas_size = Setting(
-        lambda s: s._doc.view_state.canvas_size,
-        lambda s, v: s._doc.resize((int(v[0]), int(v[1]))),
-    )
+    canvas_size = Setting(lambda s: s._doc.view_state.canvas_size, lambda s, v: s._doc.resize(v))
     """Height and width of the window in pixels; slots are planned for it."""
     camera = Read(lambda s: s._doc.view_state.camera)
     """The view with nothing left open; `look` sets it."""
@@ -228,8 +225,7 @@ class Session:
     )
     """Whether matter that belongs to no object shows; told as the transfer function."""
     locked_hues = Setting(
-        lambda s: s._doc.view_state.locked_hues,
-        lambda s, v: s._doc.see(locked_hues=frozenset(v)),
+        lambda s: s._doc.view_state.locked_hues, lambda s, v: s._doc.see(locked_hues=frozenset(v))
     )
     """Objects whose hue recolouring leaves alone."""
     hue_margin = Setting(
@@ -237,8 +233,7 @@ class Session:
     )
     """Fraction of every hue arc left empty; neighbours are at least hue_margin / C apart."""
     away_from_table = Setting(
-        lambda s: s._doc.view_state.up,
-        lambda s, v: s._doc.see(up=unit(v, "away_from_table")),
+        lambda s: s._doc.view_state.up, lambda s, v: s._doc.see(up=unit(v, "away_from_table"))
     )
     """What is up: unit vector in world, by default -y; a viewer sets what it shows as up.
 
