@@ -8,7 +8,6 @@ from pathlib import Path
 
 from napari_unpack.tasks import Cancelled
 
-
 _LONGEST = 400
 """Characters of a message: what fits into a window."""
 
