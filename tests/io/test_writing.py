@@ -21,6 +21,15 @@ def test_the_table_of_objects_has_the_id_first(tmp_path: Path) -> None:
     assert rows == [["id", "name", "voxels"], ["3", "soap", "12"], ["7", "shoe, left", "34"]]
 
 
+def test_a_name_is_no_formula_in_a_spreadsheet(tmp_path: Path) -> None:
+    names = ["=1+1", "@now", "-2", "+3", "a=b", "soap"]
+    objects = pd.DataFrame({"name": names, "z": [-1.5] * 6}, index=range(1, 7))
+    with save_objects_csv(objects, tmp_path / "a.csv").open(newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    assert [row[1] for row in rows] == ["'=1+1", "'@now", "'-2", "'+3", "a=b", "soap"]
+    assert {row[2] for row in rows} == {"-1.5"}, "numbers stay numbers"
+
+
 def test_a_png_holds_straight_colours(tmp_path: Path) -> None:
     image = np.zeros((2, 3, 4), np.float32)
     image[0, 0] = (0.25, 0.5, 0.0, 0.5)

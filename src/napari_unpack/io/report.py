@@ -286,11 +286,16 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
         which.
     """
     target = Path(path)
-    objects = _in_unit(objects, unit)
+    objects = _in_unit(objects, unit).map(_not_a_formula)
     with written_atomically(target) as temporary:
         # Six digits are more than any measure has; one line end on every system.
         objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
     return target
+
+
+def _not_a_formula(value: Any) -> Any:
+    # Spreadsheets run text that begins so; an apostrophe makes it text, and is not shown.
+    return f"'{value}" if isinstance(value, str) and value[:1] in set("=+-@\t\r") else value
 
 
 def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
