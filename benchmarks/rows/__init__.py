@@ -29,6 +29,7 @@ ORDER = (
     "scaling",
     "costs",
     "plugin_start",
+    "stalls",
     "gpu",
     "card_memory",
     "sprite_memory",

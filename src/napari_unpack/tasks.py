@@ -73,3 +73,11 @@ class TaskResult(Generic[T]):
         if self.error is not None:
             raise self.error
         return self.result  # type: ignore[return-value]
+
+
+def attempt(work: Callable[[], T]) -> TaskResult[T]:
+    """Return what becomes of work: its result, or the error that it raised."""
+    try:
+        return TaskResult(work())
+    except Exception as error:
+        return TaskResult(error=error)

@@ -25,6 +25,7 @@ from vispy.gloo.context import get_current_canvas
 
 if TYPE_CHECKING:
     import napari
+    from napari.utils.colormaps import CyclicLabelColormap, DirectLabelColormap
     from qtpy.QtWidgets import QMainWindow
     from vispy.scene import SceneCanvas
 
@@ -52,6 +53,21 @@ except ImportError as error:
 def problem() -> str:
     """Return why this napari cannot show our layers, a sentence to show; empty where it can."""
     return _PROBLEM
+
+
+def color_labels(colormap: CyclicLabelColormap | DirectLabelColormap, labels: ArrayLike) -> None:
+    """Colour labels as napari's thumbnails and canvas do, so that it has compiled that.
+
+    Parameters
+    ----------
+    colormap : CyclicLabelColormap or DirectLabelColormap
+    labels : array_like of int
+    """
+    values = np.asarray(labels)
+    colormap.map(values)
+    # Without it the first look at labels would compile for a second, in the middle of a frame.
+    with suppress(AttributeError):
+        colormap._data_to_texture(values)
 
 
 def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:

@@ -347,6 +347,12 @@ class _Idle:
     holds: dict[str, Callable[[], bool]] = field(default_factory=dict)
 
 
+def on_main_thread() -> bool:
+    """Return whether this is the thread of an event loop of Qt."""
+    main = threading.current_thread() is threading.main_thread()
+    return main and QCoreApplication.instance() is not None
+
+
 class Scheduler:
     """Says what runs when, for one dock widget or one controller.
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from napari.layers import Labels
 
-from napari_unpack.tasks import Progress
-from napari_unpack.viewer.scheduler import Scheduler, Worker
+from napari_unpack.tasks import Progress, Task
+from napari_unpack.viewer.scheduler import Scheduler, Worker, on_main_thread
 from napari_unpack.widgets.notifications import errors_shown, inform
 
 if TYPE_CHECKING:
@@ -124,6 +124,22 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
         "rendering": "attenuated_mip",
     }
     return [(bag.volume, shown | placed, "image"), (bag.labels, truth | placed, "labels")]
+
+
+def packed_bag_sample() -> list[LayerData]:
+    """Return `packed_bag()` to napari, which asks for it on its main thread, drawing meanwhile."""
+    from napari.utils import progress
+
+    if not on_main_thread():
+        return packed_bag()
+    scheduler = Scheduler(inform)
+    with progress(total=0, desc="Packing a bag"):
+        made = scheduler.run_modal(
+            Task("packed bag", lambda p: packed_bag(progress=p)), Worker.LONG
+        )
+    scheduler.close()
+    # Where it failed the reason has been told.
+    return made or READ_ELSEWHERE
 
 
 def get_session_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:

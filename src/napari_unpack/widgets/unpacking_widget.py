@@ -12,6 +12,8 @@ from qtpy.QtCore import QEvent, QObject, QSize, Qt
 from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.layers import compat
+from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.viewer.warm_up import warm_up_task
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
@@ -155,6 +157,7 @@ class UnpackingWidget(QWidget):
         # `Viewer.close` deletes the panel before it could end; long work would run on.
         self.destroyed.connect(lambda *_: scheduler.close())
         self.destroyed.connect(lambda *_: release())
+        scheduler.submit(warm_up_task(), Worker.LONG, lambda _: None, failed=lambda _: None)
 
     def _arrange(self) -> None:
         inside = QWidget()

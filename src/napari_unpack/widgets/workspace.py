@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from qtpy.QtCore import QObject, Signal
 
 from napari_unpack.session.containers import OpenedBefore
-from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.tasks import Task, attempt
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets import notifications
 
 if TYPE_CHECKING:
@@ -195,7 +196,16 @@ class Workspace(QObject):
         if controller is None:
             return
         session = controller.session
-        inner = self._containers.open(session, object_id, controller.rotation_of(object_id))
+        rotation = controller.rotation_of(object_id)
+        # In a worker: to tell the parts of a large object apart takes a second.
+        task = Task(
+            ("open", object_id),
+            lambda _: attempt(lambda: self._containers.open(session, object_id, rotation)),
+        )
+        found = self.scheduler.run_modal(task, Worker.LONG)
+        if found is None or self.controller is not controller:
+            return
+        inner = found.get()
         # An inspection holds the camera; the view to return to is the one before it.
         controller.renderer.end_inspection()
         view = SavedView.of(self.viewer.scene.camera)
