@@ -33,6 +33,9 @@ STAGGER = 0.2
 
 UNSTRETCHED = np.eye(3)
 
+# Along each axis, of the voxels that the outline of the whole bag is taken from.
+SILHOUETTE_VOXELS = 64
+
 CORNERS = np.indices((2, 2, 2)).reshape(3, 8)
 """Which end of a box each of its corners has along z, y and x."""
 
@@ -78,6 +81,16 @@ class Bag:
     def radius(self) -> float:
         """Radius of the sphere about `center` that holds every object's box, mm."""
         return self.radius_in(np.eye(3))
+
+    @cached_property
+    def silhouette(self) -> NDArray[np.float64]:
+        """(n, 3) corners of the hull of all objects, world mm, to within a sixtieth of the bag."""
+        # Every k-th voxel: to frame the bag no more is needed, and large volumes have millions.
+        steps = tuple(-(-n // SILHOUETTE_VOXELS) for n in self.labels.shape)
+        coarse = self.labels[tuple(slice(None, None, k) for k in steps)]
+        points = outline(coarse > 0, (0, 0, 0), self.spacing * steps)
+        # Where all is smaller than k voxels, its boxes tell as much.
+        return hull_vertices(points) if len(points) else np.stack([self.lower, self.upper])
 
     def radius_in(self, stretch: Matrix) -> float:
         """Return the radius, mm, in a world that is stretched so (`Camera.stretch`)."""

@@ -190,7 +190,7 @@ def _cells(
     count: int, height: int, width: int, side: float, radius: float, gap: float
 ) -> tuple[NDArray[np.float64], int]:
     inside = _grid(height, width, side, gap)
-    inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9])
+    inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9], height, width, side)
     if len(inside) >= count:
         return inside[:count], count
     # Too small a window: further columns on the same pitch beyond its left and right edges,
@@ -210,14 +210,19 @@ def _cells(
     return np.concatenate([inside, np.array(outside)])[:count], len(inside)
 
 
-def _in_order(cells: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Order cells for filling: rows from the middle outwards, in a row near the bag first.
+def _in_order(
+    cells: NDArray[np.float64], height: float, width: float, side: float
+) -> NDArray[np.float64]:
+    """Order cells for filling: first those that the least of the window holds with the bag.
 
-    Sprites so flank the bag and grow up and down, right and left in turn. Bags are wide rather
-    than high, so that the cells in the corners, though near the circle, look far from the bag.
+    The camera so draws back in few steps as objects come out. Of cells that need the same, rows
+    go from the middle outwards, in a row near the bag first: sprites flank the bag and grow up
+    and down, right and left in turn. Bags are wide rather than high, so that the cells in the
+    corners, though near the circle, look far from the bag.
     """
     row, col = np.round(cells, 6).T
-    return cells[np.lexsort((col < 0, np.abs(col), row > 0, np.abs(row)))]
+    part = np.maximum((np.abs(row) + side / 2) / height, (np.abs(col) + side / 2) / width)
+    return cells[np.lexsort((col < 0, np.abs(col), row > 0, np.abs(row), np.round(part, 6)))]
 
 
 def _mm_per_pixel(radius_mm: float, radius_px: float, height_px: int, fov: float) -> float:

@@ -96,41 +96,47 @@ class Inspection:
     Parameters
     ----------
     object_id : int
-    home : Pose
-        Where it waits otherwise, pivot space.
+    home : Pose or None
+        Where it waits otherwise, pivot space. None: it is in the bag, and stays there.
     diameter : float
         Diagonal of its box, mm, at scale 1.
     rotation : (3, 3) ndarray of float64
         How it is turned now.
     since : float
-        When it began to come, or to go, s.
+        When it began to come, or to go, s; in the bag, when the camera moved last.
     leaving : bool
         Whether it is on its way back.
 
     Notes
     -----
     docs/paper.md, R15: the object turns, not the camera. The framed pose follows the camera,
-    so zooming zooms it.
+    so zooming zooms it. One that is in the bag is looked at where it lies, among its dimmed
+    neighbours: there the camera comes near, and goes round it.
     """
 
     object_id: int
-    home: Pose
+    home: Pose | None
     diameter: float
     rotation: Matrix
     since: float
     height: float
     leaving: bool = False
 
-    def pose(self, now: float, aspect: float) -> Pose:
+    def pose(self, now: float, frame: Frame, center: Vector) -> Pose:
         """Return where it is now.
 
         Parameters
         ----------
         now : float
             s, on the clock of `since`.
-        aspect : float
-            Width of the view over its height.
+        frame : Frame
+            What the canvas shows.
+        center : (3,) ndarray of float64
+            Of its box in the bag, world mm.
         """
+        if self.home is None:
+            return packed_pose(center, frame.camera)
+        aspect = frame.size[1] / frame.size[0]
         eased = ease((now - self.since) / FRAMING_SECONDS)
         fraction = 1.0 - eased if self.leaving else eased
         framed = Pose(np.zeros(3), self.rotation, self.framed_scale(aspect))
@@ -154,22 +160,23 @@ class Inspection:
 
 
 def inspection_of(
-    object_id: int, home: Pose, diameter: float, camera: Camera, now: float
+    object_id: int, home: Pose | None, diameter: float, camera: Camera, now: float
 ) -> Inspection:
     """Begin an inspection: the object keeps its turn, the view of now is to be filled.
 
     Parameters
     ----------
     object_id : int
-    home : Pose
-        Where it waits otherwise, pivot space.
+    home : Pose or None
+        Where it waits otherwise, pivot space; None in the bag.
     diameter : float
         Diagonal of its box, mm.
     camera : Camera
     now : float
         The time, s.
     """
-    return Inspection(object_id, home, diameter, home.rotation, now, camera.height)
+    rotation = camera.rotation if home is None else home.rotation
+    return Inspection(object_id, home, diameter, rotation, now, camera.height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +279,8 @@ class Animator:
                 objects[object_id] = Moving(pose)
         if self.inspection is not None:
             one = self.inspection
-            pose = one.pose(now, frame.size[1] / frame.size[0])
+            center = session.boxes.center(one.object_id, np.asarray(session.spacing))
+            pose = one.pose(now, frame, center)
             # A turned one is cast coarsely, so that it follows the hand.
             still = one.still(now) and one.object_id not in self.turning
             objects[one.object_id] = Moving(pose, in_front=True, sharp=still)
@@ -307,11 +315,20 @@ class Animator:
         session = self._session
         spacing = np.asarray(session.spacing, dtype=np.float64)
         home = session.poses.get(object_id)
-        # It is inspected in the bag.
-        if home is None:
-            home = packed_pose(session.boxes.center(object_id, spacing), frame.camera)
         diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
         self.inspection = inspection_of(object_id, home, diameter, frame.camera, now)
+
+    def view_changed(self, now: float) -> None:
+        """Take note that the camera moves: what is inspected in the bag is cast coarsely then.
+
+        Parameters
+        ----------
+        now : float
+            s, on the session's clock.
+        """
+        one = self.inspection
+        if one is not None and one.home is None and not one.leaving:
+            self.inspection = replace(one, since=now)
 
     def _shown_elsewhere(self, object_id: int, target: Pose | None) -> bool:
         if object_id in self._session.flights:

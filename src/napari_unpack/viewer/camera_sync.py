@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from napari_unpack.session import Session
 
 
-def point_camera(viewer: napari.Viewer, layer: PictureLayer, camera: Camera) -> None:
+def point_camera(
+    viewer: napari.Viewer, layer: PictureLayer, camera: Camera, turns: bool = True
+) -> None:
     """Have a viewer look as a camera does.
 
     Parameters
@@ -27,6 +29,8 @@ def point_camera(viewer: napari.Viewer, layer: PictureLayer, camera: Camera) -> 
         One of ours, which knows how world mm lie in napari's world.
     camera : Camera
         Of the session.
+    turns : bool, optional
+        False leaves its direction to the hand that may be turning the bag.
     """
     height = viewer.canvas.size[0]
     world = napari_from_world(layer, units_of(viewer))
@@ -34,7 +38,8 @@ def point_camera(viewer: napari.Viewer, layer: PictureLayer, camera: Camera) -> 
     theirs = viewer.scene.camera
     theirs.perspective = camera.fov
     theirs.center = tuple(center)
-    theirs.set_view_direction(tuple(direction), tuple(up))
+    if turns:
+        theirs.set_view_direction(tuple(direction), tuple(up))
     theirs.zoom = zoom
 
 

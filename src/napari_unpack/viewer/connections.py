@@ -15,7 +15,6 @@ from napari_unpack.viewer.placement_sync import PlacementSync
 from napari_unpack.viewer.protocols import Event
 from napari_unpack.viewer.redraw_throttle import RedrawThrottle
 from napari_unpack.viewer.slice_sync import SliceSteps
-from napari_unpack.viewer.viewer_state import SavedView
 
 if TYPE_CHECKING:
     from napari_unpack.viewer.controller import SessionController
@@ -31,7 +30,6 @@ class ControllerConnections:
 
     def __init__(self, controller: SessionController) -> None:
         self._controller = controller
-        self._view_before_inspection: SavedView | None = None
         self._closing: list[Callable[[], None]] = []
 
     def open(self) -> None:
@@ -45,6 +43,7 @@ class ControllerConnections:
         followed = one.outer_session or one.session
         one.slice_steps = steps = SliceSteps(viewer, followed, one.packed)
         one.interaction.open()
+        one.framing.open()
         clipping = ClippingSync(one.packed, one.session, one.sources, one.queries.moved)
         placement = PlacementSync(viewer, one.session, one.layers, one.sources, self._rescaled)
         context = ContextWatch(canvas, self._replace_context, scheduler.later)
@@ -57,6 +56,7 @@ class ControllerConnections:
         )
         self._closing = [
             one.interaction.close,
+            one.framing.close,
             compat.when_window_closes(viewer, one.close),
             self._disconnect,
             steps.close,
@@ -80,10 +80,11 @@ class ControllerConnections:
 
     def follow_states(self) -> None:
         """Follow the states of the session's objects."""
-        self._keep_view_during_inspection()
+        self._follow_inspection()
         self._controller.renderer.states_changed()
         self._controller.overlays.states_changed()
         self._controller.queries.moved()
+        self._controller.framing.follow()
 
     def _disconnect(self) -> None:
         for signal, slot in self._events():
@@ -113,26 +114,28 @@ class ControllerConnections:
         one = self._controller
         # Every redraw tells its frame; most show the same view.
         if not frame.same_as(one.frame):
+            resized = one.session.canvas_size != frame.size
             one.session.canvas_size = frame.size
             one.session.look(frame.camera)
             one.renderer.set_view(frame)
             one.overlays.set_view(frame)
             one.queries.moved()
+            if resized:
+                one.framing.follow()
 
     def _follow_other_frame(self, frame: Frame) -> None:
         # In a grid of views every layer has its own; the bag's is the one that counts.
         if not self._controller.packed.visible:
             self._follow_frame(frame)
 
-    def _keep_view_during_inspection(self) -> None:
+    def _follow_inspection(self) -> None:
         one = self._controller
-        inspecting = ObjectState.INSPECTED in one.session.states.values()
-        camera = one.viewer.scene.camera
-        if inspecting and self._view_before_inspection is None:
-            self._view_before_inspection = SavedView.of(camera)
-        elif not inspecting and self._view_before_inspection is not None:
-            self._view_before_inspection.give_back(camera, perspective=False)
-            self._view_before_inspection = None
+        states = one.session.states.items()
+        inspected = next((i for i, s in states if s is ObjectState.INSPECTED), 0)
+        if inspected:
+            one.framing.begin_inspection(inspected)
+        else:
+            one.framing.end_inspection()
 
     def _follow_queue(self) -> None:
         self._controller.overlays.states_changed()

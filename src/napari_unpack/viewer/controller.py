@@ -21,9 +21,10 @@ from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.background_queries import BackgroundQueries
-from napari_unpack.viewer.camera_sync import follow_placement, point_camera
+from napari_unpack.viewer.camera_sync import follow_placement
 from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.connections import ControllerConnections
+from napari_unpack.viewer.framing import Framing
 from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
@@ -103,6 +104,7 @@ class SessionController:
     scheduler : Scheduler
         Its own, or a scope of the panel's.
     queries : BackgroundQueries
+    framing : Framing
     slice_hues : SliceHues
     slice_steps : SliceSteps
         While it is open.
@@ -153,6 +155,9 @@ class SessionController:
             self.scheduler,
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
+        )
+        self.framing = Framing(
+            self.viewer, session, self.packed, self.renderer, self.scheduler
         )
         self.interaction = Interaction(self)
         self.slice_hues = SliceHues(session, ())
@@ -347,6 +352,7 @@ class SessionController:
         """Land every flight now."""
         for object_id in list(self.session.flights):
             self.renderer.land(object_id)
+        self.framing.finish()
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
@@ -358,6 +364,7 @@ class SessionController:
     def leave(self) -> None:
         """Come back from inspection; the sprite becomes what was seen last."""
         self.renderer.leave()
+        self.framing.leave_inspection()
 
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
@@ -366,16 +373,12 @@ class SessionController:
     # Camera and waiting.
 
     def frame_bag(self) -> None:
-        """Set the viewer's camera so that the bag and all sprites fit beside each other."""
-        # Slots of sprites are planned for device pixels; napari counts logical ones.
-        height, width = self.viewer.canvas.size
-        pixels = compat.pixel_scale(self.viewer)
-        self.session.canvas_size = max(1, round(height * pixels)), max(1, round(width * pixels))
-        self.look_from(self.session.overview())
+        """Bring the bag and what is out of it into the window, at once."""
+        self.framing.fit(glides=False)
 
     def look_from(self, camera: Camera) -> None:
         """Set the viewer's camera to one of the session's."""
-        point_camera(self.viewer, self.packed, camera)
+        self.framing.look_from(camera)
 
     def step(self, seconds: float = 10.0) -> bool:
         """Show this very moment of the session's clock; for films, whose clock stands still.
@@ -391,6 +394,7 @@ class SessionController:
             Whether every image is right.
         """
         self.renderer.catch_up()
+        self.framing.catch_up()
         return self.settle(seconds)
 
     def settle(self, seconds: float = 10.0) -> bool:
@@ -424,5 +428,7 @@ class SessionController:
     def _settled(self) -> bool:
         # Queries wait until every flight has landed.
         pending = self.queries.pending and not self.flying
-        drawn = self.renderer.settled and self.overlays.settled
+        # So does the camera, which a film may hold in the middle of a flight.
+        still = self.framing.settled or self.flying
+        drawn = still and self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)

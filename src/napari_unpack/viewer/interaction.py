@@ -52,7 +52,7 @@ class Interaction:
     Notes
     -----
     Pixels are the canvas's own, row and column. napari's own double click zooms; while a session
-    is open it is asked only where ours has nothing to do.
+    is open it does so in slices alone.
     """
 
     def __init__(self, target: PointerTarget) -> None:
@@ -242,11 +242,12 @@ class Interaction:
                 self._target.leave()
                 event.handled = True
                 return
-            sprite = self.sprite_at(_pixel(event))
-            if sprite:
-                self._target.inspect(sprite)
-                event.handled = True
-                return
+            found = self._under(_pixel(event))
+            if found:
+                self._target.inspect(found)
+            # napari would zoom in, and leave all sprites out of the window.
+            event.handled = True
+            return
         for callback in self._theirs:
             callback(viewer, event)
 
@@ -279,7 +280,7 @@ class Interaction:
     def _grip(self, start: Pixel, modifiers: set[str]) -> _Grip | None:
         """Return what a drag that begins here does; None turns the view."""
         inspected = self._target.renderer.inspected
-        held = inspected or self.sprite_at(start)
+        held = self._target.renderer.turned_by_hand if inspected else self.sprite_at(start)
         if self.drawing:
             return _Pencil(self, start, "Shift" in modifiers)
         if "Control" in modifiers and not inspected:

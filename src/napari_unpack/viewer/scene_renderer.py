@@ -153,6 +153,12 @@ class SceneRenderer:
         return self.packed.visible and bag.turning and not (moves or bag.fade.running)
 
     @property
+    def turned_by_hand(self) -> int:
+        """The inspected object that a drag turns; 0 where there is none, or it is in the bag."""
+        one = self.animator.inspection
+        return 0 if one is None or one.home is None else self.inspected
+
+    @property
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
         one = self.animator.inspection
@@ -176,6 +182,10 @@ class SceneRenderer:
         self.frame = frame
         self._backend_changed(before)
         self.packed_renderer.set_view(frame)
+        now = self.flight_animation.now()
+        self.animator.view_changed(now)
+        if self.animator.active(now):
+            self.flight_animation.start()
         self.draw_moving()
         self.show_sprites()
 
@@ -252,6 +262,9 @@ class SceneRenderer:
         if one is None:
             return
         pose = self.session.poses.get(one.object_id)
+        if one.home is None:
+            # Until the image of the bag shows it again.
+            self.animator.landed(one.object_id, None)
         self.session.leave()
         if pose is None:
             return
@@ -265,7 +278,7 @@ class SceneRenderer:
     def rotation_of(self, object_id: int) -> Matrix:
         """Return how an object is held now, (3, 3) from world axes to pivot axes."""
         one = self.animator.inspection
-        if one is not None and one.object_id == object_id:
+        if one is not None and one.object_id == object_id and one.home is not None:
             return one.rotation
         pose = self.session.poses.get(object_id)
         camera: Matrix = self.session.camera.rotation

@@ -1,0 +1,84 @@
+"""The camera that brings the bag and what is out of it into view: for the window and for films.
+
+Slots are planned once, for all objects. What is seen of that plan grows in steps: with nothing out
+the bag fills the window, and each object that comes out has the camera draw back as far as its
+slot needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from napari_unpack.geometry.view import Camera
+from napari_unpack.unpacking.slots import GAP
+
+if TYPE_CHECKING:
+    from napari_unpack.session.session import Session
+
+# Of the window's shorter side, at least, the longer side of the bag's picture while nothing is
+# out. A tenth above what is promised: outlines are of voxel centres, and fringes are faint.
+SHARE_OF_BAG = 0.78
+
+
+def fitted(session: Session, camera: Camera | None = None) -> Camera:
+    """Return the camera that brings the bag and all that is out and in sight into view.
+
+    Parameters
+    ----------
+    session : Session
+        Of its window's shape.
+    camera : Camera, optional
+        Which way to look, and with which perspective; by default as the session's.
+    """
+    camera = session.camera if camera is None else camera
+    rows, cols = session.canvas_size
+    slots = session.slots
+    # Half a height of the window that is needed for what reaches so far down, or right.
+    upright = np.array([1.0, rows / cols])
+    gap = GAP * slots.height_mm / rows
+    radius = slots.bag_radius_px * slots.height_mm / rows + gap
+    low, high = _picture(session, camera)
+    longer = float((high - low).max())
+    # A round bag fits at every turn. A flat or long one may reach over the edge as it is turned:
+    # it would be small else in nearly every view.
+    least = longer / (2 * SHARE_OF_BAG) * rows / min(rows, cols)
+    half = [min(float(radius * upright.max()), max(least, _reach(low, high, gap, upright)))]
+    for pose in _out(session):
+        # All of its cell: turned by hand it may come to fill that.
+        reach = np.abs(pose[1:]) + slots.cell_mm / 2 + gap
+        half.append(float((reach * upright).max()))
+    return replace(camera, center=session.bag.center, height=2 * max(half))
+
+
+def contained(camera: Camera, window: tuple[int, int], size: tuple[int, int]) -> Camera:
+    """Return the camera that shows in an image all that it shows in a window.
+
+    Parameters
+    ----------
+    camera : Camera
+    window, size : (int, int)
+        Height and width of the window, and of the image.
+    """
+    wider = (window[1] / window[0]) / (size[1] / size[0])
+    return replace(camera, height=camera.height * max(1.0, wider))
+
+
+def _picture(session: Session, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends of the bag's picture, (down, right) in mm from the middle."""
+    flat = ((session.bag.silhouette - session.bag.center) @ camera.linear.T)[:, 1:]
+    return flat.min(axis=0), flat.max(axis=0)
+
+
+def _reach(low: np.ndarray, high: np.ndarray, gap: float, upright: np.ndarray) -> float:
+    """Return the half height in which a picture has room."""
+    return float(((np.maximum(-low, high) + gap) * upright).max())
+
+
+def _out(session: Session) -> list[np.ndarray]:
+    """Return the centres of what is out and in sight, or flies there, pivot space."""
+    slots, stretch = session.slots, session.camera.stretch
+    out, hidden = session.state.placements, session.state.hidden
+    return [one.pose(slots, stretch).center for i, one in out.items() if i not in hidden]

@@ -1,0 +1,273 @@
+"""Where the viewer's camera goes by itself: to all there is, to a side of it, to one object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from napari_unpack.geometry.view import Camera
+from napari_unpack.layers import compat
+from napari_unpack.layers.packed_layer import PackedLayer
+from napari_unpack.rendering.compose import SHARE_OF_VIEW
+from napari_unpack.session.framing import fitted
+from napari_unpack.viewer.camera_glide import CameraGlide
+from napari_unpack.viewer.camera_sync import point_camera
+from napari_unpack.viewer.scene_renderer import SceneRenderer
+from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.viewer.viewer_state import SavedView
+
+if TYPE_CHECKING:
+    import napari
+
+    from napari_unpack.session import Session
+
+# Of the view's height: napari rounds on its way to the canvas, and a notch of a wheel is 20 times
+# as much.
+ALIKE = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """The view before an inspection: napari's own, the camera of it, and whether it held all."""
+
+    view: SavedView
+    seen: Camera
+    target: Camera | None
+
+
+class Framing:
+    """Moves the camera of one viewer, and leaves alone what a person has zoomed or panned.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    session : Session
+    layer : PackedLayer
+        Knows how the canvas looks.
+    renderer : SceneRenderer
+    scheduler : Scheduler
+
+    Notes
+    -----
+    Turning is not zooming: the camera is still drawn back for what comes out after it.
+    """
+
+    def __init__(
+        self,
+        viewer: napari.Viewer,
+        session: Session,
+        layer: PackedLayer,
+        renderer: SceneRenderer,
+        scheduler: Scheduler,
+    ) -> None:
+        self._viewer, self._session, self._layer = viewer, session, layer
+        self._renderer, self._scheduler = renderer, scheduler
+        self._glide: CameraGlide | None = None
+        # What the camera was set to last, where it is going, and the last of these to hold all.
+        self._set: Camera | None = None
+        self._target: Camera | None = None
+        self._fit: Camera | None = None
+        self._size = (0, 0)
+        self._before: _Before | None = None
+        # By the session's clock: a film that steps it glides along.
+        self.animation = scheduler.animate(self._tick, lambda: session.clock())
+
+    @property
+    def settled(self) -> bool:
+        """Whether the camera is where it goes by itself."""
+        return not (self.animation.running or self._scheduler.pending(self._follow))
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether a person has neither zoomed nor panned since all was brought into view."""
+        return self._fit is not None and self._fit is self._target and self._untouched()
+
+    def open(self) -> None:
+        """Follow napari's Home button from now on."""
+        self._viewer.events.reset_view.connect(self._follow_home)
+
+    def close(self) -> None:
+        """Move the camera no more."""
+        self._viewer.events.reset_view.disconnect(self._follow_home)
+        self._scheduler.forget(self._follow)
+        self._stop()
+
+    def fit(self, glides: bool = True) -> None:
+        """Bring the bag and all that is out of it into view; in an inspection its object.
+
+        Parameters
+        ----------
+        glides : bool, optional
+            False is there at once.
+        """
+        self._measure()
+        self._go_fit(fitted(self._session, self._seen), glides)
+
+    def look_from(self, camera: Camera) -> None:
+        """Have the camera look so, at once."""
+        self._measure()
+        # As saved by a person who saw it fitted: room is then made for what comes out.
+        whole = fitted(self._session, camera)
+        self._fit = camera if _alike(camera, whole) else None
+        self._go(camera, glides=False)
+
+    def turn_to(self, rotation: np.ndarray) -> None:
+        """Look from another side; what a person has zoomed to stays as near.
+
+        Parameters
+        ----------
+        rotation : (3, 3) ndarray of float64
+            From (stretched) world axes to pivot axes.
+        """
+        turned = replace(self._seen, rotation=rotation)
+        if self.is_fit:
+            self._go_fit(fitted(self._session, turned))
+        else:
+            self._go(turned)
+
+    def follow(self) -> None:
+        """Make room for what comes out, and fill the window again as things go back."""
+        # What asks may be a draw, in which the camera must not move.
+        self._scheduler.debounce(self._follow, 0, self._follow)
+
+    def begin_inspection(self, object_id: int) -> None:
+        """Keep the view to come back to; bring near what is inspected in the bag.
+
+        Parameters
+        ----------
+        object_id : int
+        """
+        if self._before is not None:
+            return
+        target = self._fit if self.is_fit else None
+        self._before = _Before(SavedView.of(self._viewer.scene.camera), self._seen, target)
+        if object_id not in self._session.state.placements:
+            self._go(self._near(object_id))
+
+    def leave_inspection(self) -> None:
+        """Glide back, while the object goes back."""
+        if self._before is not None:
+            self._go(self._before.seen)
+
+    def end_inspection(self) -> None:
+        """Be back where the inspection began."""
+        if self._before is None:
+            return
+        self._stop()
+        before, self._before = self._before, None
+        self._set, self._target = before.seen, before.target
+        before.view.give_back(self._viewer.scene.camera, perspective=False)
+        self.follow()
+
+    def finish(self) -> None:
+        """Be where the camera goes."""
+        if self._glide is not None:
+            self._tick(float("inf"))
+
+    def catch_up(self) -> None:
+        """Do what the next tick would do."""
+        if self._scheduler.pending(self._follow):
+            self._scheduler.forget(self._follow)
+            self._follow()
+        if self._glide is not None:
+            self._tick(self.animation.now())
+
+    @property
+    def _seen(self) -> Camera:
+        frame = self._layer.frame_now()
+        return self._session.camera if frame is None else frame.camera
+
+    def _untouched(self) -> bool:
+        """Tell whether the camera is as near and where it was put last; turned, perhaps."""
+        frame = self._layer.frame_now()
+        # Not drawn yet, there is nothing that a person could have moved.
+        if frame is None or self._set is None:
+            return True
+        # Where the window has grown, as much more is seen at the same zoom.
+        grown = frame.size[0] / self._size[0]
+        return _alike(frame.camera, replace(self._set, height=self._set.height * grown))
+
+    def _measure(self) -> None:
+        # Slots of sprites are planned for device pixels; napari counts logical ones.
+        height, width = self._viewer.canvas.size
+        pixels = compat.pixel_scale(self._viewer)
+        size = max(1, round(height * pixels)), max(1, round(width * pixels))
+        self._session.canvas_size = self._size = size
+
+    def _near(self, object_id: int) -> Camera:
+        """Return the camera that an object fills where it lies."""
+        session, seen = self._session, self._seen
+        spacing, (rows, cols) = session.spacing, session.canvas_size
+        diameter = 2 * session.boxes.radius(object_id, spacing, seen.stretch)
+        height = diameter / SHARE_OF_VIEW / min(1.0, cols / rows)
+        return replace(seen, center=session.boxes.center(object_id, spacing), height=height)
+
+    def _follow(self) -> None:
+        session = self._session
+        resized = session.canvas_size != self._size
+        # Before the size is taken over, by which it is known whether a person has zoomed.
+        if self._before is not None or not self.is_fit or self._fit is None:
+            return
+        self._size = session.canvas_size
+        # As near as it was turned then: to turn the bag brings it no nearer.
+        wanted = fitted(session, self._fit)
+        if resized or not _alike(wanted, self._fit):
+            self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
+
+    def _follow_home(self, _event: Any = None) -> None:
+        if self._viewer.dims.ndisplay != 3:
+            return
+        frame = self._renderer.frame
+        # napari has reset the camera by now; what was seen before is what is gone on from.
+        origin = self._session.camera if frame is None else frame.camera
+        self._go_fit(fitted(self._session, origin), origin=origin)
+
+    def _go_fit(self, camera: Camera, glides: bool = True, origin: Camera | None = None) -> None:
+        inspected = self._session.state.inspected
+        if self._before is not None and inspected is not None:
+            packed = inspected not in self._session.state.placements
+            self._go(self._near(inspected) if packed else self._before.seen, origin=origin)
+            return
+        self._fit = camera
+        self._go(camera, glides, origin)
+
+    def _go(self, camera: Camera, glides: bool = True, origin: Camera | None = None) -> None:
+        self._stop()
+        self._target = camera
+        seen = self._seen if origin is None else origin
+        shown = self._renderer.frame is not None and self._viewer.dims.ndisplay == 3
+        allowed = self._renderer.packed_renderer.fade.allowed
+        same = _alike(seen, camera) and np.allclose(seen.rotation, camera.rotation, atol=1e-6)
+        if not (glides and shown and allowed) or same:
+            self._look(camera)
+            return
+        self._glide = CameraGlide(seen, camera, self.animation.now())
+        self._look(seen, turns=origin is not None)
+        self.animation.start()
+
+    def _look(self, camera: Camera, turns: bool = True) -> None:
+        self._set = camera
+        point_camera(self._viewer, self._layer, camera, turns)
+
+    def _tick(self, now: float) -> None:
+        glide = self._glide
+        if glide is None or not self._untouched():
+            # A wheel or a hand has taken the camera: it is a person's from here on.
+            self._stop()
+            return
+        camera = glide.camera(now)
+        self._look(camera, glide.turns)
+        if glide.done(now):
+            self._stop()
+
+    def _stop(self) -> None:
+        self._glide = None
+        self.animation.stop()
+
+
+def _alike(a: Camera, b: Camera) -> bool:
+    """Tell whether two cameras are as near and look at the same point, however turned."""
+    apart = float(np.abs(a.center - b.center).max())
+    return abs(a.height / b.height - 1) <= ALIKE and apart <= ALIKE * b.height
