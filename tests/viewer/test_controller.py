@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.framing import fitted
 from napari_unpack.viewer.controller import SessionController
 from viewer_fixtures import canvas, complaints
 
@@ -135,7 +136,7 @@ def test_a_layer_in_finer_units_beside_it_changes_nothing(
     controller.open()
     assert controller.settle(60)
     np.testing.assert_allclose(controller.frame.camera.center, session.bag.center)
-    assert controller.frame.camera.height == pytest.approx(session.slots.height_mm, rel=0.1)
+    assert controller.frame.camera.height == pytest.approx(fitted(session).height, rel=0.01)
     session.select([6])
     viewer.dims.ndisplay = 2
     middle = (session.boxes.lower[5] + session.boxes.upper[5] - 1) // 2

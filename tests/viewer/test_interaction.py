@@ -134,13 +134,6 @@ def test_alt_clicks_at_one_place_step_through_all_objects_there(
     assert clicked(plain) == wanted[0]
 
 
-def test_a_double_click_beside_sprites_still_zooms(staged, qtbot) -> None:
-    viewer, _ = staged
-    zoom = viewer.scene.camera.zoom
-    QTest.mouseDClick(native(viewer), Qt.MouseButton.LeftButton, pos=QPoint(6, 6))
-    qtbot.waitUntil(lambda: viewer.scene.camera.zoom > 1.5 * zoom, timeout=20000)
-
-
 def on_slices(viewer, bag, session, z):
     """Return (viewer, stage, labels) looking at a slice, the user's labels shown, 2 chosen."""
     viewer.window.resize(760, 560)

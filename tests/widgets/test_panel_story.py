@@ -11,6 +11,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
 from napari_unpack.layers import compat
+from napari_unpack.session.framing import fitted
 from napari_unpack.widgets.object_model import ID
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import SMALL, add_bag, controller_with, open_panel, press, rest, states
@@ -79,6 +80,8 @@ def test_segment_unpack_three_restore_one(
     assert all(step.reason == "" for step in (panel.color, panel.unpack, panel.objects))
     assert panel.segment.status == "6 objects"
 
+    # Room for all, so that pictures before and after can be compared.
+    controller.look_from(session.overview())
     rest(panel, qtbot)
     start = _pictures(viewer, panel)
     size = start["packed"].shape[:2]
@@ -239,7 +242,7 @@ def test_the_bag_stays_in_the_window_until_the_user_takes_the_camera(
         rest(panel, qtbot)
 
     def fits() -> bool:
-        return piled.camera.height == pytest.approx(piled.overview().height, rel=0.01)
+        return piled.camera.height == pytest.approx(fitted(piled).height, rel=0.01)
 
     resize(SMALL[0] - 180)
     assert fits()

@@ -231,6 +231,17 @@ class Animator:
         """Whether a flight is in the air."""
         return bool(self._session.flights)
 
+    @property
+    def turned_by_hand(self) -> int:
+        """The inspected object that a drag turns; 0 where there is none, or it is in the bag."""
+        one = self.inspection
+        return 0 if one is None or one.leaving or one.home is None else one.object_id
+
+    @property
+    def landing(self) -> bool:
+        """Whether something that has landed waits for its next image."""
+        return bool(self._landed)
+
     def active(self, now: float) -> bool:
         """Whether anything moves by itself or waits for its next image."""
         going = self.inspection is not None and not self.inspection.still(now)

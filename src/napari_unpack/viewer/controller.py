@@ -12,6 +12,7 @@ from psygnal import Signal, SignalGroup
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
 from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.standard_views import Side, bag_axes, seen_along, seen_from, upright
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
@@ -19,6 +20,7 @@ from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.background_queries import BackgroundQueries
 from napari_unpack.viewer.camera_sync import follow_placement
@@ -30,7 +32,7 @@ from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
-from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
 from napari_unpack.viewer.sprite_names import SpriteNames
 from napari_unpack.viewer.viewer_state import SavedViewerState
@@ -156,9 +158,7 @@ class SessionController:
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
         )
-        self.framing = Framing(
-            self.viewer, session, self.packed, self.renderer, self.scheduler
-        )
+        self.framing = Framing(self.viewer, session, self.packed, self.renderer, self.scheduler)
         self.interaction = Interaction(self)
         self.slice_hues = SliceHues(session, ())
         self.slice_steps: SliceSteps | None = None
@@ -352,7 +352,7 @@ class SessionController:
         """Land every flight now."""
         for object_id in list(self.session.flights):
             self.renderer.land(object_id)
-        self.framing.finish()
+        self.framing.catch_up(finish=True)
 
     def inspect(self, object_id: int) -> None:
         """Show one object alone, large, to be turned by hand; see `Session.inspect`."""
@@ -380,6 +380,27 @@ class SessionController:
         """Set the viewer's camera to one of the session's."""
         self.framing.look_from(camera)
 
+    def look_from_side(self, side: Side | None) -> None:
+        """Glide to a view from one side of the bag; None looks against the direction of unpacking.
+
+        Parameters
+        ----------
+        side : Side or None
+        """
+        session = self.session
+
+        def turn(up: Vector) -> None:
+            stretch = session.camera.stretch
+            axes = bag_axes(upright(up, session.away_from_table), stretch)
+            if side is not None:
+                self.framing.turn_to(seen_from(side, axes))
+            else:
+                self.framing.turn_to(seen_along(stretch @ session.unpack_direction, axes))
+
+        # In a worker: the first time it looks through the whole volume.
+        task = Task("the bag's up", lambda _: session.queries.bag_up())
+        self.scheduler.submit(task, Worker.QUERY, turn)
+
     def step(self, seconds: float = 10.0) -> bool:
         """Show this very moment of the session's clock; for films, whose clock stands still.
 
@@ -394,7 +415,8 @@ class SessionController:
             Whether every image is right.
         """
         self.renderer.catch_up()
-        self.framing.catch_up()
+        # A clock that stands still ends no glide, and only flights are waited for.
+        self.framing.catch_up(finish=not self.flying)
         return self.settle(seconds)
 
     def settle(self, seconds: float = 10.0) -> bool:

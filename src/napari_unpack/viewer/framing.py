@@ -161,18 +161,19 @@ class Framing:
         before.view.give_back(self._viewer.scene.camera, perspective=False)
         self.follow()
 
-    def finish(self) -> None:
-        """Be where the camera goes."""
-        if self._glide is not None:
-            self._tick(float("inf"))
+    def catch_up(self, finish: bool = False) -> None:
+        """Do what the next tick would do.
 
-    def catch_up(self) -> None:
-        """Do what the next tick would do."""
+        Parameters
+        ----------
+        finish : bool, optional
+            Be where the camera goes.
+        """
         if self._scheduler.pending(self._follow):
             self._scheduler.forget(self._follow)
             self._follow()
         if self._glide is not None:
-            self._tick(self.animation.now())
+            self._tick(float("inf") if finish else self.animation.now())
 
     @property
     def _seen(self) -> Camera:

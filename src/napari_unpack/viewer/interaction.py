@@ -280,7 +280,8 @@ class Interaction:
     def _grip(self, start: Pixel, modifiers: set[str]) -> _Grip | None:
         """Return what a drag that begins here does; None turns the view."""
         inspected = self._target.renderer.inspected
-        held = self._target.renderer.turned_by_hand if inspected else self.sprite_at(start)
+        turned = self._target.renderer.animator.turned_by_hand
+        held = turned if inspected else self.sprite_at(start)
         if self.drawing:
             return _Pencil(self, start, "Shift" in modifiers)
         if "Control" in modifiers and not inspected:

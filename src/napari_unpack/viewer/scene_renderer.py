@@ -106,6 +106,7 @@ class SceneRenderer:
         self.packed, self.transition, self.sprites = packed, transition, sprites
         self.frame: Frame | None = None
         self._drawn, self._landed = drawn, landed
+        self._ticked = -1.0
         self._scheduler, self._failed = scheduler, failed
         self.canvas_backend = canvas = CanvasBackend(session, self._gl_failed, failed)
         self.packed_renderer = bag = PackedRenderer(session, scheduler, packed, canvas)
@@ -151,12 +152,6 @@ class SceneRenderer:
         moves = self.animator.active(self.flight_animation.now()) or not self.glides.settled
         bag = self.packed_renderer
         return self.packed.visible and bag.turning and not (moves or bag.fade.running)
-
-    @property
-    def turned_by_hand(self) -> int:
-        """The inspected object that a drag turns; 0 where there is none, or it is in the bag."""
-        one = self.animator.inspection
-        return 0 if one is None or one.home is None else self.inspected
 
     @property
     def inspected(self) -> int:
@@ -329,8 +324,10 @@ class SceneRenderer:
         if one is not None and one.leaving and one.still(now):
             self.end_inspection()
         active = self.animator.active(now)
-        # One at a time, or the worker would fall behind the flight.
-        if not self.transition_renderer.busy:
+        # One at a time, or the worker would fall behind the flight. A film's clock stands still.
+        stands = now == self._ticked and self.flying and not self.animator.landing
+        if not (stands or self.transition_renderer.busy):
+            self._ticked = now
             self.draw_moving()
         if not active:
             self.flight_animation.stop()

@@ -15,6 +15,7 @@ from napari_unpack.widgets.session_settings import SessionSettings
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from napari_unpack.geometry.standard_views import Side
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
     from napari_unpack.widgets.directions import Direction
@@ -175,6 +176,16 @@ class Commands:
     def leave_container(self) -> None:
         """Go back to the bag that the opened object is from."""
         self._run_if_open(lambda _: self._workspace.leave_container())
+
+    # Where one looks from; not undoable.
+
+    def fit(self) -> None:
+        """Bring the bag and all that is out of it into the window."""
+        self._run(lambda controller: controller.framing.fit())
+
+    def look_from(self, side: Side | None) -> None:
+        """Look at the bag from a side, or from where objects leave to."""
+        self._run(lambda controller: controller.look_from_side(side))
 
     # What is seen, and how.
 

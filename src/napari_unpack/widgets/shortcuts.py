@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from napari_unpack.layers.compat import unwrap
@@ -10,6 +11,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
+from napari_unpack.widgets.view_box import FIT_KEY, VIEWS
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -31,12 +33,14 @@ KEYS = (
     ("A", "angle"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
+    (FIT_KEY, "fit"),
+    ("1…7", "view from a side"),
     ("Esc", "leave, cancel or select nothing"),
 )
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),
     ("Shift+drag", "moves a sprite"),
-    ("Double click", "on a sprite inspects it"),
+    ("Double click", "inspects an object, in the bag or beside it"),
     ("Click", "selects; with Ctrl or Shift, several; with Alt, the object behind"),
     ("Ctrl+drag", "selects what it encloses"),
     ("Wheel", "zooms"),
@@ -89,6 +93,8 @@ class Shortcuts:
             "Control-Z": commands.undo,
             "Control-Shift-Z": commands.redo,
             "Escape": self._escape,
+            FIT_KEY: commands.fit,
+            **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
             **others,
         }
         workspace.switched.connect(self._bind)

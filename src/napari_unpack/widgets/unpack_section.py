@@ -16,6 +16,7 @@ from napari_unpack.widgets.preferences import BACKENDS
 from napari_unpack.widgets.reveal_box import RevealBox, RevealPlanner
 from napari_unpack.widgets.section import Collapsible, Section, button, form, label, row
 from napari_unpack.widgets.step_slider import StepSlider
+from napari_unpack.widgets.view_box import ViewBox
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class UnpackSection(Section):
             "Reveal…", "Find the objects that block the selected one, and the best direction (R)."
         )
         self.step_slider = StepSlider(workspace, commands)
+        self.view = ViewBox(commands)
         self.reveal_box = RevealBox(planner)
         self.inspection = InspectionBox(workspace, commands)
         self.back_to_bag = button("Back to the bag", "Close the opened object (Escape).", True)
@@ -94,7 +96,13 @@ class UnpackSection(Section):
         self.contents.addLayout(line)
         self.contents.addLayout(row(self.count, self.several, self.all_back))
         self.contents.addLayout(row(self.chosen, self.all_unpackable, self.reveal))
-        for widget in (self.step_slider, self.reveal_box, self.inspection, self.back_to_bag):
+        for widget in (
+            self.step_slider,
+            self.view,
+            self.reveal_box,
+            self.inspection,
+            self.back_to_bag,
+        ):
             self.contents.addWidget(widget)
         self.contents.addWidget(self.sentence)
         for extra in (self.use_best, self.force):

@@ -6,8 +6,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import napari
-import numpy as np
-from numpy.typing import NDArray
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
 from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
@@ -29,7 +27,7 @@ from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
 from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.wheel_guard import WheelGuard
-from napari_unpack.widgets.workspace import Change, Workspace
+from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari.utils.events import Event
@@ -43,46 +41,6 @@ def outermost(widget: QWidget) -> QWidget:
     while window.parentWidget() is not None:
         window = window.parentWidget().window()
     return window
-
-
-class KeepFramed(QObject):
-    """Frame the bag anew when the window changes its size.
-
-    After a zoom or a pan by the user the camera is the user's, and is left alone. Turning does
-    not count: the frame holds the bag at every turn.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    parent : QObject, optional
-    """
-
-    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._workspace = workspace
-        self._size: tuple[int, int] | None = None
-        self._framed = np.zeros(0)
-        workspace.switched.connect(self._begin)
-        workspace.changed.connect(self._follow)
-
-    def _begin(self) -> None:
-        session = self._workspace.session
-        if session is not None:
-            self._size, self._framed = session.canvas_size, self._zoom_and_center()
-
-    def _follow(self, change: Change) -> None:
-        session = self._workspace.session
-        if session is None or Change.VIEW not in change or session.canvas_size == self._size:
-            return
-        self._size = session.canvas_size
-        # A thousandth allows for what napari rounds on its way to the canvas.
-        if np.allclose(self._zoom_and_center(), self._framed, rtol=1e-3):
-            self._workspace.frame()
-            self._framed = self._zoom_and_center()
-
-    def _zoom_and_center(self) -> NDArray[np.float64]:
-        camera = self._workspace.viewer.scene.camera
-        return np.array([camera.zoom, *camera.center], dtype=np.float64)
 
 
 # Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
@@ -144,7 +102,6 @@ class UnpackingWidget(QWidget):
         self.shortcuts = Shortcuts(
             self.workspace, self.commands, self.planner, self.objects.repair, keys
         )
-        self._framing = KeepFramed(self.workspace, self)
         self.workspace.unpackable.connect(self.unpack.show_unpackable)
         self.workspace.unpackable.connect(
             lambda ids: self.objects.mark_unpackable(ids or frozenset())

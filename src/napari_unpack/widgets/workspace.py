@@ -80,7 +80,6 @@ class Workspace(QObject):
         super().__init__(parent)
         self.viewer = viewer
         self.controller: SessionController | None = None
-        self._camera: Camera | None = None
         self._changes = Change(0)
         self.scheduler = Scheduler(notifications.inform)
         # Workers change sessions too. Through a Qt signal their changes reach the main thread.
@@ -154,18 +153,9 @@ class Workspace(QObject):
             # Half a session would take the place of one that can be shown.
             self.close()
             raise
-        self._camera = camera
-        self.frame()
+        if camera is not None:
+            controller.look_from(camera)
         self.switched.emit()
-
-    def frame(self) -> None:
-        """Set the camera to the first view of the bag."""
-        if self.controller is None:
-            return
-        if self._camera is None:
-            self.controller.frame_bag()
-        else:
-            self.controller.look_from(self._camera)
 
     @property
     def settled(self) -> bool:

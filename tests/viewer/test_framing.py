@@ -1,0 +1,230 @@
+"""What the camera does by itself, and what it leaves to a person: real mouse, wheel and keys."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from qtpy.QtCore import QPoint, QPointF, Qt
+from qtpy.QtGui import QWheelEvent
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication
+
+from mouse import LEFT, drag
+from napari_unpack.geometry.standard_views import Side, upright
+from napari_unpack.layers import compat
+from napari_unpack.session import ObjectState, Session
+from napari_unpack.viewer.controller import SessionController
+from opened_panel import at_rest
+from viewer_fixtures import canvas
+
+
+class Window:
+    """A person before the window."""
+
+    def __init__(self, viewer: Any, controller: Any, qtbot: Any) -> None:
+        self.viewer, self.controller, self.qtbot = viewer, controller, qtbot
+        self.session = controller.session
+        self.widget = compat.native_canvas(viewer).native
+        controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+        self.rest()
+
+    def rest(self) -> None:
+        at_rest(self.controller, self.qtbot)
+
+    def unpack(self, count: int = 1) -> None:
+        self.controller.unpack(count)
+        self.controller.finish()
+        self.rest()
+
+    def view(self) -> tuple[float, ...]:
+        camera = self.viewer.scene.camera
+        return (camera.zoom, *camera.center, *camera.angles)
+
+    def at_object(self, object_id: int) -> QPoint:
+        center = self.session.boxes.center(object_id, self.session.spacing)
+        frame = self.controller.frame
+        row, col = frame.camera.project(center, frame.size)
+        return QPoint(round(col), round(row))
+
+    def double_click(self, at: QPoint) -> None:
+        QTest.mouseDClick(self.widget, LEFT, pos=at)
+        QApplication.processEvents()
+
+    def wheel(self, clicks: int) -> None:
+        at = QPoint(self.widget.width() // 2, self.widget.height() // 2)
+        where, there = QPointF(at), QPointF(self.widget.mapToGlobal(at))
+        plain = Qt.KeyboardModifier.NoModifier
+        none, still = Qt.MouseButton.NoButton, Qt.ScrollPhase.NoScrollPhase
+        way = QPoint(0, 120 * clicks)
+        event = QWheelEvent(where, there, QPoint(0, 0), way, none, plain, still, False)
+        QApplication.sendEvent(self.widget, event)
+        self.rest()
+
+    def outside(self) -> list[int]:
+        """Return the sprites that reach out of the window."""
+        frame, slots = self.controller.frame, self.session.slots
+        per_mm = frame.size[0] / frame.camera.height
+        low, high = -0.5, np.array(frame.size) - 0.5
+        ends = {
+            i: (
+                frame.camera.pixels(pose.center, frame.size),
+                pose.scale * max(self.session.state.placements[i].image_mm) * per_mm / 2,
+            )
+            for i, pose in self.session.poses.items()
+        }
+        assert slots.visible == len(self.session.ids)
+        return [
+            i
+            for i, (at, half) in ends.items()
+            if (at - half < low).any() or (at + half > high).any()
+        ]
+
+    def share(self) -> float:
+        """Return the longer side of the bag's picture, of the window's shorter side."""
+        picture = canvas(self.viewer)
+        apart = np.abs(picture - picture[2, 2]).max(axis=-1) > 25
+        rows, cols = apart.any(axis=1).nonzero()[0], apart.any(axis=0).nonzero()[0]
+        return float(max(np.ptp(rows), np.ptp(cols)) / min(apart.shape))
+
+
+@pytest.fixture
+def window(staged: Any, qtbot: Any) -> Window:
+    return Window(*staged, qtbot)
+
+
+def test_a_double_click_inspects_a_packed_object_where_it_lies(window: Window) -> None:
+    controller, session = window.controller, window.session
+    window.unpack(2)
+    before, picture = window.view(), canvas(window.viewer)
+    packed = [i for i, state in session.states.items() if state is ObjectState.PACKED]
+    at = {i: window.at_object(i) for i in packed}
+    front = next(
+        i for i, p in at.items() if controller.renderer.picker.packed_at(p.y(), p.x())[:1] == [i]
+    )
+    window.double_click(at[front])
+    assert session.states[front] is ObjectState.INSPECTED
+    window.rest()
+    camera = controller.frame.camera
+    center = session.boxes.center(front, session.spacing)
+    # The camera came to it; it has stayed where it lies among the others, which are dimmed.
+    np.testing.assert_allclose(camera.center, center, atol=1e-6)
+    image = controller.transition.images[front]
+    middle = np.array(image.patch.size) / 2 + (image.patch.row, image.patch.col)
+    np.testing.assert_allclose(middle, np.array(controller.frame.size) / 2, atol=12)
+    assert max(image.patch.size) > 0.35 * min(controller.frame.size)
+    assert controller.packed.dimming < 0.5
+    # A drag goes round it, and the object stays with the rest.
+    drag(window.widget, QPoint(120, 120), QPoint(60, 20), window.qtbot)
+    window.rest()
+    assert window.view()[4:] != pytest.approx(before[4:], abs=1.0)
+    np.testing.assert_allclose(controller.rotation_of(front), controller.frame.camera.rotation)
+    controller.leave()
+    window.qtbot.waitUntil(lambda: session.states[front] is ObjectState.PACKED, timeout=20000)
+    window.rest()
+    assert window.view() == pytest.approx(before)
+    assert np.abs(canvas(window.viewer) - picture).max() < 12
+    # Beside everything a double click does nothing, and never zooms.
+    window.double_click(QPoint(4, 4))
+    window.rest()
+    assert window.view() == pytest.approx(before)
+
+
+def test_fit_and_home_are_the_way_back_from_every_zoom_and_pan(window: Window) -> None:
+    window.unpack(3)
+    fitted = window.view()
+    assert window.outside() == []
+    for key, modifier in ((None, None), (Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)):
+        window.wheel(9)
+        drag(
+            window.widget,
+            QPoint(40, 40),
+            QPoint(0, 90),
+            window.qtbot,
+            Qt.KeyboardModifier.ShiftModifier,
+        )
+        window.rest()
+        assert len(window.outside()) == 3
+        if key is None:
+            window.controller.framing.fit()
+        else:
+            QTest.keyClick(window.widget, key, modifier)
+        window.rest()
+        assert window.view() == pytest.approx(fitted, rel=1e-3, abs=0.05)
+        assert window.outside() == []
+
+
+def test_the_bag_fills_the_window_and_makes_room_in_steps(window: Window) -> None:
+    assert window.share() > 0.7
+    zooms = [window.viewer.scene.camera.zoom]
+    for _ in window.session.ids[:-1]:
+        window.unpack()
+        zooms.append(window.viewer.scene.camera.zoom)
+        assert window.outside() == []
+    steps = set(np.round(zooms, 3))
+    assert zooms == sorted(zooms, reverse=True)
+    assert 2 <= len(steps) <= 5, zooms
+    window.controller.restore(len(zooms))
+    window.controller.finish()
+    window.rest()
+    assert window.viewer.scene.camera.zoom == pytest.approx(zooms[0])
+
+
+def test_a_persons_own_zoom_is_never_changed(window: Window) -> None:
+    window.wheel(-1)
+    zoom = window.viewer.scene.camera.zoom
+    window.unpack(4)
+    assert window.viewer.scene.camera.zoom == pytest.approx(zoom)
+    window.controller.look_from_side(Side.LEFT)
+    window.rest()
+    assert window.viewer.scene.camera.zoom == pytest.approx(zoom)
+    window.controller.framing.fit()
+    window.rest()
+    assert window.viewer.scene.camera.zoom != pytest.approx(zoom)
+    assert window.outside() == []
+
+
+def test_a_window_of_another_shape_is_laid_out_anew(window: Window) -> None:
+    window.unpack(4)
+    for width, height in ((620, 640), (900, 480), (560, 420)):
+        size = window.session.canvas_size
+        window.viewer.window.resize(width, height)
+        window.qtbot.waitUntil(
+            lambda before=size: window.session.canvas_size != before, timeout=20000
+        )
+        window.rest()
+        assert window.outside() == [], (width, height)
+
+
+def test_views_from_the_sides_of_a_mirrored_and_turned_layer(
+    make_napari_viewer_proxy: Any, bag: Any, qtbot: Any
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(560, 480)
+    place = {"scale": (1.5, 1.5, -1.5), "rotate": (20.0, 30.0, 10.0)}
+    session = Session(*bag, spacing=(1.5, 1.5, 1.5))
+    controller = SessionController(viewer, session, [viewer.add_image(bag[0], **place)])
+    controller.open()
+    window = Window(viewer, controller, qtbot)
+    up = upright(session.queries.bag_up(), session.away_from_table)
+    seen = {}
+    for side in (Side.FRONT, Side.LEFT, Side.TOP, None):
+        controller.look_from_side(side)
+        window.rest()
+        camera = controller.frame.camera
+        seen[side] = camera.linear
+        toward, down, _ = camera.linear @ up / np.linalg.norm(camera.linear @ up)
+        # Up in the picture, or towards the viewer.
+        assert (toward if side in (Side.TOP, None) else -down) == pytest.approx(1.0, abs=1e-3)
+        assert window.share() > 0.7, side
+    # What is at the left in the view from the front looks at the viewer from the left.
+    np.testing.assert_allclose(seen[Side.LEFT][0], -seen[Side.FRONT][2], atol=1e-3)
+    # Objects leave towards the viewer: the view against that is the one there is.
+    np.testing.assert_allclose(seen[None], seen[Side.TOP], atol=1e-3)
+    session.direction = "-x"
+    controller.look_from_side(None)
+    window.rest()
+    leaving = controller.frame.camera.linear @ session.unpack_direction
+    assert leaving / np.linalg.norm(leaving) == pytest.approx([1, 0, 0], abs=1e-3)
+    controller.close()
