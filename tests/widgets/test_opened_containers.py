@@ -18,7 +18,7 @@ from viewer_fixtures import canvas
 
 @pytest.fixture
 def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
-    """Return (viewer, panel, session, labels layer) with the tin studied alone."""
+    """Return (viewer, panel, session, labels layer, view before) with the tin studied alone."""
     volume, labels = tin()
     viewer.add_image(volume, name="scan")
     mine = viewer.add_labels(labels, name="expert", visible=False)
@@ -26,13 +26,14 @@ def studied(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     controller = panel.workspace.controller
     controller.seconds, controller.recolor_at_rest = 0.1, False
     assert controller.settle(60)
+    view = {name: getattr(viewer.scene.camera, name) for name in ("center", "zoom", "angles")}
     panel.commands.inspect(1)
     qtbot.waitUntil(lambda: panel.unpack.inspection.isVisibleTo(panel), timeout=20000)
-    return viewer, panel, session, mine
+    return viewer, panel, session, mine, view
 
 
 def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbot: QtBot) -> None:
-    viewer, panel, session, _ = studied
+    viewer, panel, session, *_ = studied
     box, controller = panel.unpack.inspection, panel.workspace.controller
     at_rest(controller, qtbot)
     whole = canvas(viewer)
@@ -58,8 +59,7 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
 def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     studied: Any, qtbot: QtBot
 ) -> None:
-    viewer, panel, outer, mine = studied
-    view = {name: getattr(viewer.scene.camera, name) for name in ("center", "zoom", "angles")}
+    viewer, panel, outer, mine, view = studied
     workspace, commands = panel.workspace, panel.commands
     hue = mine.colormap.map(np.array([1, 2]))
     at_rest(workspace.controller, qtbot)

@@ -374,7 +374,7 @@ class SessionController:
 
     def frame_bag(self) -> None:
         """Bring the bag and what is out of it into the window, at once."""
-        self.framing.fit(glides=False)
+        self.framing.fit(glides=False, camera=self.session.camera)
 
     def look_from(self, camera: Camera) -> None:
         """Set the viewer's camera to one of the session's."""

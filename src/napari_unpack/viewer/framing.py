@@ -94,16 +94,18 @@ class Framing:
         self._scheduler.forget(self._follow)
         self._stop()
 
-    def fit(self, glides: bool = True) -> None:
+    def fit(self, glides: bool = True, camera: Camera | None = None) -> None:
         """Bring the bag and all that is out of it into view; in an inspection its object.
 
         Parameters
         ----------
         glides : bool, optional
             False is there at once.
+        camera : Camera, optional
+            Which way to look; by default as now.
         """
         self._measure()
-        self._go_fit(fitted(self._session, self._seen), glides)
+        self._go_fit(fitted(self._session, camera or self._seen), glides)
 
     def look_from(self, camera: Camera) -> None:
         """Have the camera look so, at once."""

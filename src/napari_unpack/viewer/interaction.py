@@ -242,7 +242,7 @@ class Interaction:
                 self._target.leave()
                 event.handled = True
                 return
-            found = self._under(_pixel(event))
+            found = self.under(_pixel(event))
             if found:
                 self._target.inspect(found)
             # napari would zoom in, and leave all sprites out of the window.

@@ -61,7 +61,7 @@ class SessionSettings:
         """Look with a gentle perspective, or in parallel."""
         if (controller := self._workspace.controller) is not None:
             self._workspace.viewer.scene.camera.perspective = GENTLE_FOV if gentle else 0.0
-            controller.frame_bag()
+            controller.framing.fit(glides=False)
 
     def set_outlines(self, shown: bool) -> None:
         """Outline unpackable objects in the 3D view, or not."""
