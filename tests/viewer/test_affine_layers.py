@@ -167,7 +167,8 @@ def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(plac
     np.testing.assert_allclose(frame.camera.pixels(start.center, frame.size), home, atol=0.02)
     controller.finish()
     assert controller.settle(60)
-    pose = session.poses[left]
+    # Drawn back to have room for it.
+    pose, frame = session.poses[left], controller.frame
     assert controller.interaction.sprite_at(frame.camera.pixels(pose.center, frame.size)) == left
     # A sprite is turned, not bent or mirrored: its map is the bag's and a turn.
     of_bag, of_sprite = frame.camera.linear, pose.rotation @ pose.stretch

@@ -132,7 +132,7 @@ def test_slices_show_what_is_inside_the_opened_object(studied: Any, qtbot: QtBot
 def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
     studied: Any, qtbot: QtBot
 ) -> None:
-    _, panel, outer, _ = studied
+    _, panel, outer, *_ = studied
     workspace, commands = panel.workspace, panel.commands
     press(qtbot, panel.unpack.inspection.open)
     inner = workspace.session
@@ -151,7 +151,7 @@ def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
 
 
 def test_an_object_that_was_repaired_is_opened_anew(studied: Any, qtbot: QtBot) -> None:
-    _, panel, outer, _ = studied
+    _, panel, outer, *_ = studied
     workspace = panel.workspace
     workspace.open_container(1)
     before = workspace.session
