@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from psygnal import Signal, SignalGroup
 
 from napari_unpack.appearance import tints_of
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, transform_points
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.rendering.slice_image import PLANES, Plane, Window, slice_image, window_for
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.layer_tables import hint
-from napari_unpack.viewer.picking import Voxel
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
 from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.viewer.surface_points import pivot_from_scan, surface_point
 
 if TYPE_CHECKING:
     import napari
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from napari_unpack.layers.view_camera import Frame
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
+
+Voxel = tuple[int, int, int]
 
 # Share of a tint in the colour of an object that is outside the bag, of that of a packed one.
 OUTSIDE = 0.3
@@ -277,12 +279,9 @@ class LinkedSlices:
             self._mark(False)
 
     def _in_3d(self, event: MouseEvent) -> Voxel | None:
-        interaction = self._controller.interaction
-        if not interaction.pointed:
-            return None
         pixel = np.array([event.pos[1], event.pos[0]], dtype=np.float64)
-        picker = self._controller.renderer.picker
-        return picker.voxel_on(interaction.pointed, *interaction.frame_pixel(pixel))
+        point = surface_point(self._controller, pixel)
+        return None if point is None else self._voxel(point.at / self.spacing)
 
     def _in_2d(self, event: MouseEvent) -> Voxel | None:
         there = np.asarray(event.position, dtype=np.float64)[-3:]
@@ -306,9 +305,10 @@ class LinkedSlices:
         renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)
         # Beside an inspected object the bag is dimmed, and so would be what the point is on.
         away = bool(renderer.inspected) and renderer.inspected != object_id
-        if not self._marked or away or object_id not in {0, *self._session.states}:
+        matrix = pivot_from_scan(self._controller, object_id, frame)
+        if not self._marked or away or matrix is None:
             return None
-        return renderer.picker.pivot_point(self.crosshair, object_id, frame)
+        return transform_points(matrix, np.array(self.crosshair) * self.spacing)
 
 
 def _slot(plane: Plane) -> tuple[str, Plane]:

@@ -15,7 +15,7 @@ from napari_unpack.rendering.slice_image import Plane
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent, QWheelEvent
 
-    from napari_unpack.viewer.picking import Voxel
+    from napari_unpack.viewer.linked_slices import Voxel
 
 AXES = "zyx"
 # Of the crosshair's lines, by the axis of the slices they stand for; told apart on any tint.

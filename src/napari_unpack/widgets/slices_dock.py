@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from napari_unpack.rendering.slice_image import Plane
     from napari_unpack.viewer.controller import SessionController
-    from napari_unpack.viewer.picking import Voxel
+    from napari_unpack.viewer.linked_slices import Voxel
 
 # Of what is remembered.
 OVERLAY = "slices/overlay"
