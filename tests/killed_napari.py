@@ -1,4 +1,4 @@
-"""A napari in a process of its own, which a test kills."""
+"""A napari in a process of its own, which a test kills or quits."""
 
 from __future__ import annotations
 
@@ -49,3 +49,27 @@ def unpack_for_ever() -> None:
     timer.timeout.connect(tell)
     timer.start(100)
     napari.run()
+
+
+def quit_while_working() -> None:
+    """Quit while a worker is in a step that nobody can call off; say when."""
+    import time
+
+    import napari
+    from qtpy.QtCore import QTimer
+
+    from napari_unpack.layers import compat
+    from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+
+    viewer: Any = napari.Viewer(show=True)
+    panel = UnpackingWidget(viewer)
+    viewer.window.add_dock_widget(panel, name="Virtual Unpacking", area="right")
+    panel.segment.progress.begin(lambda _: time.sleep(300))
+
+    def close() -> None:
+        print("closing", flush=True)
+        compat.native_window(viewer).close(quit_app=True)
+
+    QTimer.singleShot(1000, close)
+    napari.run()
+    print("closed", flush=True)

@@ -44,13 +44,17 @@ def out_on_disk() -> int:
     return 0 if kept is None else len(kept["session"]["situation"]["out"])
 
 
-def crash(home: str) -> dict[str, Any]:
-    """Unpack in another napari, kill it while things fly, and return what was done there."""
+def another_napari(does: str) -> subprocess.Popen[str]:
+    """Start a process that does what a function of `killed_napari` does."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    code = "import killed_napari; killed_napari.unpack_for_ever()"
-    other = subprocess.Popen(
-        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
-    )
+    code = f"import killed_napari; killed_napari.{does}()"
+    command = [sys.executable, "-c", code]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def crash() -> dict[str, Any]:
+    """Unpack in another napari, kill it while things fly, and return what was done there."""
+    other = another_napari("unpack_for_ever")
     try:
         assert other.stdout is not None
         return json.loads(other.stdout.readline())
@@ -107,7 +111,7 @@ def test_a_full_disk_is_told_once_and_stops_nothing(
 
 @pytest.mark.timeout(300)
 def test_after_a_kill_everything_is_there_again(viewer: Any, qtbot: QtBot) -> None:
-    done = crash(os.environ["XDG_DATA_HOME"])
+    done = crash()
     assert list(done["states"].values()).count("UNPACKED") == 3
     panel = open_panel(viewer, qtbot)
     bar = panel.recovery
@@ -136,3 +140,18 @@ def test_after_a_kill_everything_is_there_again(viewer: Any, qtbot: QtBot) -> No
     qtbot.waitUntil(lambda: not again.recovery.isVisible(), timeout=20000)
     assert list(recovery_folder().iterdir()) == []
     again.end()
+
+
+def test_quitting_during_a_segmentation_ends_the_process(qtbot: QtBot) -> None:
+    other = another_napari("quit_while_working")
+    try:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "closing\n"
+        begun = monotonic()
+        assert other.stdout.readline() == "closed\n"
+        # Two seconds by themselves; three times as much beside other work.
+        assert other.wait(timeout=6) == 0
+        assert monotonic() - begun < 6
+    finally:
+        other.kill()
+        other.wait()

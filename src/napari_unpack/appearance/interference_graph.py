@@ -67,7 +67,7 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
     # Four bands a core: rows with many borders do not keep the others waiting.
     edges = np.linspace(0, stack.shape[1], 1 + 4 * (os.cpu_count() or 1)).astype(int)
     bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(os.cpu_count() or 1, "unpack") as pool:
         for keys, counts in pool.map(work, bands):
             ends = _named(keys // top, names), _named(keys % top, names)
             for a, b, count in zip(*ends, counts.tolist(), strict=True):

@@ -198,7 +198,7 @@ def _paired(
     """Yield results in order, with their number from 1, a few jobs ahead on threads."""
     # More threads than eight wait for the store, and each holds a block in memory.
     count = min(os.cpu_count() or 1, 8)
-    with ThreadPoolExecutor(count) as threads:
+    with ThreadPoolExecutor(count, "unpack") as threads:
         waiting: list[Future[T]] = [threads.submit(job) for job in islice(jobs, count + 1)]
         try:
             for n, place in enumerate(places, 1):

@@ -111,7 +111,7 @@ class ProjectionScanner:
             plane = beam.reconstruct(lines, (height, width)) * (1000.0 / WATER[REFERENCE])
             scanned[z] = np.clip(np.rint(plane), 0, HIGHEST)
 
-        with ThreadPoolExecutor(self.threads) as pool:
+        with ThreadPoolExecutor(self.threads, "unpack") as pool:
             list(pool.map(work, range(len(density))))
         return scanned
 

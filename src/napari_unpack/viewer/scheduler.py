@@ -1,7 +1,8 @@
 """Every thread, timer and animation frame of the viewer side.
 
 Results, progress and timers arrive on the main thread. Nothing else under `viewer`, `layers` and
-`widgets` starts threads or timers, so what runs when can be read here and nowhere else.
+`widgets` starts threads or timers, so what runs when can be read here and nowhere else; what
+remains of it at the end of the process is `process_end`'s.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, QTimer, Signa
 from qtpy.QtGui import QGuiApplication
 
 from napari_unpack.tasks import Cancelled, Task, TaskResult
+from napari_unpack.viewer.process_end import end_despite_workers
 
 T = TypeVar("T")
 Call = Callable[[], None]
@@ -266,6 +268,8 @@ class ThreadWorkers:
         """Start nothing more; what runs is finished, and its result thrown away."""
         with self._lock:
             self._closed = True
+            if any(pool.running for pool in self._pools.values()):
+                end_despite_workers()
             for pool in self._pools.values():
                 pool.waiting.clear()
                 pool.executor.shutdown(wait=False, cancel_futures=True)
@@ -682,7 +686,7 @@ class Scheduler:
         """Forget everything; what runs is asked to stop and its result thrown away."""
         self.closed = True
         for job in self._workers.jobs(self):
-            # Python waits for its threads at the end: long work stops at its next report.
+            # Long work stops at its next report; the process ends without it if it must.
             job.stopping.set()
             self._workers.drop(job)
         for timer, _ in self._debounced.values():

@@ -108,6 +108,6 @@ def over_bands(
 
     if workers <= 1:
         return [worker()]
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(workers, "unpack") as pool:
         futures = [pool.submit(worker) for _ in range(workers)]
         return [future.result() for future in futures]
