@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -129,6 +130,7 @@ def open_input(
     # Imported late: these load numba, which takes longer than `--help` should.
     from napari_unpack.io import load_labels, open_session
     from napari_unpack.io.headless import open_scan
+    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
     from napari_unpack.io.session_archive import holds_session
 
     if holds_session(source):
@@ -146,6 +148,8 @@ def open_input(
     scan = load_input(source, at)
     if labels is not None:
         scan = scan.with_labels(load_labels(labels)[0])
+        if is_segmentation(labels):
+            scan = replace(scan, names=names_of_labels(load_label_names(labels)))
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 

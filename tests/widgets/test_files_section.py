@@ -9,12 +9,15 @@ from typing import Any
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
+from qtpy.QtWidgets import QFileDialog
 
 import napari_unpack as nu
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
 from napari_unpack.widgets.files_section import EXPORTS, with_suffix
+from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import add_bag, controller_with, press, rest, states
 
@@ -290,3 +293,26 @@ def test_a_session_opens_where_its_layers_stood(
     again = panel.workspace.session.camera
     np.testing.assert_allclose(again.linear, camera.linear, atol=1e-5)
     np.testing.assert_allclose(again.center, camera.center, atol=1e-4)
+
+
+def test_names_and_colours_of_another_program_are_one_step_of_undo(
+    staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = staged.workspace.session
+    file = tmp_path / "bag.ctbl"
+    file.write_text("0 Background 0 0 0 0\n2 Left_shoe 255 0 51 255\n77 Nobody 1 2 3 255\n")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(file), ""))
+    before = session.objects["name"][2]
+    press(qtbot, staged.files.label_names)
+    done(staged, qtbot)
+    qtbot.waitUntil(lambda: session.objects["name"][2] == "Left shoe", timeout=10000)
+    assert session.annotations.colors == {2: (1.0, 0.0, 0.2, 1.0)}
+    assert staged.files.status == "1 of 6 named"
+    assert staged.objects.model.data(staged.objects.model.index(1, Column.NAME)) == "Left shoe"
+    staged.commands.undo()
+    assert (session.objects["name"][2], session.annotations.colors) == (before, {})
+    file.write_text("700 Nobody 1 2 3 255\n")
+    records = notification_manager.records
+    press(qtbot, staged.files.label_names)
+    done(staged, qtbot)
+    qtbot.waitUntil(lambda: "its labels are 700, and those here 1 to 6" in records[-1].message)

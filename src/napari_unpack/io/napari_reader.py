@@ -45,18 +45,23 @@ def read_layers(path: str | Sequence[str]) -> list[LayerData]:
         As for `load_volume`.
     """
     from napari_unpack.io.arrays import read_names
+    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
     from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
     found, name = read_file(first).space_last(), stem_of(first)
     if found.assumed:
         warnings.warn(f"{first.name}: {'; '.join(found.assumed)}", stacklevel=2)
+    names = read_names(first) if found.volume is not None and suffix_of(first) == ".npz" else None
+    if is_segmentation(first):
+        # Voxels of 3D Slicer's segmentations are labels, which the header names.
+        found = replace(found, volume=None, labels=found.volume)
+        names = names_of_labels(load_label_names(first))
     layers: list[LayerData] = []
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
         # Labels alone are a file too, such as corrected ones.
-        names = read_names(first) if layers and suffix_of(first) == ".npz" else None
         named = {"features": _features(names)} if names else {}
         about = _attributes(replace(found, axes=SPACE), f"{name} labels" if layers else name)
         layers.append((found.labels, about | named, "labels"))

@@ -66,6 +66,29 @@ class Annotations:
         if after != self._doc.state.colors:
             self._doc.commit("colour", replace(self._doc.state, colors=after), merge)
 
+    def name_and_color(
+        self, names: Mapping[int, str], colors: Mapping[int, Sequence[float]]
+    ) -> None:
+        """Give objects names and colours, as another program has them: one step of undo.
+
+        Parameters
+        ----------
+        names : mapping of int to str
+            By ID.
+        colors : mapping of int to (3,) or (4,) sequence of float
+            By ID, as for `set_color`.
+
+        Raises
+        ------
+        ValueError
+            If there is no such object, or something is no colour.
+        """
+        state, checked = self._doc.state, {i: _checked_color(c) for i, c in colors.items()}
+        self._doc.checked([*names, *checked])
+        new = replace(state, names={**state.names, **names}, colors={**state.colors, **checked})
+        if (new.names, new.colors) != (state.names, state.colors):
+            self._doc.commit("names and colours", new)
+
     def set_style(self, object_id: int, style: ObjectStyle | None) -> None:
         """Give an object an opacity curve or a cut of its own; see `Session.set_style`.
 

@@ -96,6 +96,10 @@ def bag_name(sources: Sequence[Layer]) -> str:
     """
     if not sources:
         return "bag"
-    path = sources[0].source.path
-    name = stem_of(Path(path)) if path else str(sources[0].name)
+    first, last = sources[0], sources[-1]
+    path = first.source.path
+    name = stem_of(Path(path)) if path else str(first.name)
+    # Of a time point or a channel, whose objects are named after it.
+    if last is not first and str(last.name).startswith(f"{first.name} ("):
+        name = str(last.name).removesuffix(" objects")
     return FORBIDDEN.sub(" ", name).strip(" .") or "bag"

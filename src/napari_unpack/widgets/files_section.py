@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.axes import Matrix
+    from napari_unpack.io.label_names import NamedLabel
     from napari_unpack.io.recovery import Leftover
     from napari_unpack.session import Session
 
@@ -116,8 +117,8 @@ EXPORTS = (
     Export("Picture", "", (".png",), _picture),
     Export("Movie of the unpacking", "unpacking", MOVIES, _movie("unpacking")),
     Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
-    Export("Objects as web page", "objects", (".html",), _report),
-    Export("Objects as table", "objects", (".csv",), _table),
+    Export("Web page", "objects", (".html",), _report),
+    Export("Table", "objects", (".csv",), _table),
 )
 
 WHOLE = "Session with its volume (*.unpack)"
@@ -163,6 +164,11 @@ class FilesSection(Section):
         self.export = button(
             "Export…", "Write a picture, a movie, a web page or the table of objects."
         )
+        self.label_names = button(
+            "Names and colours…",
+            "Give objects the names and colours of a file: a colour table (.ctbl) or segmentation "
+            "(.seg.nrrd) of 3D Slicer, or label descriptions of ITK-SNAP.",
+        )
         self.menu = QMenu(self)
         for kind in EXPORTS:
             self.menu.addAction(f"{kind.title}…").triggered.connect(partial(self._ask, kind))
@@ -177,13 +183,14 @@ class FilesSection(Section):
 
         self.open.clicked.connect(self._ask_open)
         self.save.clicked.connect(self._ask_save)
+        self.label_names.clicked.connect(self._ask_names)
         self.progress.ended.connect(self._finish)
         workspace.switched.connect(self._refresh)
         self._refresh()
 
     def _arrange(self) -> None:
         self.contents.addLayout(row(self.open, self.save))
-        self.contents.addWidget(self.export)
+        self.contents.addLayout(row(self.label_names, self.export))
         more = Collapsible("Size of pictures and movies", "How large exports are, and how smooth.")
         more.contents.addLayout(form(Width=self.width_px, Height=self.height_px, Fps=self.fps))
         self.contents.addWidget(more)
@@ -192,7 +199,7 @@ class FilesSection(Section):
     def _refresh(self) -> None:
         idle = not self.progress.running
         self.open.setEnabled(idle)
-        for control in (self.save, self.export):
+        for control in (self.save, self.label_names, self.export):
             control.setEnabled(idle and self._workspace.session is not None)
         self.lock(None)
 
@@ -275,6 +282,30 @@ class FilesSection(Section):
     def _replace(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
         self._unsaved.ask(f"Opening {name} ends it.", lambda: self._show(found, name, then))
 
+    def name_from(self, path: str | Path) -> None:
+        """Read names and colours of objects in a worker; one undo takes them all back."""
+        from napari_unpack.io.label_names import load_label_names
+
+        session, file = self._workspace.session, Path(path)
+        if session is None:
+            return
+
+        def name(labels: dict[int, NamedLabel]) -> None:
+            # The labels of the file are those that people know.
+            ids = {session.label_of(i): i for i in session.ids}
+            ours = {ids[label]: about for label, about in labels.items() if label in ids}
+            names = {i: about.name for i, about in ours.items() if about.name}
+            colors = {i: about.color for i, about in ours.items() if about.color is not None}
+            session.annotations.name_and_color(names, colors)
+            if not ours:
+                notifications.warn(
+                    f"{file.name} describes none of the {len(ids)} objects: its labels are "
+                    f"{_range(labels)}, and those here {_range(ids)}."
+                )
+            self.set_status(f"{len(ours)} of {len(ids)} named")
+
+        self._begin(lambda _: load_label_names(file), name)
+
     def export_to(self, kind: Export, path: str | Path) -> None:
         """Write an export in a worker; the view is not disturbed.
 
@@ -348,7 +379,8 @@ class FilesSection(Section):
         controller = self._workspace.controller
         for layer in () if controller is None else controller.sources:
             path = layer.source.path
-            if path:
+            # A time point or a colour is no file of its own.
+            if path and layer.ndim == 3 and not getattr(layer, "rgb", False):
                 found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path
         return found
 
@@ -359,6 +391,16 @@ class FilesSection(Section):
             # A session that is a folder is chosen by the file in it.
             chosen = Path(path)
             self.open_from(chosen.parent if chosen.name == "session.json" else chosen)
+
+    def _ask_names(self) -> None:
+        from napari_unpack.io.label_names import SUFFIXES
+
+        kinds = f"Names and colours ({' '.join(f'*{suffix}' for suffix in SUFFIXES)})"
+        path, _ = QFileDialog.getOpenFileName(
+            self, "Names and colours", self._names.to_open(), kinds
+        )
+        if path:
+            self.name_from(path)
 
     def _ask_save(self) -> None:
         self._ask_where(self._workspace.session)
@@ -389,6 +431,11 @@ class FilesSection(Section):
         if path:
             self._names.wrote(Path(path))
             self.export_to(kind, with_suffix(path, *kind.suffixes))
+
+
+def _range(labels: Collection[int]) -> str:
+    low, high = min(labels), max(labels)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _pixels(value: int) -> QSpinBox:

@@ -1,0 +1,111 @@
+"""Names and colours that 3D Slicer and ITK-SNAP write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from napari_unpack.io.label_names import NamedLabel, load_label_names
+from napari_unpack.io.napari_reader import read_layers
+
+CTBL = """# Color table file /home/someone/Bag.ctbl
+# 4 values
+0 Background 0 0 0 0
+1 Left_shoe 255 128 0 255
+2 Bottle 0 0 255 255
+40 Zipper 51 51 51
+"""
+SNAP = """################################################
+# ITK-SnAP Label Description File
+# IDX   -R-  -G-  -B-  -A--  VIS MSH  LABEL
+################################################
+    0     0    0    0        0  0  0    "Clear Label"
+    1   255  128    0        1  1  1    "Left shoe"
+    2     0    0  255      0.5  1  0    "Bottle"
+   40    51   51   51        1  1  1    "Zipper"
+"""
+TABLE = """LabelValue,Name,Color_R,Color_G,Color_B,Color_A
+1,Left shoe,255,128,0,255
+2,Bottle,0,0,255,255
+40,Zipper,51,51,51,255
+"""
+SEGMENTS = """NRRD0004
+type: unsigned char
+dimension: 3
+space: left-posterior-superior
+sizes: 4 3 2
+space directions: (1,0,0) (0,1,0) (0,0,2)
+kinds: domain domain domain
+encoding: raw
+space origin: (0,0,0)
+Segment0_ID:=Segment_1
+Segment0_Name:=Left shoe
+Segment0_Color:=1 0.50196078431 0
+Segment0_LabelValue:=1
+Segment0_Layer:=0
+Segment1_Name:=Bottle
+Segment1_Color:=0 0 1
+Segment1_LabelValue:=2
+Segment2_Name:=Zipper
+Segment2_Color:=0.2 0.2 0.2
+Segment2_LabelValue:=40
+Segment3_Name:=Overlapping
+Segment3_LabelValue:=2
+Segment3_Layer:=1
+"""
+KNOWN = {
+    1: NamedLabel("Left shoe", (1.0, 128 / 255, 0.0)),
+    2: NamedLabel("Bottle", (0.0, 0.0, 1.0)),
+    40: NamedLabel("Zipper", (0.2, 0.2, 0.2)),
+}
+
+
+def segmentation(path: Path) -> Path:
+    """Write a segmentation as 3D Slicer does."""
+    voxels = np.zeros((2, 3, 4), np.uint8)
+    voxels[0, 0], voxels[1, 1], voxels[1, 2] = 1, 2, 40
+    path.write_bytes(SEGMENTS.encode() + b"\n" + voxels.tobytes())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("bag.ctbl", CTBL),
+        ("bag.txt", CTBL),
+        ("windows.ctbl", CTBL.replace("\n", "\r\n")),
+        ("bag.label", SNAP),
+        ("snap.txt", SNAP),
+        ("bag.csv", TABLE),
+    ],
+)
+def test_text_files_name_and_colour_labels(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_bytes(text.encode())
+    assert load_label_names(tmp_path / name) == KNOWN
+
+
+def test_the_header_of_a_segmentation_names_and_colours_labels(tmp_path: Path) -> None:
+    found = load_label_names(segmentation(tmp_path / "bag.seg.nrrd"))
+    assert {i: about.name for i, about in found.items()} == {
+        i: about.name for i, about in KNOWN.items()
+    }
+    for i, about in KNOWN.items():
+        assert found[i].color == pytest.approx(about.color, abs=1e-9)
+
+
+def test_a_segmentation_opens_as_labels_with_names(tmp_path: Path) -> None:
+    ((data, about, kind),) = read_layers(str(segmentation(tmp_path / "bag.seg.nrrd")))
+    assert kind == "labels"
+    assert data[1, 2].tolist() == [40] * 4
+    assert about["features"] == {"index": [1, 2, 40], "name": ["Left shoe", "Bottle", "Zipper"]}
+
+
+def test_a_file_that_names_nothing_says_what_is_wanted(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("milk, bread")
+    with pytest.raises(ValueError, match=r"notes.txt describes no labels: wanted a colour table"):
+        load_label_names(tmp_path / "notes.txt")
+    (tmp_path / "bad.seg.nrrd").write_bytes(b"\x00\x01")
+    with pytest.raises(ValueError, match=r"bad.seg.nrrd must begin with NRRD"):
+        load_label_names(tmp_path / "bad.seg.nrrd")
