@@ -57,6 +57,8 @@ def page(tmp_path_factory) -> tuple[str, Cells]:
     session.unpack(1)
     session.rename(2, "<b>a & b</b>")
     session.hide([3])
+    session.annotations.set_flag(2, "suspicious")
+    session.annotations.set_note(2, "<i>ask</i>")
     before = dict(session.states)
     path = save_objects_page(session, tmp_path_factory.mktemp("p") / "bag.html", "A <bag>")
     assert session.states == before
@@ -86,7 +88,9 @@ def test_it_says_what_the_table_says(page):
     # 12 x 14 x 10 voxels of 2 mm3.
     assert cells.values[1][5] == "3360"
     assert first[5:8] == ["3.4", "20 × 14 × 12", "1500"]
-    assert first[8] == "–"
+    assert first[8:] == ["–", "", ""]
+    assert second[9:] == ["suspicious", "<i>ask</i>"]
+    assert cells.rows[0][9:] == ["Flag", "Note"]
     assert "b" not in cells.tags
 
 
@@ -115,4 +119,4 @@ def test_nobody_is_sure_to_a_hundred_percent_as_in_the_panel(tmp_path):
     cells = Cells()
     path = save_objects_page(session, tmp_path / "bag.html", "A bag")
     cells.feed(Path(path).read_text(encoding="utf-8"))
-    assert [row[-1] for row in cells.rows] == ["Confidence", "99 %", "25 %"]
+    assert [row[8] for row in cells.rows] == ["Confidence", "99 %", "25 %"]

@@ -127,7 +127,7 @@ def test_where_nobody_is_free_scrubbing_stops_and_says_so():
     heard = []
     session.events.message.connect(heard.append)
     assert session.go_to(3) == 0
-    assert "No object is unpackable" in heard[0]
+    assert "Nothing is unpackable" in heard[0]
 
 
 def test_other_rules_make_the_old_answer_worthless():

@@ -74,11 +74,11 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     mine = session.objects["confidence"].to_numpy().copy()
     assert np.isfinite(mine).all()
-    assert "your own oracle" in box.sentence.text()
+    assert "Using your own model" in box.sentence.text()
     press(qtbot, box.restore)
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert (session.objects["confidence"].to_numpy() != mine).any()
-    assert "the default oracle" in box.sentence.text()
+    assert "Using the built-in model" in box.sentence.text()
     path.write_text("no oracle")
     warned = []
     monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)

@@ -262,7 +262,7 @@ def test_settings_reach_the_controller(panel: UnpackingWidget, piled: Any, qtbot
     assert controller.seconds == 2.0
     panel.unpack.direction.setCurrentText("Up (−y)")
     assert tuple(piled.direction) == (0.0, -1.0, 0.0)
-    panel.unpack.direction.setCurrentText("Towards me")
+    panel.unpack.direction.setCurrentText("Towards you")
     assert piled.direction is None
     panel.color.mode.setCurrentText("Vivid")
     assert piled.tint_mode == "hsv"

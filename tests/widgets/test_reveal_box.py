@@ -55,7 +55,7 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     panel.planner.reveal_selected()
     box = panel.unpack.reveal_box
     qtbot.waitUntil(box.isVisible, timeout=60000)
-    assert "Object 2 must leave first or with it, towards you and up." in box.sentence.text()
+    assert "take out Object 2 (towards you and up)." in box.sentence.text()
     assert controller.overlays.outlines.outlined.buried == 1
     assert controller.overlays.outlines.outlined.leaving == {2}
     row = panel.objects.model.row_of(2)
@@ -97,7 +97,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     assert not panel.unpack.draw.isChecked()
     assert not controller.interaction.drawing
     qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along arrow", timeout=10000)
-    panel.unpack.direction.setCurrentText("Towards me")
+    panel.unpack.direction.setCurrentText("Towards you")
     assert session.direction is None
     assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
 
@@ -126,7 +126,7 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     assert f"({len(best.ids)} unpackable)" in panel.unpack.use_best.text()
     words = words_of(best.direction, session.camera)
     assert words in panel.unpack.sentence.text().lower()
-    assert "leaves next" in panel.unpack.sentence.text()
+    assert "Next: Object" in panel.unpack.sentence.text()
     # However long the words are, the panel gets no wider than its place.
     assert panel.unpack.minimumSizeHint().width() < UNPACKING_WIDTH
     press(qtbot, panel.unpack.use_best)
@@ -203,8 +203,8 @@ def test_directions_in_words(
 
 
 def test_sentences_about_what_must_leave() -> None:
-    assert sentence("Tin", ["Sock"], "up") == "Tin: Sock must leave first or with it, up."
+    assert sentence("Tin", ["Sock"], "up") == "To reach Tin, take out Sock (up)."
     assert sentence("Tin", list("abcde"), "up") == (
-        "Tin: a, b, c and 2 others must leave first or with it, up."
+        "To reach Tin, take out a, b, c and 2 others (up)."
     )
-    assert sentence("Tin", [], "up") == "Tin can leave now, up."
+    assert sentence("Tin", [], "up") == "Tin is unpackable (up)."

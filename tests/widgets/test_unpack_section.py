@@ -6,9 +6,13 @@ from typing import Any
 import numpy as np
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import Qt
+from qtpy.QtCore import QPoint, Qt
+from qtpy.QtTest import QTest
 
+from mouse import move
 from napari_unpack.demo import await_unpackable
+from napari_unpack.geometry.view import Camera
+from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press, states
@@ -93,7 +97,7 @@ def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
     assert not panel.unpack.answered
     await_unpackable(panel)
     assert panel.unpack.reveal.text() == "Reveal…"
-    assert "would be unpackable" in panel.unpack.sentence.text()
+    assert " unpackable." in panel.unpack.sentence.text()
 
 
 def test_where_nobody_is_free_the_setting_decides(
@@ -104,20 +108,20 @@ def test_where_nobody_is_free_the_setting_decides(
     panel.unpack.take_least.setChecked(False)
     panel.unpack.direction.setCurrentText("Left (−x)")
     qtbot.waitUntil(
-        lambda: "Every object is blocked in this direction." in panel.unpack.sentence.text(),
+        lambda: "Nothing is unpackable this way." in panel.unpack.sentence.text(),
         timeout=10000,
     )
-    assert "is the least occluded. Turn the bag" in panel.unpack.sentence.text()
+    assert "Least occluded: Object" in panel.unpack.sentence.text()
     # Of another direction that says nothing, until it has been looked along.
     panel.unpack.direction.setCurrentText("Up (−y)")
     qtbot.waitUntil(lambda: "Looking for unpackable" in panel.unpack.sentence.text(), timeout=10000)
     qtbot.waitUntil(lambda: "are unpackable now" in panel.unpack.sentence.text(), timeout=10000)
     panel.unpack.direction.setCurrentText("Left (−x)")
-    qtbot.waitUntil(lambda: "Turn the bag" in panel.unpack.sentence.text(), timeout=10000)
+    qtbot.waitUntil(lambda: "Least occluded" in panel.unpack.sentence.text(), timeout=10000)
 
     before = len(notification_manager.records)
     press(qtbot, panel.unpack.next)
-    assert "No object is unpackable" in notification_manager.records[before].message
+    assert "Nothing is unpackable" in notification_manager.records[before].message
     assert set(states(session).values()) == {"PACKED"}
 
     assert not panel.unpack.force.isHidden()
@@ -132,8 +136,9 @@ def test_where_nobody_is_free_the_setting_decides(
     panel.unpack.take_least.setChecked(True)
     assert panel.unpack.force.isHidden()
     press(qtbot, panel.unpack.next)
-    qtbot.waitUntil(lambda: len(notification_manager.records) == 1, timeout=20000)
-    assert "leaves" in notification_manager.records[-1].message
+    qtbot.waitUntil(lambda: "FLYING_OUT" in states(session).values(), timeout=20000)
+    # The panel's line has said it; nothing is laid over the sprites.
+    assert notification_manager.records == []
     assert sorted(states(session).values())[1] == "PACKED"
     assert set(states(session).values()) != {"PACKED"}
 
@@ -146,7 +151,7 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
     qtbot.waitUntil(lambda: not panel.workspace.controller.flying, timeout=10000)
     press(qtbot, panel.unpack.inspect)
     assert states(piled)[out] == "INSPECTED"
-    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Leave", timeout=20000)
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Back to the bag", timeout=20000)
     assert not panel.unpack.next.isEnabled()
     press(qtbot, panel.unpack.inspect)
     qtbot.waitUntil(lambda: states(piled)[out] == "UNPACKED", timeout=10000)
@@ -164,3 +169,35 @@ def test_restore_all_brings_everything_back(
     press(qtbot, panel.unpack.all_back)
     qtbot.waitUntil(lambda: set(states(piled).values()) == {"PACKED"}, timeout=10000)
     qtbot.waitUntil(lambda: panel.unpack.status == "6 in, 0 out", timeout=20000)
+
+
+def test_a_bag_of_hidden_objects_is_not_called_empty_and_a_link_shows_them(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    sentence = panel.unpack.sentence
+    piled.hide([1, 2, 3, 4, 5, 6])
+    qtbot.waitUntil(lambda: "6 objects are hidden" in sentence.text(), timeout=10000)
+    assert "empty" not in sentence.text()
+    assert panel.unpack.status == "0 in, 0 out, 6 hidden"
+    # A click on the words Show all.
+    spots = (QPoint(x, y) for y in range(4, 40, 6) for x in range(4, 260, 8))
+    spot = next(
+        at for at in spots if _shape_over(sentence, at) == Qt.CursorShape.PointingHandCursor
+    )
+    QTest.mouseClick(sentence, Qt.MouseButton.LeftButton, pos=spot)
+    assert set(states(piled).values()) == {"PACKED"}
+    qtbot.waitUntil(lambda: "hidden" not in sentence.text(), timeout=10000)
+
+
+def _shape_over(widget: Any, at: QPoint) -> Any:
+    move(widget, at)
+    return widget.cursor().shape()
+
+
+def test_a_direction_with_the_words_of_another_says_how_it_differs() -> None:
+    camera = Camera.looking((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 100.0)
+    towards = -camera.direction
+    near = towards + 0.2 * camera.up
+    assert words_of(near, camera) == words_of(towards, camera) == "towards you"
+    assert words_of(near, camera, towards) == "towards you, slightly up"
+    assert words_of(camera.up, camera, towards) == "up"

@@ -95,8 +95,9 @@ heads.forEach((head, column) => {
 document.querySelector("input").addEventListener("input", event => {
   const wanted = event.target.value.trim().toLowerCase();
   for (const row of body.rows) {
-    const [id, name] = [row.cells[1].textContent, row.cells[2].textContent.toLowerCase()];
-    row.hidden = Boolean(wanted) && id !== wanted && !name.includes(wanted);
+    const words = [2, 9, 10].map(k => row.cells[k].textContent.toLowerCase());
+    const found = row.cells[1].textContent === wanted || words.some(w => w.includes(wanted));
+    row.hidden = Boolean(wanted) && !found;
   }
 });
 """
@@ -121,12 +122,14 @@ COLUMNS = (
     ("", "Picture"),
     ("n", "ID"),
     ("t", "Name"),
-    ("t", "Where"),
-    ("n", "Left as"),
+    ("t", "State"),
+    ("n", "Order out"),
     ("n", "Volume {volume}"),
     ("n", "Size {length}"),
-    ("n", "Density"),
+    ("n", "Mean density"),
     ("n", "Confidence"),
+    ("t", "Flag"),
+    ("t", "Note"),
 )
 
 
@@ -198,7 +201,7 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
 <p>{count}. Click a column to sort by it.</p>
 </header>
 <figure><img src="{bag}" alt="The bag" width="{BAG[1]}" height="{BAG[0]}"></figure>
-<label class="search">Search <input type="search" placeholder="name or ID"></label>
+<label class="search">Search <input type="search" placeholder="name, note, flag or ID"></label>
 <div class="wide"><table>
 <thead><tr>{heads}</tr></thead>
 <tbody>
@@ -213,15 +216,13 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
 
 
 def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
-    objects, boxes, volumes = session.objects, session.boxes, _volumes(session)
-    spacing = np.asarray(session.spacing)
+    objects, volumes = session.objects, _volumes(session)
     # Steps up to now: those undone are still in the bag.
     left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
     for k, i in enumerate(session.ids):
         facts = objects.loc[i]
         progress(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
-        row = boxes.index(i)
-        edges = sorted((boxes.upper[row] - boxes.lower[row]) * spacing, reverse=True)
+        edges = session.bag.oriented(i).size
         # The colour alone, without the dimming it may have in the scene.
         red, green, blue = (round(255 * float(v)) for v in session.solo_tints(i)[i, :3])
         # Names come from users and files.
@@ -238,6 +239,8 @@ def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
             + _number(edges[0], session.length_unit.edges(edges))
             + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
             + _number(sure, "–" if math.isnan(sure) else percent(sure))
+            + f"<td>{escape(str(facts.get('flag', '')))}</td>"
+            + f"<td>{escape(str(facts.get('note', '')))}</td>"
             + "</tr>"
         )
 

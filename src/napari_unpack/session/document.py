@@ -17,7 +17,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import commands
 from napari_unpack.session.commands import RemovalPlan
-from napari_unpack.session.errors import NOTHING_UNPACKABLE, least_occluded_sentence, listed
+from napari_unpack.session.errors import listed
 from napari_unpack.session.events import LogEntry, SessionEvents
 from napari_unpack.session.flights import FlightControl
 from napari_unpack.session.history import History, Step
@@ -71,10 +71,8 @@ class Document:
         # A result on occlusion is what an empty queue waits for.
         self.queries = Queries(self, self.fill_queue)
         self.log: list[LogEntry] = []
-        # The result that the log's latest removal rests on, and after which removal it was last
-        # said that nothing is unpackable: both are said once, not for every removal.
+        # The result that the log's latest removal rests on: its time is told once.
         self._credited: object = None
-        self._told_stuck: tuple[object, object] | None = None
 
     def hold(self, data: LabelData) -> None:
         """Take over labels, with their geometry and the rays through them."""
@@ -212,7 +210,7 @@ class Document:
         return commands.remove(state, plan, hold, self.label_data.most_objects)
 
     def removed_next(self, count: int, state: SessionState) -> SessionState:
-        """Return a state after the next to leave have left; say where one was forced.
+        """Return a state after the next to leave have left.
 
         Parameters
         ----------
@@ -220,18 +218,7 @@ class Document:
             How many objects are to leave.
         state : SessionState
         """
-        plan = self.queries.removal_plan(count, state)
-        told = self._told_stuck
-        silent = told is not None and told[0] is state.placements and told[1] == state.direction
-        for removal in plan.removals:
-            if removal.least_occluded and not silent:
-                (name,) = self.names(removal.group)
-                sentence = least_occluded_sentence(name, removal.ratio)
-                self.events.message.emit(f"{NOTHING_UNPACKABLE}; {sentence}: it leaves.")
-            silent = removal.least_occluded
-        new = self.removed(plan, state)
-        self._told_stuck = (new.placements, new.direction) if silent else None
-        return new
+        return self.removed(self.queries.removal_plan(count, state), state)
 
     # How it is looked at.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-NOTHING_UNPACKABLE = "No object is unpackable in this direction"
+NOTHING_UNPACKABLE = "Nothing is unpackable this way"
 
 
 class NobodyFreeError(ValueError):
@@ -37,9 +37,21 @@ def listed(names: Iterable[str]) -> str:
     return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
 
 
+def listed_objects(names: Iterable[str]) -> str:
+    """Join names for a sentence: "Objects 5 and 6" of "Object 5" and "Object 6"."""
+    found = list(names)
+    numbers = [name.removeprefix("Object ") for name in found]
+    # Default names alone; names that people gave stay whole.
+    if len(found) > 1 and all(
+        name == f"Object {n}" for name, n in zip(found, numbers, strict=True)
+    ):
+        return f"Objects {listed(numbers)}"
+    return listed(found)
+
+
 def share_of(ratio: float) -> str:
     """Write a share for a sentence; a small one never as 0 %."""
-    return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "less than 1 %"
+    return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "under 1 %"
 
 
 def least_occluded_sentence(name: str, ratio: float) -> str:
@@ -51,7 +63,7 @@ def least_occluded_sentence(name: str, ratio: float) -> str:
     ratio : float
         Its occlusion ratio.
     """
-    return f"{name} is the least occluded ({share_of(ratio)} hidden)"
+    return f"{name} is the least occluded ({share_of(ratio)} occluded)"
 
 
 def percent(confidence: float) -> str:

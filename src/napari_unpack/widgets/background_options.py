@@ -58,7 +58,7 @@ class BackgroundOptions(Collapsible):
         self.box.setToolTip("Draw the edges of the box around all objects.")
         self.scale = QCheckBox("Scale bar")
         self.scale.setToolTip("Show a length, as it looks at the depth of the bag's middle.")
-        self.contents.addLayout(form(Behind=self.background))
+        self.contents.addLayout(form(Background=self.background))
         self.names = QCheckBox("Names")
         self.names.setToolTip("Write the names of unpacked objects beside them (T).")
         self.names.setChecked(preferences().names)

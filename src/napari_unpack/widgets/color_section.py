@@ -74,12 +74,12 @@ class ColorSection(Section):
         self._stops: list[Stop] | None = None
         self._domain: tuple[float, float] | None = None
         self.recolor = button(
-            "Recolour for this view",
-            "Give objects that meet in this view hues that are far apart (C).",
+            "Recolour",
+            "Give objects that meet in this view colours that are far apart (C).",
             primary=True,
         )
-        self.at_rest = QCheckBox("at rest")
-        self.at_rest.setToolTip("Recolour by itself when you stop turning the bag.")
+        self.at_rest = QCheckBox("Automatically")
+        self.at_rest.setToolTip("Recolour whenever you stop turning the bag.")
         self.preset = QComboBox()
         self.preset.addItems([AUTOMATIC, *PRESETS, CUSTOM])
         self.preset.setToolTip("Which densities are shown, and how opaque they are.")
@@ -91,13 +91,13 @@ class ColorSection(Section):
             "saturation and value, as in the paper."
         )
         self.editor, self.ramp = OpacityEditor(), ColorRampEditor()
-        self.unlabelled = QCheckBox("Show matter of no object")
+        self.unlabelled = QCheckBox("Show everything else")
         self.unlabelled.setToolTip(
-            "Draw matter that belongs to no object, such as the bag itself, almost transparent."
+            "Draw what belongs to no object, such as the bag itself, almost transparent."
         )
         self.curve = Collapsible(
             "Opacity curve and colours",
-            "Which densities are shown and in which colours, by hand; matter of no object.",
+            "Which densities are shown, and in which colours; everything else beside the objects.",
         )
         for widget in (self.editor, self.ramp, self.unlabelled):
             self.curve.contents.addWidget(widget)

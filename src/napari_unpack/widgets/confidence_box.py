@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Scored = tuple[Oracle | None, Mapping[int, float]]
 
 SLOT = "confidence"
-FILES = "Oracle (*.npz)"
+FILES = "Model of the confidence (*.npz)"
 # The fewest examples that `train_on_examples` accepts.
 NEEDED = 8
 
@@ -65,9 +65,9 @@ class ConfidenceBox(Collapsible):
             "Mark as example", "Mark the selected objects as examples of whole objects (✓)."
         )
         self.unmark = button("Unmark", "Remove the mark from the selected objects.")
-        self.train = button("Train…", "Train an oracle on the examples, and save it to a file.")
-        self.load = button("Load…", "Use an oracle that was trained before.")
-        self.restore = button("Default", "Use the oracle that comes with the plugin.")
+        self.train = button("Train…", "Train a model on the examples, and save it to a file.")
+        self.load = button("Load…", "Use a model that was trained before.")
+        self.restore = button("Built-in", "Use the model that comes with the plugin.")
         self.contents.addWidget(self.sentence)
         self.contents.addLayout(row(self.mark, self.unmark))
         self.contents.addLayout(row(self.train, self.load, self.restore))
@@ -83,14 +83,14 @@ class ConfidenceBox(Collapsible):
         """Say how many objects are marked, and enable what can be done."""
         session = self._workspace.session
         marked = frozenset() if session is None else session.examples
-        oracle = "your own" if self._oracle is not None else "the default"
+        model = "Using your own model" if self._oracle is not None else "Using the built-in model"
         if self.running:
             self.sentence.setText("Working…")
         else:
             # Said before a file is asked for, not after.
             wanted = f", training needs {NEEDED}" if 0 < len(marked) < NEEDED else ""
             count = "1 example" if len(marked) == 1 else f"{len(marked)} examples"
-            self.sentence.setText(f"{count}{wanted}. Scored by {oracle} oracle.{self._doubt()}")
+            self.sentence.setText(f"{model}. {count}{wanted}.{self._doubt()}")
         chosen = set() if session is None else set(self._chosen())
         idle = session is not None and not self.running
         self.mark.setEnabled(idle and bool(chosen - marked))
@@ -121,7 +121,7 @@ class ConfidenceBox(Collapsible):
             self.train_to(path if path.endswith(".npz") else f"{path}.npz")
 
     def _ask_what_to_load(self) -> None:
-        path, _ = QFileDialog.getOpenFileName(self, "Load an oracle", "", FILES)
+        path, _ = QFileDialog.getOpenFileName(self, "Load a model", "", FILES)
         if path:
             self.use_oracle(path)
 
@@ -159,7 +159,7 @@ class ConfidenceBox(Collapsible):
             from napari_unpack.segmentation import Oracle
 
             progress(0.0, "Scoring")
-            # None stands for the default oracle, also in the session.
+            # None stands for the built-in one, also in the session.
             oracle = None if path is None else Oracle.load(path)
             return oracle, _scores(session, labels, oracle)
 

@@ -10,13 +10,13 @@ from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.view import Camera
 
 Direction = str | tuple[float, float, float] | None
-TOWARDS_ME = "Towards me"
+TOWARDS_YOU = "Towards you"
 # Shown for a direction that was drawn, or that has no name.
 ALONG_ARROW = "Along arrow"
 
 # As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up.
 DIRECTIONS: dict[str, Direction] = {
-    TOWARDS_ME: None,
+    TOWARDS_YOU: None,
     "Out of the bag": "up",
     "Up (−y)": (0.0, -1.0, 0.0),
     "Down (+y)": (0.0, 1.0, 0.0),
@@ -39,7 +39,11 @@ def name_of(direction: Direction) -> str | None:
     return next((name for name, each in DIRECTIONS.items() if each == direction), None)
 
 
-def words_of(direction: Sequence[float] | Vector, camera: Camera) -> str:
+def words_of(
+    direction: Sequence[float] | Vector,
+    camera: Camera,
+    apart_from: Sequence[float] | Vector | None = None,
+) -> str:
     """Return a direction in words as the bag is seen now: "up", "to the left and up".
 
     Parameters
@@ -47,6 +51,9 @@ def words_of(direction: Sequence[float] | Vector, camera: Camera) -> str:
     direction : (3,) sequence of float
         World, z y x.
     camera : Camera
+    apart_from : (3,) sequence of float, optional
+        Another direction; where the same words would say both, this one's say how it differs:
+        "towards you, slightly up".
 
     Returns
     -------
@@ -57,4 +64,9 @@ def words_of(direction: Sequence[float] | Vector, camera: Camera) -> str:
     order = np.argsort(-np.abs(vector), kind="stable")
     axes = [k for k in order if abs(vector[k]) > LEAST_COMPONENT]
     words = [WORDS[k][int(vector[k] < 0)] for k in axes]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    told = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    if apart_from is not None and told == words_of(apart_from, camera):
+        other = unit(camera.linear @ np.asarray(apart_from, dtype=float))
+        most = int(np.abs(vector - other).argmax())
+        return f"{told}, slightly {WORDS[most][int(vector[most] < other[most])]}"
+    return told

@@ -177,7 +177,7 @@ class FilesSection(Section):
         self.fps = QSpinBox()
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
-        self.fps.setToolTip("Frames a second of movies.")
+        self.fps.setToolTip("Frames per second of movies.")
         self.progress = TaskProgress(workspace.scheduler, "Stop; no unfinished file is left.")
         self._arrange()
 
@@ -192,7 +192,9 @@ class FilesSection(Section):
         self.contents.addLayout(row(self.open, self.save))
         self.contents.addLayout(row(self.label_names, self.export))
         more = Collapsible("Size of pictures and movies", "How large exports are, and how smooth.")
-        more.contents.addLayout(form(Width=self.width_px, Height=self.height_px, Fps=self.fps))
+        more.contents.addLayout(
+            form(Width=self.width_px, Height=self.height_px, Frames_per_second=self.fps)
+        )
         self.contents.addWidget(more)
         self.contents.addWidget(self.progress)
 

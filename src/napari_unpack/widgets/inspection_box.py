@@ -56,9 +56,9 @@ class InspectionBox(QWidget):
         self.editor = OpacityEditor()
         self.cut = QSlider(Qt.Orientation.Horizontal)
         self.cut.setRange(0, 100)
-        self.cut.setToolTip("Cut the object open from your side; turn it to see the cut.")
+        self.cut.setToolTip("Cut the object open from your side; the cut ends with the inspection.")
         self.open = button("Open", "Show what is inside the object as a bag of its own.", True)
-        self.reset = button("Reset", "Remove the cut and the object's own opacity curve.")
+        self.reset = button("Reset", "Take the cut and the object's own opacity curve away.")
         contents = column(self)
         contents.addWidget(self.facts)
         contents.addWidget(self.editor)
@@ -172,14 +172,15 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
     lines = [
         f"<b>{facts.name}</b>",
         f"length × width × height {size} {unit.name}, along its own axes",
-        f"{volume_words(facts.volume_mm3, unit)}, density {facts.mean:.0f} ± {facts.spread:.0f}",
+        f"{volume_words(facts.volume_mm3, unit)}, "
+        f"mean density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
-        lines.append(f"{percent(facts.confidence)} sure that it is one whole object")
+        lines.append(f"confidence {percent(facts.confidence)} that it is one whole object")
     if neighbours:
         rest = len(neighbours) - NAMED_NEIGHBOURS
         more = f" and {rest} more" if rest > 0 else ""
-        lines.append(f"touched {', '.join(neighbours[:NAMED_NEIGHBOURS])}{more}")
+        lines.append(f"touches {', '.join(neighbours[:NAMED_NEIGHBOURS])}{more}")
     else:
-        lines.append("touched nothing")
+        lines.append("touches nothing")
     return "<br>".join(lines)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QWidget
 
-from napari_unpack.session.errors import listed
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
@@ -172,7 +172,7 @@ class RevealBox(QWidget):
         self._plan: RevealPlan | None = None
         self.sentence = label("", "hint", wrap=True)
         self.take = button(
-            "Unpack just those", "Unpack the blocking objects, and the buried one last.", True
+            "Unpack these", "Unpack the objects in the way, and this one last.", True
         )
         self.cancel = button("Not now", "Hide this plan (Escape).")
         contents = column(self)
@@ -183,7 +183,7 @@ class RevealBox(QWidget):
         self.hide()
 
     def show_plan(self, plan: RevealPlan | None, session: Session | None) -> None:
-        """Say what must leave.
+        """Say what to take out.
 
         Parameters
         ----------
@@ -214,10 +214,10 @@ def sentence(name: str, first: Sequence[str], way: str) -> str:
     name : str
         Of the object.
     first : sequence of str
-        Names of the objects that must leave first or with it.
+        Names of the objects to take out first or with it.
     way : str
         The direction in words.
     """
     if not first:
-        return f"{name} can leave now, {way}."
-    return f"{name}: {listed(first)} must leave first or with it, {way}."
+        return f"{name} is unpackable ({way})."
+    return f"To reach {name}, take out {listed_objects(first)} ({way})."

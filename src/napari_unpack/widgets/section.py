@@ -173,8 +173,8 @@ def form(**fields: QWidget) -> QFormLayout:
     layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
     for name, field in fields.items():
         title = label(name.replace("_", " "), "field")
-        # Fixed, so that the fields of all steps stand in one line.
-        title.setFixedWidth(LABELS)
+        # Alike, so that the fields of all steps stand in one line; long names have what they need.
+        title.setMinimumWidth(LABELS)
         layout.addRow(title, field)
     return layout
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GAP = 6
 
 # Width of the column of field labels, pixels; the same in every step.
-LABELS = 66
+LABELS = 74
 
 
 @dataclass(frozen=True)

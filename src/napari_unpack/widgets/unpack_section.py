@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
 
-from napari_unpack.session.errors import share_of
+from napari_unpack.session.errors import NOTHING_UNPACKABLE, share_of
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
 from napari_unpack.widgets.inspection_box import InspectionBox
 from napari_unpack.widgets.preferences import BACKENDS
@@ -44,7 +44,7 @@ class UnpackSection(Section):
         self._best: BestDirection | None = None
         self.direction = QComboBox()
         self.direction.addItems(list(DIRECTIONS))
-        self.direction.setToolTip("Where objects leave to; by default straight towards you.")
+        self.direction.setToolTip("Which way objects leave; by default straight towards you.")
         self.draw = button(
             "Draw…",
             "Drag an arrow in the 3D view: objects leave along it. With "
@@ -63,7 +63,7 @@ class UnpackSection(Section):
         self.several = button("Unpack 5", "Unpack several objects, one after another.")
         self.all_back = button("Restore all", "Fly every object back into the bag.")
         self.chosen = button(
-            "Selected", "Unpack the selected objects, unless other objects block them."
+            "Unpack selected", "Unpack the selected objects, unless other objects block them."
         )
         self.all_unpackable = button(
             "All unpackable", "Unpack all objects that nothing blocks now."
@@ -75,11 +75,20 @@ class UnpackSection(Section):
         self.view = ViewBox(commands)
         self.reveal_box = RevealBox(planner)
         self.inspection = InspectionBox(workspace, commands)
-        self.back_to_bag = button("Back to the bag", "Close the opened object (Escape).", True)
+        self.back_to_bag = button(
+            "Close the opened object", "Go back to the bag that the object is from (Escape).", True
+        )
         self.sentence = label("", "hint", wrap=True)
-        self.use_best = button("", "Unpack in the direction that has the most unpackable objects.")
+        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.LinksAccessibleByMouse)
+        # As many lines as it ever has: the table below stays where it is.
+        self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
+        self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self.use_best = button(
+            "", "Have objects leave the way along which the most are unpackable."
+        )
         self.force = button(
-            "Unpack the least occluded", "Unpack the object of which the smallest share is hidden."
+            "Unpack the least occluded",
+            "Unpack the object of which other objects occlude the smallest share.",
         )
         self._arrange()
         self._connect()
@@ -90,12 +99,13 @@ class UnpackSection(Section):
         aim.addLayout(form(Direction=self.direction), stretch=1)
         aim.addWidget(self.draw)
         self.contents.addLayout(aim)
-        line = row(self.back, self.inspect)
-        # The button pressed most is as wide as the other two together.
+        line = row(self.back)
+        # The button pressed most is the widest.
         line.insertWidget(0, self.next, stretch=2)
         self.contents.addLayout(line)
-        self.contents.addLayout(row(self.count, self.several, self.all_back))
-        self.contents.addLayout(row(self.chosen, self.all_unpackable, self.reveal))
+        self.contents.addLayout(row(self.inspect, self.reveal))
+        self.contents.addLayout(row(self.count, self.several, self.all_unpackable))
+        self.contents.addLayout(row(self.chosen, self.all_back))
         for widget in (
             self.step_slider,
             self.view,
@@ -122,16 +132,16 @@ class UnpackSection(Section):
         self.backend = QComboBox()
         self.backend.addItems(list(BACKENDS))
         self.backend.setToolTip("What draws the bag: the graphics card, or the processor.")
-        self.take_least = QCheckBox("If all are blocked, take the least occluded")
+        self.take_least = QCheckBox("Where nothing is unpackable, take the least occluded")
         self.take_least.setToolTip(
-            "When every object is blocked along the direction, Unpack next takes the one of which "
-            "the smallest share is hidden; otherwise it tells you."
+            "Where nothing is unpackable this way, Unpack next takes the object of which the "
+            "smallest share is occluded; otherwise it says so and takes none."
         )
         self.outlines = QCheckBox("Outline unpackable objects")
         self.outlines.setChecked(True)
         self.outlines.setToolTip(
             "Outline unpackable objects in the 3D view; in yellow those that leave together; in "
-            "orange, where every object is blocked, the least occluded one."
+            "orange, where nothing is unpackable, the least occluded one."
         )
         self.perspective = QCheckBox("Gentle perspective")
         self.perspective.setToolTip(
@@ -154,6 +164,7 @@ class UnpackSection(Section):
         self.all_unpackable.clicked.connect(commands.unpack_all_unpackable)
         self.reveal.clicked.connect(planner.reveal_selected)
         self.use_best.clicked.connect(self._use_best)
+        self.sentence.linkActivated.connect(lambda _: commands.show_all())
         self.back_to_bag.clicked.connect(commands.leave_container)
         self.count.valueChanged.connect(lambda n: self.several.setText(f"Unpack {n}"))
         self.direction.currentTextChanged.connect(self._set_direction)
@@ -199,7 +210,7 @@ class UnpackSection(Section):
         Parameters
         ----------
         ids : frozenset of int, optional
-            Empty where every object is blocked, None while that is not known.
+            Empty where nothing is unpackable, None while that is not known.
         """
         self._unpackable = ids
         # Objects that leave change which direction is best.
@@ -263,10 +274,12 @@ class UnpackSection(Section):
         for control in (self.back, self.all_back):
             control.setEnabled(can_restore)
         # One button both ways, where the hand already is.
-        self.inspect.setText("Leave" if inspected else "Inspect")
+        self.inspect.setText("Back to the bag" if inspected else "Inspect")
         selected = session is not None and bool(session.selected)
         self.inspect.setEnabled(inspected or out > 0 or selected)
-        self.set_status(f"{packed} in, {out + flying + inspected} out" if states else "")
+        hidden = states.count(ObjectState.HIDDEN)
+        counts = f"{packed} in, {out + flying + inspected} out"
+        self.set_status((counts + (f", {hidden} hidden" if hidden else "")) if states else "")
         # None is not empty: nothing is offered while it is not known.
         stuck = self._unpackable == frozenset() and can_unpack and not flying
         self.force.setVisible(stuck and session is not None and not session.take_least_occluded)
@@ -283,11 +296,11 @@ class UnpackSection(Section):
         self, session: Session, packed: int, out: int, flying: int, inspected: bool
     ) -> str:
         if inspected:
-            return "One object alone: drag to turn it, press Escape to return."
+            return "One object alone: drag to turn it; Escape goes back to the bag."
         if flying:
             return f"{flying} {'object is' if flying == 1 else 'objects are'} flying."
         if packed == 0:
-            return "The bag is empty. Double-click an object to inspect it." if out else ""
+            return _all_gone(out, len(objects_in(session, ObjectState.HIDDEN)))
         if self._unpackable is None:
             return SEARCHING
         if not self._unpackable:
@@ -298,19 +311,26 @@ class UnpackSection(Section):
     def _all_blocked(self, session: Session) -> str:
         """Name the least occluded object, and what another direction would make unpackable."""
         # Three facts that people ask for one after another.
-        words = ["Every object is blocked in this direction."]
+        words = [f"{NOTHING_UNPACKABLE}."]
         least = session.queries.least_occluded()
-        which = "The least occluded"
         if least is not None:
             object_id, ratio = least
-            which = f"{session.objects['name'][object_id]}, {share_of(ratio)} hidden,"
-        if session.take_least_occluded:
-            words.append(f"{which} leaves next.")
-        else:
-            if least is not None:
-                words.append(f"{which} is the least occluded.")
-            words.append("Turn the bag, or choose another direction.")
+            leads = "Next" if session.take_least_occluded else "Least occluded"
+            name = session.objects["name"][object_id]
+            words.append(f"{leads}: {name} ({share_of(ratio)} occluded).")
         if self._best is not None:
-            way = words_of(self._best.direction, session.camera)
-            words.append(f"{way.capitalize()}, {len(self._best.ids)} would be unpackable.")
+            # D may have the same words: one of 26 directions is seldom just the view's.
+            way = words_of(self._best.direction, session.camera, session.unpack_direction)
+            words.append(f"{way.capitalize()}: {len(self._best.ids)} unpackable.")
+        elif not session.take_least_occluded:
+            words.append("Turn the bag, or choose another direction.")
         return " ".join(words)
+
+
+def _all_gone(out: int, hidden: int) -> str:
+    """Say why nothing is to be seen in the bag, and how what is hidden comes back."""
+    if hidden:
+        what = "1 object is" if hidden == 1 else f"{hidden} objects are"
+        rest = "the rest is taken out" if out else "none is shown"
+        return f"{what} hidden, {rest}: <a href='show'>Show all</a>"
+    return "The bag is empty. Double-click an object to inspect it." if out else ""
