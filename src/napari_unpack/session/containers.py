@@ -28,9 +28,9 @@ LEAST_SEPARATION = 0.9
 """Share of the spread of densities that lies between their classes: noise about one density has
 0.81, all densities alike 0.89, and things of two or three densities nearly 1."""
 
-LEAST_THICKNESS = 2.0
-"""Voxels from the middle of a part to its border: what is thinner is the blurred border between
-two densities, but for what is densest, as wires are."""
+LEAST_CORE = 0.1
+"""Share of a part that is left a voxel below its border, as of a cube of four voxels: a part with
+less is the blurred border between two densities, unless it is the densest, as wires are."""
 
 LEAST_CONTRAST = 2.0
 """How often denser than the lightest part the densest is, above air, where no part surrounds the
@@ -169,7 +169,6 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
         Parts, the largest 1; 0 outside and where there is air. All 1 where nothing differs.
     """
     from scipy import ndimage
-    from skimage.filters import threshold_multiotsu
 
     whole = inside.astype(np.uint16)
     known = np.asarray(volume, np.float32)[inside & np.isfinite(volume)]
@@ -180,11 +179,8 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
     values = smooth[inside]
     values = values[np.isfinite(values)]
     spread = np.clip(values, *np.percentile(values, [0.5, 99.5]))
-    kinds = min(3, len(np.unique(spread)))
-    if kinds < 2:
-        return whole
-    cuts = threshold_multiotsu(spread, classes=kinds)
-    if _separation(spread, cuts) < LEAST_SEPARATION:
+    cuts, separation = _classes(spread)
+    if not cuts.size or separation < LEAST_SEPARATION:
         return whole
     classes = np.digitize(smooth, cuts)
     least = max(16, round(LEAST_SHARE * inside.sum()))
@@ -193,13 +189,15 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
     for level in range(len(cuts) + 1):
         pieces, _ = ndimage.label(inside & (classes == level))
         sizes = np.bincount(pieces.ravel())
-        depth = ndimage.distance_transform_edt(np.pad(pieces, 1) > 0)[1:-1, 1:-1, 1:-1]
-        deepest = ndimage.maximum(depth, pieces, np.arange(len(sizes)))
-        densest = level == len(cuts)
+        core = ndimage.binary_erosion(pieces > 0, np.ones((3, 3, 3)))
+        cores = np.bincount(pieces[core], minlength=len(sizes))
+        # As they were scanned: smoothing makes edges as dense as the middle.
+        means = ndimage.mean(volume, pieces, np.arange(len(sizes)))
+        densest = (level == len(cuts)) & (means >= cuts[-1])
         found += [
             (int(sizes[k]), pieces == k)
             for k in range(1, len(sizes))
-            if sizes[k] >= least and (densest or deepest[k] >= LEAST_THICKNESS)
+            if sizes[k] >= least and (densest[k] or cores[k] >= LEAST_CORE * sizes[k])
         ]
     for k, (_, piece) in enumerate(sorted(found, key=lambda one: -one[0])[:MOST_PARTS], start=1):
         seeds[piece] = k
@@ -212,11 +210,26 @@ def parts_by_density(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray
     return parts
 
 
-def _separation(values: NDArray[Any], cuts: NDArray[Any]) -> float:
-    """Return the share of the variance of densities that lies between their classes."""
-    classes = np.digitize(values, cuts)
-    within = sum(values[classes == k].var() * (classes == k).mean() for k in np.unique(classes))
-    return 1.0 - float(within) / max(float(values.var()), 1e-12)
+def _classes(values: NDArray[Any]) -> tuple[NDArray[np.float64], float]:
+    """Return the densities between three classes, and how well they separate, 0 to 1.
+
+    By Otsu's criterion for several classes. scikit-image's own makes classes of empty bins where
+    densities are few.
+    """
+    counts, edges = np.histogram(values, 256)
+    centers, share = ((edges[1:] + edges[:-1]) / 2)[counts > 0], counts[counts > 0] / counts.sum()
+    # Up to each bin: shares, and sums of densities from their mean on.
+    offset = centers - centers @ share
+    spread = float(share @ offset**2)
+    whole, moment = (np.concatenate([[0.0], np.cumsum(v)]) for v in (share, share * offset))
+    first, second = np.triu_indices(len(share) + 1)
+    ends = np.stack([np.zeros_like(first), first, second, np.full_like(first, len(share))])
+    masses, sums = np.diff(whole[ends], axis=0), np.diff(moment[ends], axis=0)
+    between = np.sum(sums**2 / np.maximum(masses, 1e-12), axis=0)
+    best = int(between.argmax())
+    inner = {int(k) for k in (first[best], second[best]) if 0 < k < len(share)}
+    cuts = np.array([(centers[k - 1] + centers[k]) / 2 for k in sorted(inner)])
+    return cuts, float(between[best]) / max(spread, 1e-12)
 
 
 def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
