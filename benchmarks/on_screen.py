@@ -30,7 +30,9 @@ def screen_environment() -> dict[str, str] | None:
         return None
     offscreen = ("PYOPENGL_PLATFORM", "EGL_PLATFORM", SCREEN)
     kept = {k: v for k, v in os.environ.items() if k not in offscreen}
-    return kept | {"DISPLAY": os.environ[SCREEN]}
+    # What they leave unsaved is nobody's, and must not be offered at the next start.
+    data = tempfile.mkdtemp(prefix="napari-unpack-")
+    return kept | {"DISPLAY": os.environ[SCREEN], "XDG_DATA_HOME": data}
 
 
 def run_script(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -154,6 +154,9 @@ class Hand:
 
     def give(self) -> str:
         """Give one command; return which."""
+        question = self.panel.unsaved.question
+        if question is not None:
+            question.button(question.StandardButton.Discard).click()
         names = list(self.commands)
         weights = np.array([weight for weight, _ in self.commands.values()])
         name = str(self.rng.choice(names, p=weights / weights.sum()))
@@ -327,6 +330,8 @@ def main() -> int:
     panel.workspace.controller.settle(60)
     report = soak(viewer, panel, chosen.seconds, chosen.seed, told=_say)
     print(report)
+    # Nothing of it is worth restoring.
+    panel.unsaved.give_up()
     panel.end()
     viewer.close()
     return int(bool(report.errors) or report.growth > FLAT)

@@ -237,6 +237,8 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
     steps.done(f"{len(controller.session.ids)} objects; press N to unpack, B to put back")
     if os.environ.get("UNPACK_VIRTUAL_SCREEN"):
         record(viewer, panel, output, steps)
+        # Nobody is to be offered it at the next start.
+        panel.unsaved.give_up()
         viewer.close()
         steps.done(f"images, movie and table are in {output}/")
     else:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from napari.layers import Image
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtWidgets import QFileDialog
@@ -16,10 +18,11 @@ from qtpy.QtWidgets import QFileDialog
 import napari_unpack as nu
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
+from napari_unpack.widgets.file_names import bag_name
 from napari_unpack.widgets.files_section import EXPORTS, with_suffix
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import add_bag, controller_with, press, rest, states
+from opened_panel import add_bag, controller_with, pile_of_balls, press, rest, states
 
 Viewers = Callable[..., Any]
 
@@ -316,3 +319,67 @@ def test_names_and_colours_of_another_program_are_one_step_of_undo(
     press(qtbot, staged.files.label_names)
     done(staged, qtbot)
     qtbot.waitUntil(lambda: "its labels are 700, and those here 1 to 6" in records[-1].message)
+
+
+def test_names_and_folders_are_proposed(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    panel, proposed = staged, []
+
+    def asked(_parent: Any, _title: str, path: str, _kinds: str) -> tuple[str, str]:
+        proposed.append(Path(path))
+        # As a person who goes to another folder, and keeps the name.
+        return str(tmp_path / Path(path).name), ""
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", asked)
+    monkeypatch.setattr(panel.files, "export_to", lambda *_: None)
+    for action in panel.files.menu.actions():
+        action.trigger()
+    names = ["bag.png", "bag unpacking.mp4", "bag turning.mp4", "bag objects.html"]
+    assert [path.name for path in proposed] == [*names, "bag objects.csv"]
+    assert {path.parent for path in proposed[1:]} == {tmp_path}
+    press(qtbot, panel.files.save)
+    done(panel, qtbot)
+    assert proposed[-1] == tmp_path / "bag.unpack"
+    # Where it was saved last, it is saved again; another bag gets a name of its own.
+    (tmp_path / "bag.unpack").rename(tmp_path / "other.unpack")
+    panel.files.save_to(tmp_path / "mine.unpack")
+    done(panel, qtbot)
+    press(qtbot, panel.files.save)
+    done(panel, qtbot)
+    assert proposed[-1] == tmp_path / "mine.unpack"
+    monkeypatch.setattr(
+        QFileDialog, "getOpenFileName", lambda *a: (str(Path(a[2]) / "other.unpack"), "")
+    )
+    press(qtbot, panel.files.open)
+    done(panel, qtbot)
+    assert panel.files.status == "other opened"
+    press(qtbot, panel.files.save)
+    assert proposed[-1] == tmp_path / "other.unpack"
+    done(panel, qtbot)
+
+
+def test_a_bag_is_called_after_its_file_without_what_no_file_may_have() -> None:
+    image = Image(np.zeros((2, 2, 2)), name="a/b: c?")
+    assert bag_name([image]) == "a b c"
+    assert bag_name([]) == "bag"
+    read = SimpleNamespace(name="x", source=SimpleNamespace(path="/scans/suitcase.nii.gz"))
+    assert bag_name([read]) == "suitcase"
+
+
+def test_slices_of_a_reopened_session_are_not_black(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    volume, labels = pile_of_balls()
+    # A little metal, which no slice should be dimmed for.
+    volume[24, 24, 24] = 32000
+    path = nu.save_session(nu.Session(volume, labels), tmp_path / "metal.unpack")
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    low, high = viewer.layers["metal"].contrast_limits
+    assert (low, high) == (20, 4500)
+    viewer.dims.ndisplay = 2
+    viewer.layers["metal objects"].visible = False
+    viewer.dims.set_current_step(0, 14)
+    rest(panel, qtbot)
+    assert (shot(viewer).max(axis=-1) > 120).mean() > 0.05

@@ -67,7 +67,8 @@ class FileNames:
         session : Session
         path : Path
         """
-        self._files[session] = path.absolute()
+        # Where it was saved it will be looked for.
+        self.opened(session, path)
         self.wrote(path)
 
     def to_write(self, sources: Sequence[Layer], what: str, suffix: str) -> str:
@@ -102,4 +103,4 @@ def bag_name(sources: Sequence[Layer]) -> str:
     # Of a time point or a channel, whose objects are named after it.
     if last is not first and str(last.name).startswith(f"{first.name} ("):
         name = str(last.name).removesuffix(" objects")
-    return FORBIDDEN.sub(" ", name).strip(" .") or "bag"
+    return " ".join(FORBIDDEN.sub(" ", name).split()).strip(".") or "bag"
