@@ -81,3 +81,9 @@ def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
     q = p @ matrix[:3, :3].T + matrix[:3, 3]
     w = p @ matrix[3, :3] + matrix[3, 3]
     return q / w[..., None]
+
+
+def triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return three numbers as they stand in states: a tuple, which can be compared."""
+    z, y, x = (float(v) for v in vector)
+    return z, y, x

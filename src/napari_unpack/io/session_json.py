@@ -23,6 +23,7 @@ from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
+from napari_unpack.io.cut_json import cut_from, cut_record
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.measurements_json import measurements_from, measurements_record
 from napari_unpack.rendering.object_style import ObjectStyle
@@ -536,6 +537,7 @@ def record_of(session: Session) -> dict[str, Any]:
             "hue_margin": view.hue_margin,
             "colored": view.recolored,
             "clipping": view.clipping.tolist(),
+            "cut": cut_record(view.cut),
             "surroundings": decorations_record(view.decorations),
         },
         "camera": camera_record(view.camera),
@@ -620,6 +622,8 @@ def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
     told: dict[str, Any] = {}
     if look.has("surroundings"):
         told["decorations"] = decorations_from(look.part("surroundings"))
+    if look.has("cut"):
+        told["cut"] = cut_from(look.part("cut"))
     if fields.has("away_from_table"):
         told["up"] = unit(fields.array("away_from_table", (3,)), "away_from_table")
     return ViewState(

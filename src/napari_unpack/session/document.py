@@ -16,6 +16,7 @@ from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import commands
+from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.commands import RemovalPlan
 from napari_unpack.session.errors import listed
 from napari_unpack.session.events import LogEntry, SessionEvents
@@ -252,12 +253,20 @@ class Document:
         if out:
             self.events.states.emit(frozenset(out))
 
-    def clip(self, planes: ArrayLike | None) -> None:
-        """Take other clipping planes; told as a change of the transfer function."""
+    def clip(self, planes: ArrayLike | None, cut: Cut | None = None) -> None:
+        """Take other clipping planes; told as a change of the transfer function.
+
+        Parameters
+        ----------
+        planes : (N, 2, 3) array_like, optional
+        cut : Cut, optional
+            Which of them are the cutting plane and the clipping box; by default those that were.
+        """
         # No signal of its own: who draws must cast anew, as for other opacities.
-        wanted = checked_planes(planes)
-        if not np.array_equal(wanted, self.view_state.clipping):
-            self.see(clipping=wanted)
+        wanted, before = checked_planes(planes), self.view_state
+        told = (cut or before.cut).kept(wanted, self.spacing, self.label_data.labels.shape)
+        self.see(clipping=wanted, cut=told)
+        if not np.array_equal(wanted, before.clipping):
             self.events.transfer_function.emit(self.state.transfer_function)
 
     def decorate(self, decorations: Decorations) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import TransferFunction, golden_hue
-from napari_unpack.geometry.axes import Matrix, Vector, checked_spacing, unit
+from napari_unpack.geometry.axes import Matrix, Vector, checked_spacing, triple, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -19,6 +19,7 @@ from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands
 from napari_unpack.session.annotations import Annotations
+from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
@@ -68,6 +69,8 @@ class Session:
         Colours, notes and flags that a person gave objects.
     measurements : Measurements
         Lengths and angles; added, removed and undone.
+    cutting : Cutting
+        The cutting plane and the clipping box, which are among `clipping`.
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
@@ -133,7 +136,7 @@ class Session:
         self.events, self.history = document.events, document.history
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
-        self.measurements = Measurements(document)
+        self.measurements, self.cutting = Measurements(document), Cutting(document)
         self._scene_description = SceneDescription()
 
     # The parts, and what they hold.
@@ -267,7 +270,7 @@ class Session:
 
     def look(self, camera: Camera) -> None:
         """Take over the camera that draws."""
-        direction, up, center = (_triple(v) for v in (camera.direction, camera.up, camera.center))
+        direction, up, center = (triple(v) for v in (camera.direction, camera.up, camera.center))
         view = View(direction, up, center, camera.height, camera.fov)
         self._doc.look(camera, view)
 
@@ -435,7 +438,7 @@ class Session:
         if direction is None or (isinstance(direction, str) and direction in ("view", "up")):
             wanted = "up" if direction == "up" else None
         else:
-            wanted = _triple(named(direction))
+            wanted = triple(named(direction))
         if wanted != self.state.direction:
             self._doc.commit("direction", replace(self.state, direction=wanted))
 
@@ -690,8 +693,3 @@ class Session:
         placement = self._doc.outside(object_id)
         picture = self.bag.picture(object_id, rotation, self.camera.stretch)
         return placement.turned(rotation, picture)
-
-
-def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
-    z, y, x = (float(v) for v in vector)
-    return z, y, x

@@ -15,6 +15,7 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.labels import Edit
 from napari_unpack.session.measurements import Measurement
 from napari_unpack.session.object_state import ObjectState
@@ -227,6 +228,8 @@ class ViewState:
     clipping : (N, 2, 3) ndarray of float64
         Planes that cut the packed bag open, point and normal in voxels, z y x; see
         `validation.checked_planes`.
+    cut : Cut
+        Which of them are a person's cutting plane and clipping box.
     decorations : Decorations
         Background, box and scale bar.
     tint_mode : {"perceptual", "safe", "hsv"}
@@ -253,6 +256,7 @@ class ViewState:
     canvas_size: tuple[int, int] = (768, 1024)
     selected: frozenset[int] = frozenset()
     clipping: NDArray[np.float64] = field(default_factory=lambda: checked_planes(None))
+    cut: Cut = field(default_factory=Cut)
     decorations: Decorations = field(default_factory=lambda: Decorations.of("dark"))
     tint_mode: Mode = "perceptual"
     show_unlabelled: bool = False

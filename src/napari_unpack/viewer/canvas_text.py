@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from qtpy.QtCore import Qt
 from qtpy.QtGui import QColor, QFontMetrics, QGuiApplication, QImage, QPainter, QPainterPath, QPen
 
@@ -88,9 +89,15 @@ def written(words: str, on_light: bool, longest: float, scale: float) -> ImageTe
     painter.strokePath(path, QPen(faint, rim, *joined))
     painter.fillPath(path, ink)
     painter.end()
+    return ImageTexture(bytes_of(image))
+
+
+def bytes_of(image: QImage) -> NDArray[np.uint8]:
+    """Return the (h, w, 4) pixels of an image of bytes, a copy."""
+    height, width = image.height(), image.width()
     rows = np.frombuffer(image.constBits().asarray(image.sizeInBytes()), np.uint8)
-    rgba = rows.reshape(height, image.bytesPerLine())[:, : 4 * width].reshape(height, width, 4)
-    return ImageTexture(rgba.copy())
+    lines = rows.reshape(height, image.bytesPerLine())[:, : 4 * width]
+    return lines.reshape(height, width, 4).copy()
 
 
 def text_quad(

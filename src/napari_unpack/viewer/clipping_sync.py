@@ -47,13 +47,13 @@ class ClippingSync:
 
     def _follow_layer(self, event: Any = None) -> None:
         planes = enabled_planes(self._layer)
-        if not self._writing and not np.array_equal(planes, self._session.clipping):
+        if not self._writing and not same_planes(planes, self._session.clipping):
             self._session.clipping = planes
             self._changed()
 
     def _follow_session(self) -> None:
         wanted = self._session.clipping
-        if np.array_equal(enabled_planes(self._layer), wanted):
+        if same_planes(enabled_planes(self._layer), wanted):
             return
         # Setting planes raises the event that we follow.
         self._writing = True
@@ -65,6 +65,16 @@ class ClippingSync:
         finally:
             self._writing = False
         self._changed()
+
+
+def same_planes(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Tell whether planes are the same but for rounding: napari makes normals unit vectors anew.
+
+    Parameters
+    ----------
+    a, b : (N, 2, 3) ndarray of float64
+    """
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=0, atol=1e-9))
 
 
 def enabled_planes(layer: Layer) -> NDArray[np.float64]:

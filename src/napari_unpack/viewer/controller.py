@@ -26,6 +26,7 @@ from napari_unpack.viewer.background_queries import BackgroundQueries
 from napari_unpack.viewer.camera_sync import follow_placement
 from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.connections import ControllerConnections
+from napari_unpack.viewer.cut_handle import CutHandle
 from napari_unpack.viewer.framing import Framing
 from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
@@ -102,6 +103,7 @@ class SessionController:
     overlays : Overlays
     names : SpriteNames
     rulers : RulerDrawing
+    cut_handle : CutHandle
     interaction : Interaction
     scheduler : Scheduler
         Its own, or a scope of the panel's.
@@ -151,7 +153,8 @@ class SessionController:
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
         self.transition.slice_overlays = self.rulers.slice_quads_at
-        self.overlays.drawings += [self.names, self.rulers]
+        self.cut_handle = CutHandle(session, scale, repaint)
+        self.overlays.drawings += [self.cut_handle, self.names, self.rulers]
         self.queries = BackgroundQueries(
             session,
             self.scheduler,

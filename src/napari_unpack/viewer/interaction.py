@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -220,6 +220,9 @@ class Interaction:
     def _frame(self) -> Frame | None:
         return self._target.renderer.frame
 
+    def _in_frame(self, pixel: Pixel) -> Pixel:
+        return np.array(self.frame_pixel(pixel))
+
     def _show_name(self, words: str) -> None:
         canvas = compat.native_canvas(self._target.viewer)
         if canvas is not None:
@@ -232,7 +235,9 @@ class Interaction:
 
     def _move(self, _viewer: napari.Viewer, event: MouseEvent) -> None:
         if self._in_3d():
-            self.point_at(self.under(_pixel(event)))
+            pixel = _pixel(event)
+            handle = self._target.cut_handle.point_at(self._in_frame(pixel), self._frame)
+            self.point_at(0 if handle else self.under(pixel))
         else:
             self.point_at(self.in_slice(event.position))
 
@@ -284,6 +289,9 @@ class Interaction:
         held = turned if inspected else self.sprite_at(start)
         if self.drawing:
             return _Pencil(self, start, "Shift" in modifiers)
+        handle = self._target.cut_handle.point_at(self._in_frame(start), self._frame)
+        if handle and not modifiers:
+            return _Cut(self._target, handle, self._in_frame)
         if "Control" in modifiers and not inspected:
             return RubberBand(self._target, self.frame_pixel, start)
         if held and not modifiers:
@@ -363,6 +371,25 @@ class _Carry:
 
     def release(self) -> None:
         self.target.renderer.held.moved(self.held)
+
+
+@dataclass
+class _Cut:
+    target: PointerTarget
+    part: str
+    in_frame: Callable[[Pixel], Pixel]
+
+    def drag(self, last: Pixel, pixel: Pixel) -> None:
+        frame, handle = self.target.renderer.frame, self.target.cut_handle
+        if frame is None:
+            return
+        if self.part == "rim":
+            handle.turn(pixel - last, frame)
+        else:
+            handle.push(self.in_frame(pixel) - self.in_frame(last), frame)
+
+    def release(self) -> None:
+        """Nothing is left to do: every movement has cut already."""
 
 
 class _Pencil:

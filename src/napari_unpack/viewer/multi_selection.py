@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.layers.rendered_image import FRONT, Sprite
+from napari_unpack.layers import compat
+from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
-from napari_unpack.rendering.gl.lines import FlatStroke
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
+from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.protocols import Pixel, PointerTarget
 from napari_unpack.viewer.scheduler import Worker
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from napari_unpack.rendering.scene import Scene
     from napari_unpack.session.ray_queries import RayQueries
 
-INK, HALO = (0.45, 0.9, 1.0, 0.95), (0.0, 0.0, 0.0, 0.5)
+INK = (0.45, 0.9, 1.0, 0.95)
 
 # Of an object's visible pixels so many may lie outside the band: nobody draws along edges.
 STRAY = 0.03
@@ -71,7 +72,7 @@ class RubberBand:
     ) -> None:
         self._target, self._frame_pixel = target, frame_pixel
         self._corners = np.array([frame_pixel(start)] * 2)
-        self._strokes = FlatStroke(HALO, 3.0, FRONT), FlatStroke(INK, 1.5, FRONT)
+        self._lines = CanvasLines(lambda: compat.pixel_scale(target.viewer))
 
     def drag(self, _last: Pixel, pixel: Pixel) -> None:
         """Draw it up to a corner.
@@ -111,11 +112,10 @@ class RubberBand:
         )
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return the lines of its four sides."""
+        """Return the quad of its four sides."""
         (top, left), (bottom, right) = self._corners
-        corners = np.array([(top, left), (top, right), (bottom, right), (bottom, left)])
-        sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        return [quad for stroke in self._strokes for quad in stroke.quads(sides, frame.size)]
+        round_ = [(top, left), (top, right), (bottom, right), (bottom, left), (top, left)]
+        return self._lines.quads([Line(np.array(round_), INK, 1.5)], frame.size)
 
 
 def enclosed(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from napari_unpack.rendering.gl.depth_quads import Quad
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import ControllerEvents
+    from napari_unpack.viewer.cut_handle import CutHandle
     from napari_unpack.viewer.interaction import Interaction
     from napari_unpack.viewer.overlays import Overlays
     from napari_unpack.viewer.scene_renderer import SceneRenderer
@@ -100,6 +101,10 @@ class PointerTarget(Protocol):
     @property
     def overlays(self) -> Overlays:
         """Follows what the mouse is on."""
+
+    @property
+    def cut_handle(self) -> CutHandle:
+        """Pushes and turns the cutting plane."""
 
     @property
     def scheduler(self) -> Scheduler:

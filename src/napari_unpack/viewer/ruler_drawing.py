@@ -10,18 +10,17 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.layers.placement import data_to_world, units_of
-from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
-from napari_unpack.rendering.gl.lines import FlatStroke
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.quantities import angle_words, length_words
+from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
 from napari_unpack.viewer.protocols import PointerTarget
 from napari_unpack.viewer.surface_points import pivot_from_scan
 
-INK, HALO = (1.0, 0.9, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+INK = (1.0, 0.9, 0.35)
 
 # Logical pixels: half a cross at each end, an angle's arc, and a number's way from its line.
 CROSS, ARC, AWAY = 4.0, 26.0, 4.0
@@ -30,6 +29,7 @@ ARC_LINES = 12
 IN_SLICE, FAINT = 1.0, 0.35
 
 Pixels = NDArray[np.float64]
+Drawn = tuple[Pixels, Measurement | None, float]
 
 
 class RulerDrawing:
@@ -52,7 +52,7 @@ class RulerDrawing:
     ) -> None:
         self._target, self._pixel_scale, self._repaint = target, pixel_scale, repaint
         self._text = CanvasText(pixel_scale)
-        self._strokes = FlatStroke(HALO, 4.4, FRONT), FlatStroke(INK, 2.4, FRONT)
+        self._lines = CanvasLines(pixel_scale)
         self._pending: tuple[SurfacePoint, ...] = ()
 
     @property
@@ -71,12 +71,9 @@ class RulerDrawing:
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the measurements whose objects all stand where they can be measured."""
-        quads: list[Quad] = []
-        for points, measurement in self._all():
-            pixels = self._in_view(points, frame)
-            if pixels is not None:
-                quads += self._drawn(pixels, measurement, frame.size, 1.0)
-        return quads
+        found = ((self._in_view(points, frame), one) for points, one in self._all())
+        drawn = [(pixels, one, 1.0) for pixels, one in found if pixels is not None]
+        return self._quads(drawn, frame.size)
 
     def slice_quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
         """Return the measurements at the slice; faint where a point lies beside it."""
@@ -88,15 +85,15 @@ class RulerDrawing:
         world_from_data = data_to_world(target.layers[0], units_of(target.viewer))
         slice_at = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
         across = ({0, 1, 2} - set(frame.axes)).pop()
-        quads: list[Quad] = []
+        drawn = []
         for points, measurement in self._all():
             voxels = np.array([point.at for point in points]) / target.session.spacing
             beside = voxels[:, across] - slice_at[across]
             near = np.abs(beside) <= IN_SLICE
             if near.any() or np.ptp(np.sign(beside)) > 1:
                 strength = 1.0 if near.all() else FAINT
-                quads += self._drawn(frame.pixels(voxels), measurement, frame.size, strength)
-        return quads
+                drawn.append((frame.pixels(voxels), measurement, strength))
+        return self._quads(drawn, frame.size)
 
     def _all(self) -> Iterator[tuple[tuple[SurfacePoint, ...], Measurement | None]]:
         for measurement in self._target.session.measurements:
@@ -117,20 +114,19 @@ class RulerDrawing:
             return None
         return frame.camera.pixels(pivot, frame.size)
 
-    def _drawn(
-        self, pixels: Pixels, measured: Measurement | None, size: tuple[int, int], opacity: float
-    ) -> list[Quad]:
+    def _quads(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:
         scale = self._pixel_scale()
-        cross = CROSS * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
-        lines = [pixel + arm for pixel in pixels for arm in cross]
-        lines += [np.stack(ends) for ends in pairwise(pixels)]
-        if len(pixels) == 3:
-            lines += list(arc(pixels, ARC * scale))
-        quads = [
-            q for stroke in self._strokes for q in stroke.quads(np.array(lines), size, opacity)
-        ]
-        if measured is None:
-            return quads
+        lines = [line for pixels, _, opacity in drawn for line in lines_of(pixels, opacity, scale)]
+        quads = self._lines.quads(lines, size)
+        for pixels, measured, opacity in drawn:
+            if measured is not None:
+                quads += self._numbers(pixels, measured, size, opacity)
+        return quads
+
+    def _numbers(
+        self, pixels: Pixels, measured: Measurement, size: tuple[int, int], opacity: float
+    ) -> list[Quad]:
+        quads, scale = [], self._pixel_scale()
         on_light = self._target.session.decorations.background.is_light
         unit = self._target.session.length_unit
         words = [length_words(mm, unit) for mm in measured.lengths]
@@ -149,8 +145,29 @@ class RulerDrawing:
         return quads
 
 
+def lines_of(pixels: Pixels, opacity: float, scale: float) -> list[Line]:
+    """Return the lines of a measurement: its sides, a cross at each point, an angle's arc.
+
+    Parameters
+    ----------
+    pixels : (N, 2) ndarray of float64
+        Its points.
+    opacity : float
+    scale : float
+        Device pixels of a logical pixel.
+    """
+    ink = (*INK, opacity)
+    cross = CROSS * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
+    lines = [Line(pixel + arm, ink) for pixel in pixels for arm in cross]
+    if len(pixels) > 1:
+        lines.append(Line(pixels, ink))
+    if len(pixels) == 3:
+        lines.append(Line(arc(pixels, ARC * scale), ink))
+    return lines
+
+
 def arc(pixels: Pixels, radius: float) -> Pixels:
-    """Return the lines of an arc about the middle one of three points, (N, 2, 2).
+    """Return an arc about the middle one of three points, (N, 2).
 
     Parameters
     ----------
@@ -160,12 +177,10 @@ def arc(pixels: Pixels, radius: float) -> Pixels:
     """
     sides = pixels[[0, 2]] - pixels[1]
     lengths = np.linalg.norm(sides, axis=1)
-    if not lengths.all():
-        return np.zeros((0, 2, 2))
     radius = min(radius, 0.5 * float(lengths.min()))
     first, last = np.arctan2(sides[:, 0], sides[:, 1])
     # The short way round.
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
     angles = first + turn * np.linspace(0.0, 1.0, ARC_LINES + 1)
-    points = pixels[1] + radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
-    return np.stack([points[:-1], points[1:]], axis=1)
+    points: Pixels = pixels[1] + radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    return points

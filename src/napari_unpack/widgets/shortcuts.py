@@ -40,6 +40,7 @@ KEYS = (
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),
     ("Shift+drag", "moves a sprite"),
+    ("Drag", "the cutting plane's arrow to push it, its rim to turn it"),
     ("Double click", "inspects an object, in the bag or beside it"),
     ("Click", "selects; with Ctrl or Shift, several; with Alt, the object behind"),
     ("Ctrl+drag", "selects what it encloses"),

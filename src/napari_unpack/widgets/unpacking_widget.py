@@ -12,6 +12,7 @@ from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 from napari_unpack.layers import compat
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.viewer.warm_up import warm_up_task
+from napari_unpack.widgets.clipping_box import ClippingBox
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
@@ -89,6 +90,8 @@ class UnpackingWidget(QWidget):
         self.keeper = RecoveryKeeper(self.workspace, self.unsaved, self)
         self.recovery = RecoveryBar(self.workspace, self.files.restore, self.keeper)
         self.slices = SlicesButton(self.workspace, self)
+        self.clipping = ClippingBox(self.workspace)
+        self.color.contents.addWidget(self.clipping)
         self.measure = MeasureBox(self.workspace)
         self.objects.contents.addWidget(self.measure)
         # One tool at a time takes the clicks.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +75,10 @@ class Stroke:
         """
         if (ends[:, 0] >= 0.98 * camera.distance).any():
             return None
-        place = stroke_place(camera.pixels(ends, size), self._width, size)
-        if place is None:
+        pixels = camera.pixels(ends, size)
+        way = pixels[1] - pixels[0]
+        length = float(np.hypot(*way))
+        if length < 1e-3:
             return None
         share = np.linspace(0.0, 1.0, STEPS)
         if np.isinf(camera.distance):
@@ -89,77 +91,16 @@ class Stroke:
             self._picture = ImageTexture(self._color, depth)
         else:
             self._picture.update(self._color, depth)
+        # A texel of four is a quarter of the height; two of them are the line's own width.
+        side = np.array([-way[1], way[0]]) / length * self._width
+        first = pixels[0] + 0.5 - side
+        ndc = np.array([-2 / size[0], 2 / size[1]])
+        place = StrokePlace(
+            corner=_xy(first * ndc + np.array([1.0, -1.0])),
+            along=_xy(way * ndc),
+            across=_xy(2 * side * ndc),
+        )
         return Quad(self._picture, place, opacity)
-
-
-class FlatStroke:
-    """Lines of one ink at one depth, however many: they share a texture that never changes.
-
-    Parameters
-    ----------
-    ink : (r, g, b, a)
-        Straight.
-    width : float
-        Of its full strength, pixels; a pixel on each side is softer.
-    ndc_depth : float
-        Where they stand, -1 nearest, 1 farthest.
-    """
-
-    def __init__(
-        self, ink: tuple[float, float, float, float], width: float, ndc_depth: float
-    ) -> None:
-        color = np.array([*ink[:3], 1.0], np.float32) * np.float32(ink[3])
-        across = np.array(ACROSS, np.float32)[:, None, None]
-        self._texture = ImageTexture(np.ascontiguousarray(across * color))
-        self._width, self._depth = width, ndc_depth
-
-    def quads(
-        self, lines: NDArray[np.float64], size: tuple[int, int], opacity: float = 1.0
-    ) -> list[Quad]:
-        """Return the quads of lines; those without length have none.
-
-        Parameters
-        ----------
-        lines : (N, 2, 2) ndarray of float64
-            Ends, row and column of the view.
-        size : (int, int)
-            Height and width of the view, pixels.
-        opacity : float
-        """
-        places = (stroke_place(line, self._width, size) for line in lines)
-        return [
-            Quad(self._texture, replace(place, ndc_depth=self._depth), opacity)
-            for place in places
-            if place is not None
-        ]
-
-
-def stroke_place(
-    pixels: NDArray[np.float64], width: float, size: tuple[int, int]
-) -> StrokePlace | None:
-    """Return where a line is drawn; None where it has no length.
-
-    Parameters
-    ----------
-    pixels : (2, 2) ndarray of float64
-        Ends, row and column of the view.
-    width : float
-    size : (int, int)
-        Height and width of the view, pixels.
-    """
-    way = pixels[1] - pixels[0]
-    length = float(np.hypot(*way))
-    if length < 1e-3:
-        return None
-    # A texel of four is a quarter of the height; two of them are the line's own width.
-    side = np.array([-way[1], way[0]]) / length * width
-    first = pixels[0] + 0.5 - side
-    ndc = np.array([-2 / size[0], 2 / size[1]])
-    return StrokePlace(
-        corner=_xy(first * ndc + np.array([1.0, -1.0])),
-        along=_xy(way * ndc),
-        across=_xy(2 * side * ndc),
-    )
 
 
 def _xy(row_col: NDArray[np.float64]) -> tuple[float, float]:
