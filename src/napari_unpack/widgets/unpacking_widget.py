@@ -133,7 +133,7 @@ class UnpackingWidget(QWidget):
             # The table takes the height that is left.
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
-        self.color.contents.addWidget(self.slices.button)
+        self.unpack.view.line.addWidget(self.slices.button, stretch=1)
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)

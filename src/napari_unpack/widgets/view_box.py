@@ -30,6 +30,11 @@ class ViewBox(QWidget):
     Parameters
     ----------
     commands : Commands
+
+    Attributes
+    ----------
+    line : QHBoxLayout
+        Both, and room for what else opens a view.
     """
 
     def __init__(self, commands: Commands) -> None:
@@ -45,7 +50,8 @@ class ViewBox(QWidget):
             "Fit", f"Bring the bag and all unpacked objects into the window ({FIT_KEY})."
         )
         self.fit.clicked.connect(commands.fit)
-        column(self).addLayout(row(self.view, self.fit))
+        self.line = row(self.view, self.fit)
+        column(self).addLayout(self.line)
 
     @staticmethod
     def _look(commands: Commands, side: Side | None, _checked: bool = False) -> None:
