@@ -104,7 +104,7 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
 
 
 def test_slices_show_what_is_inside_the_opened_object(studied: Any, qtbot: QtBot) -> None:
-    viewer, panel, outer, _ = studied
+    viewer, panel, outer = studied[:3]
     press(qtbot, panel.slices.button)
     dock = panel.slices.dock
     assert dock.linked.shape == outer.labels.shape
