@@ -17,6 +17,7 @@ from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.movies import movie_writer, turned
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import Session
+from napari_unpack.session.framing import contained, fitted
 
 
 @pytest.fixture
@@ -124,6 +125,31 @@ def test_a_framed_session_has_room_for_all(session: Any) -> None:
     assert camera.height == pytest.approx(session.slots.height_mm)
 
 
+def test_a_film_has_the_layout_of_the_window(tmp_path: Path, session: Any) -> None:
+    window, size = (240, 400), (120, 160)
+    path = movie(
+        session, tmp_path / "film", None, size, 2, 0.5, "cpu", decorations=(), window=window
+    )
+    frames = [iio.imread(file).astype(int) for file in sorted(path.iterdir())]
+    session.canvas_size = window
+
+    def seen() -> Any:
+        camera = contained(fitted(session), window, size)
+        # All that the window shows is in the picture, which is less wide.
+        assert camera.height == pytest.approx(fitted(session).height * 1.25)
+        image = scene_image(session.scene(), camera, size, backend="cpu")
+        return straight_bytes(image[..., :3])
+
+    np.testing.assert_array_equal(frames[0], seen())
+    fits = {round(fitted(session).height, 6)}
+    for _ in session.ids:
+        session.unpack(1)
+        fits.add(round(fitted(session).height, 6))
+    np.testing.assert_array_equal(frames[-1], seen())
+    # There is a step in it: the film has drawn back.
+    assert len(fits) > 1
+
+
 def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     tmp_path: Path, session: Any
 ) -> None:
@@ -145,7 +171,10 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     frames = [iio.imread(path / name).astype(int) for name in files]
     assert {frame.shape for frame in frames} == {(80, 100, 3)}
     still = copy_session(session, packed=False)
-    camera = frame_bag(still, (80, 100))
+    still.canvas_size = 80, 100
+    # Sprites included, and at every turn of it the bag.
+    radius = still.bag.radius
+    camera = replace(fitted(still), height=max(fitted(still).height, 2 * 1.03 * radius))
     first = straight_bytes(scene_image(still.scene(), camera, (80, 100), backend="cpu"))
     np.testing.assert_array_equal(frames[0], first[..., :3])
     assert all(np.abs(a - b).max() > 40 for a, b in pairwise(frames))

@@ -18,11 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.atomic import folder_written_atomically, written_atomically
 from napari_unpack.geometry.axes import unit
+from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
-from napari_unpack.io.headless import copy_session, decorated, frame_bag, packed_count
+from napari_unpack.io.headless import copy_session, decorated, packed_count
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.rendering.compose import scene_image
+from napari_unpack.session.framing import contained, fitted
 from napari_unpack.tasks import Progress, no_progress
 
 if TYPE_CHECKING:
@@ -212,6 +214,7 @@ def movie(
     progress: Progress | None = None,
     kind: str = "unpacking",
     turn_seconds: float = 8.0,
+    window: tuple[int, int] | None = None,
 ) -> Path:
     """Make a movie of a bag being unpacked, from all packed to the last object, or turning.
 
@@ -242,6 +245,9 @@ def movie(
         A turntable shows the session as it stands, from all around.
     turn_seconds : float
         What one turn of the turntable takes.
+    window : (int, int), optional
+        Height and width in pixels of the window whose layout the movie keeps: sprites stand
+        where they stand there. By default the movie's own size.
 
     Raises
     ------
@@ -266,10 +272,9 @@ def movie(
         turntable = kind == "turntable"
         shown = copy_session(session, packed=not turntable)
         shown.decorations = around
-        # With nothing unpacked there are no slots to show: the bag alone fills the image.
-        close = turntable and not shown.step
-        camera = _close(shown, even) if close else frame_bag(shown, even)
-        shooting = _Shooting(shown, camera, even, fps, backend, report)
+        # Before the slots are asked for, which are planned for it.
+        shown.canvas_size = even if window is None else window
+        shooting = _Shooting(shown, even, fps, backend, report)
         frames = (
             _turning(shooting, turn_seconds) if turntable else _unpacking(shooting, count, seconds)
         )
@@ -283,11 +288,16 @@ class _Shooting:
     """What every frame needs."""
 
     session: Session
-    camera: Camera
     size: tuple[int, int]
     fps: int
     backend: str
     progress: Progress
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the window's layout as things are now."""
+        session = self.session
+        return contained(fitted(session), session.canvas_size, self.size)
 
     def image(self, camera: Camera, time: float | None = None) -> Frame:
         # Premultiplied, so over black where nothing is: movies have no alpha.
@@ -309,17 +319,20 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
     session.animated, session.seconds = True, seconds
     report(0.0, "Rendering")
     yield from shooting.still(STANDSTILL[0])
-    gone = 0
+    gone, camera = 0, shooting.camera
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
         # Flights of a group need not start together: a step lasts until the last has landed.
         start = min(flight.start for flight in flights.values())
         length = max(flight.start + flight.seconds for flight in flights.values()) - start
         frames = max(1, round(length * shooting.fps))
+        # As in the window: there is room for a sprite before it comes.
+        glide = CameraGlide(camera, camera := shooting.camera, start)
         for i in range(frames):
             part = gone + len(flights) * i / frames
             report(min(part / wanted, 1.0), f"Rendering: {gone} of {wanted} objects out")
-            yield shooting.image(shooting.camera, start + (i + 1) * length / frames)
+            time = start + (i + 1) * length / frames
+            yield shooting.image(glide.camera(time), time)
         for object_id in flights:
             # By hand: no clock runs here, so none would land by itself.
             session.land(object_id)
@@ -332,22 +345,24 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
 def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
     """Turn the bag once round the vertical; the movie may be played in a loop."""
     frames = max(2, round(seconds * shooting.fps))
+    camera = _close(shooting)
     for i in range(frames):
         shooting.progress(i / frames, f"Rendering: {i} of {frames} images")
         # The last image is one step before the first, so that a loop has no double frame.
         angle = 2 * np.pi * i / frames
-        yield shooting.image(turned(shooting.camera, angle, shooting.session.away_from_table))
+        yield shooting.image(turned(camera, angle, shooting.session.away_from_table))
     shooting.progress(1.0, "Rendered")
 
 
-def _close(session: Session, size: tuple[int, int]) -> Camera:
-    """Return the camera that just holds the bag at every turn, nothing being out of it."""
+def _close(shooting: _Shooting) -> Camera:
+    """Return the camera that just holds the bag at every turn, and what is out of it."""
+    size, session, camera = shooting.size, shooting.session, shooting.camera
     # An upright image is bounded by its width.
     aspect = min(1.0, size[1] / size[0])
-    camera = session.overview()
     half_angle = np.radians(camera.fov) / 2
     height = 2 * MARGIN * session.bag.radius_in(camera.stretch) / (aspect * np.cos(half_angle))
-    return replace(camera, height=float(height))
+    # With nothing out the picture of now says nothing of the other turns.
+    return replace(camera, height=max(float(height), camera.height if session.step else 0.0))
 
 
 def turned(camera: Camera, angle: float, up: ArrayLike = GRAVITY_UP) -> Camera:

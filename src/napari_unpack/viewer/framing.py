@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.rendering.compose import SHARE_OF_VIEW
 from napari_unpack.session.framing import fitted
-from napari_unpack.viewer.camera_glide import CameraGlide
 from napari_unpack.viewer.camera_sync import point_camera
 from napari_unpack.viewer.scene_renderer import SceneRenderer
 from napari_unpack.viewer.scheduler import Scheduler

@@ -73,10 +73,13 @@ def _picture(session: Session, path: Path, options: ExportOptions, progress: Pro
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import copy_session
     from napari_unpack.rendering.compose import scene_image
+    from napari_unpack.session.framing import contained
 
     progress(0.0, "Drawing the picture")
     shown = copy_session(session, packed=False).scene()
-    image = scene_image(shown, session.camera, options.size, backend="cpu")
+    # All that the window shows, whatever the picture's shape.
+    camera = contained(session.camera, session.canvas_size, options.size)
+    image = scene_image(shown, camera, options.size, backend="cpu")
     progress(0.9, "Writing the picture")
     return save_png(image, path)
 
@@ -94,6 +97,7 @@ def _movie(kind: str) -> Callable[[Session, Path, ExportOptions, Progress], Path
             backend="cpu",
             progress=progress,
             kind=kind,
+            window=session.canvas_size,
         )
 
     return write
