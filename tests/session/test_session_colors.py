@@ -8,6 +8,7 @@ from bags import session_of, stack_of_plates
 from napari_unpack.appearance import TransferFunction, hue_distance
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import Session
+from napari_unpack.session.colors import pairs_beside
 
 
 def side_by_side() -> np.ndarray:
@@ -285,3 +286,29 @@ def test_ids_above_65535_are_renumbered_and_people_see_their_own():
     assert session.objects.loc[2, "name"] == "mine"
     assert session.objects["label"].tolist() == [100_000 * i for i in session.ids]
     np.testing.assert_array_equal(session.labels, LABELS)
+
+
+def test_sprites_beside_each_other_get_hues_apart_and_others_keep_theirs():
+    # A row of 13 blocks, all nearly one blue, as small things of one density come out.
+    labels = np.zeros((4, 6, 13 * 4), np.uint16)
+    for i in range(13):
+        labels[1:3, 1:5, 4 * i : 4 * i + 3] = i + 1
+    session = session_of(labels)
+    session.recolor()
+    session.unpack(12)
+    blues = {i: 0.6 + 0.004 * i for i in session.ids}
+    session.apply_hues(blues)
+    session.locked_hues = {1}
+    pairs = pairs_beside(session.state.placements, session.slots)
+    alone = set(session.state.placements) - {i for pair in pairs for i in pair}
+    assert len(pairs) > 8
+    session.recolor()
+    hues = session.hues
+    assert min(hue_distance(hues[a], hues[b]) for a, b in pairs) > 0.09
+    assert hues[1] == blues[1]
+    assert all(hues[i] == blues[i] for i in alone)
+    moved = {i for i in hues if hues[i] != blues[i]}
+    # A checkerboard of two would do; the others keep the hue they had in the bag.
+    assert len(moved) <= 10
+    session.recolor()
+    assert session.hues == hues

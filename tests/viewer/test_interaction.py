@@ -223,3 +223,23 @@ def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, 
     controller.close()
     session.select([5])
     assert viewer.dims.current_step[0] == 30
+
+
+def test_the_status_bar_names_what_is_under_the_mouse_now(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    widget = native(viewer)
+    # As when the pointer enters: napari asks layers for their status only then.
+    compat.unwrap(viewer).mouse_over_canvas = True
+    at = {i: packed_point(controller, session, i) for i in session.ids}
+    under = {
+        i: p for i, p in at.items() if controller.renderer.picker.packed_at(p.y(), p.x())[:1] == [i]
+    }
+    assert len(under) >= 3
+    for object_id, point in [*under.items(), *under.items()]:
+        move(widget, point)
+        # napari's own answer comes from a thread, a moment later.
+        qtbot.wait(120)
+        status = viewer.status
+        words = status["layer_base"] if isinstance(status, dict) else status
+        assert words.startswith(str(session.objects["name"][object_id])), (object_id, status)

@@ -1,5 +1,6 @@
 """Who can leave is outlined in the picture: white alone, yellow together, and never too late."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,3 +89,22 @@ def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
     assert marks.inks(packed, [(1, 3)]) == {1: INTERLOCKED, 3: INTERLOCKED}
     assert marks.inks(packed, []) == {}
     assert Outlined().inks(packed, [], 2) == {}
+
+
+def test_outlines_go_with_the_picture_they_are_of(shown: Any, qtbot: Any) -> None:
+    viewer, session = shown
+    controller = staged(viewer, session)
+    frame = controller.frame
+    outlines = controller.overlays.outlines
+    assert len(outlines.quads_at(frame)) == 1
+    # Seen from elsewhere, before anything is drawn anew, and without the bag's picture.
+    turned = replace(frame.camera, rotation=frame.camera.rotation[:, [1, 2, 0]])
+    for other in (turned, replace(frame.camera, height=1.1 * frame.camera.height)):
+        assert outlines.quads_at(replace(frame, camera=other)) == ()
+    with_lines = canvas(viewer)
+    controller.packed.visible = False
+    assert canvas(viewer).std(axis=(0, 1)).max() < 1.0
+    controller.packed.visible = True
+    assert controller.settle(30)
+    assert np.abs(canvas(viewer) - with_lines).max() < 12
+    controller.close()

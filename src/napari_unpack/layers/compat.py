@@ -260,6 +260,25 @@ def pixel_scale(viewer: napari.Viewer) -> float:
     return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
 
 
+def refresh_status(viewer: napari.Viewer) -> None:
+    """Have the status bar say what layers say now.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+
+    Notes
+    -----
+    napari asks the active layer in a thread of its own as soon as the mouse moves, before our
+    callbacks hear of it; its answer, of what was there before, comes after ours.
+    """
+    window = getattr(unwrap(viewer), "window", None)
+    thread = getattr(getattr(window, "_qt_window", None), "status_thread", None)
+    # Other versions of napari ask at once, in the main thread.
+    if thread is not None:
+        thread.trigger_status_update()
+
+
 def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> Callable[[], None]:
     """Call back when the viewer's window is taken down; return what calls that off.
 

@@ -19,7 +19,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.compat import PictureLayer, register
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage, to_bytes
 from napari_unpack.layers.scale_bar import ScaleBar
-from napari_unpack.layers.view_camera import Frame
+from napari_unpack.layers.view_camera import Frame, same_camera
 from napari_unpack.layers.vispy_adapter import QuadsAdapter
 from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
 from napari_unpack.rendering.gl.lines import Stroke
@@ -143,6 +143,12 @@ class PackedLayer(PictureLayer):
     def image(self) -> RenderedImage | CanvasImage | None:
         """What is shown."""
         return self._image
+
+    def shows(self, frame: Frame) -> bool:
+        """Return whether it is seen, and its image is of this view and not of one before."""
+        return self.visible and (
+            self._image is None or same_camera(self._image.camera, frame.camera)
+        )
 
     def show(
         self,

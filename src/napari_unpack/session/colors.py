@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,13 +14,20 @@ from napari_unpack.appearance.tints import Mode, Rgba, nearest_hue
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import interference_in
 from napari_unpack.session.ray_queries import Mask, RayQueries, Size
-
-if TYPE_CHECKING:
-    import networkx as nx
+from napari_unpack.session.state import Placement
+from napari_unpack.unpacking import Slots
 
 # DT of eq. 1, pixels of the canvas, and LT, as `interference` has them by default.
 DISTANCE = 5.0
 LAYERS = 2
+
+# Distance of the slots of neighbours, diagonal ones too, in sides of a cell: columns are spread up
+# to the window's edges.
+BESIDE = 1.7
+
+# Fraction of every hue arc left empty between sprites, of which each has few neighbours: more than
+# in the bag, and enough to tell two blues apart.
+SPRITE_MARGIN = 0.5
 
 # Longer side of the object-ID image hues are chosen from; larger canvases are scaled down, since
 # which objects touch in a picture does not hang on its last pixels.
@@ -86,6 +93,10 @@ class HuesKey:
         Objects whose hue stays.
     own : frozenset of (int, float)
         ID and nearest hue of the objects that a person gave a colour.
+    beside : tuple of (int, int)
+        Objects outside the bag that stand beside each other.
+    standing : Identity, optional
+        Of the hues there are now, where any do.
     """
 
     visibility: VisibilityKey
@@ -93,6 +104,39 @@ class HuesKey:
     margin: float
     locked: frozenset[int]
     own: frozenset[tuple[int, float]] = frozenset()
+    beside: tuple[tuple[int, int], ...] = ()
+    standing: Identity | None = None
+
+
+def pairs_beside(placements: Mapping[int, Placement], slots: Slots) -> tuple[tuple[int, int], ...]:
+    """Return which objects outside the bag stand beside each other, each pair ascending.
+
+    Parameters
+    ----------
+    placements : mapping of int to Placement
+    slots : Slots
+    """
+    ids = sorted(placements)
+    at = slots.centers[[placements[i].slot for i in ids], 1:].reshape(-1, 2)
+    near = np.abs(at[:, None] - at).max(axis=-1) < BESIDE * slots.cell_mm
+    return tuple((ids[a], ids[b]) for a, b in np.argwhere(np.triu(near, 1)))
+
+
+def hues_beside(
+    pairs: Iterable[tuple[int, int]], hues: Mapping[int, float], locked: Collection[int] = ()
+) -> dict[int, float]:
+    """Return hues of objects that stand beside each other, those of neighbours apart.
+
+    Parameters
+    ----------
+    pairs : iterable of (int, int)
+        From `pairs_beside`.
+    hues : mapping of int to float
+        As they are: few are changed, and those as little as can be.
+    locked : collection of int
+        Objects whose hue stays.
+    """
+    return assign_hues(nx.Graph(sorted(pairs)), hues, SPRITE_MARGIN, locked=locked)
 
 
 def hues_of(colors: Mapping[int, Rgba], mode: Mode) -> frozenset[tuple[int, float]]:
@@ -109,7 +153,10 @@ def hues_of(colors: Mapping[int, Rgba], mode: Mode) -> frozenset[tuple[int, floa
 
 
 def chosen_hues(
-    graph: nx.Graph, previous: Mapping[int, float] | None, key: HuesKey
+    graph: nx.Graph,
+    previous: Mapping[int, float] | None,
+    key: HuesKey,
+    hues: Mapping[int, float],
 ) -> dict[int, float]:
     """Return hues that keep neighbours apart, from own colours too; runs on any thread.
 
@@ -120,11 +167,15 @@ def chosen_hues(
     previous : mapping of int to float, optional
         As for `assign_hues`.
     key : HuesKey
+    hues : mapping of int to float
+        As they are, of all objects.
     """
     own = dict(key.own)
+    locked = key.locked | own.keys()
     # What has its own colour stays as it is, and its neighbours give way to it.
     known = {**(previous or {}), **own} if own else previous
-    return assign_hues(graph, known, key.margin, locked=key.locked | own.keys())
+    packed = assign_hues(graph, known, key.margin, locked=locked)
+    return packed | hues_beside(key.beside, {**hues, **own}, locked)
 
 
 def find_interference(

@@ -594,7 +594,8 @@ class Queries:
             return None
         view, visible = session.view_state, session.label_data.visible(key.visibility.packed)
         rays, backend, cache = session.ray_queries, session.backend, self._cache
-        previous = session.state.hues if key.previous is not None else None
+        hues = session.state.hues
+        previous = hues if key.previous is not None else None
 
         def run(_: Progress) -> dict[int, float]:
             # Another margin, or a hue locked, needs no new rays.
@@ -604,7 +605,7 @@ class Queries:
                     key.visibility, rays, visible, view.clipping, backend
                 )
                 cache.keep(key.visibility, graph)
-            return colors.chosen_hues(graph, previous, key)
+            return colors.chosen_hues(graph, previous, key, hues)
 
         return Task(key, run)
 
@@ -619,7 +620,12 @@ class Queries:
         # Before hues were chosen for any view there is nothing worth keeping.
         previous = Identity(session.state.hues) if keep and view.recolored else None
         own = colors.hues_of(session.state.colors, view.tint_mode)
-        return HuesKey(visibility, previous, view.hue_margin, view.locked_hues, own)
+        hidden = session.state.hidden
+        seen = {i: at for i, at in session.state.placements.items() if i not in hidden}
+        beside = colors.pairs_beside(seen, self.slots())
+        standing = Identity(session.state.hues) if beside else None
+        locked = view.locked_hues
+        return HuesKey(visibility, previous, view.hue_margin, locked, own, beside, standing)
 
     def states(self) -> dict[int, ObjectState]:
         """Return where every object is, by ID; treat as read-only."""

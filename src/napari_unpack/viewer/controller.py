@@ -147,9 +147,10 @@ class SessionController:
             self.events.landed.emit,
             self.events.message.emit,
         )
-        self.overlays = Overlays(session, self.scheduler, self.transition.repaint)
+        repaint, shows = self.transition.repaint, self.packed.shows
+        self.overlays = Overlays(session, self.scheduler, repaint, shows)
         self.transition.overlays = self.overlays.quads_at
-        scale, repaint = self._pixel_scale, self.transition.repaint
+        scale = self._pixel_scale
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
         self.transition.slice_overlays = self.rulers.slice_quads_at

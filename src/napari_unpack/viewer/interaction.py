@@ -141,6 +141,7 @@ class Interaction:
         for layer in target.layers:
             layer.words = words
         target.viewer.status = words or "Ready"
+        compat.refresh_status(target.viewer)
         self._show_name(hint(session, object_id) if object_id else "")
         target.overlays.ghost.point_at(0 if target.renderer.inspected else object_id)
         self.selection_changed()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.layers.rendered_image import RenderedImage
-from napari_unpack.layers.view_camera import Frame
+from napari_unpack.layers.view_camera import Frame, same_camera
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Ink, outlined
@@ -141,9 +141,11 @@ class OutlineRenderer:
         self._frame = None
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
-        """Return the one quad of all outlines."""
-        quad = None if self._image is None else self._image.quad(frame.camera)
-        return () if quad is None else (quad,)
+        """Return the one quad of all outlines, as long as they are of this view."""
+        image = self._image
+        if image is None or not same_camera(image.camera, frame.camera):
+            return ()
+        return (image.quad(frame.camera),)
 
     def _draw(self) -> None:
         session, frame = self._session, self._frame
@@ -219,6 +221,8 @@ class Overlays:
     scheduler : Scheduler
     show : callable
         Called when there is something new to draw.
+    shows : callable
+        Given what the canvas shows, tells whether the bag's image is seen and is of that view.
 
     Attributes
     ----------
@@ -229,8 +233,14 @@ class Overlays:
         What else is drawn, for as long as it is in the list.
     """
 
-    def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
-        self._session = session
+    def __init__(
+        self,
+        session: Session,
+        scheduler: Scheduler,
+        show: Callable[[], None],
+        shows: Callable[[Frame], bool],
+    ) -> None:
+        self._session, self._shows = session, shows
         self._outlines_unpackable = True
         self._wanted = Outlined()
         self.outlines = OutlineRenderer(session, scheduler, show)
@@ -292,5 +302,8 @@ class Overlays:
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return everything to draw."""
-        parts: tuple[Drawing, ...] = (self.outlines, self.ghost, self.arrow, *self.drawings)
+        parts: list[Drawing] = [self.ghost, self.arrow, *self.drawings]
+        # Without the picture they are of, or beside it, lines would outline nothing.
+        if self._shows(frame):
+            parts.insert(0, self.outlines)
         return [quad for part in parts for quad in part.quads_at(frame)]
