@@ -41,6 +41,7 @@ def test_help_lists_every_command() -> None:
         "order",
         "render",
         "movie",
+        "surfaces",
         "demo",
         "bench",
     ):
@@ -73,6 +74,21 @@ def test_order_prints_who_leaves_when(bag: Path) -> None:
     assert rows[1][-2] == "2.6"
     numbers = run("order", bag, "--direction", "0,0,-1", "--count", 1, "--backend", "cpu")
     assert [line.split()[:2] for line in numbers.stdout.splitlines()[1:]] == [["1", "1"]]
+
+
+def test_surfaces_are_of_all_objects_or_of_those_asked_for(bag: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    out = bag.with_name("parts.glb")
+    result = run("surfaces", bag, out)
+    assert result.exit_code == 0, result.output
+    assert sorted(trimesh.load_scene(out).geometry) == ["Object 1", "Object 2", "Object 3"]
+    one = run("surfaces", bag, bag.with_name("one.stl"), "--objects", "2")
+    assert one.exit_code == 0, one.output
+    mesh = trimesh.load_mesh(bag.with_name("one.stl"))
+    assert mesh.volume == pytest.approx(2560, rel=0.01)
+    np.testing.assert_allclose(mesh.center_mass, (21.5, 11.5, -11.5), atol=0.1)
+    assert "must be IDs such as 1,4" in run("surfaces", bag, out, "--objects", "2,x").output
+    assert "surfaces must end in" in run("surfaces", bag, bag.with_name("parts.step")).output
 
 
 def test_render_writes_a_picture_with_every_object(bag: Path) -> None:
@@ -212,6 +228,7 @@ def test_a_saved_session_is_taken_where_a_volume_is(bag: Path) -> None:
     film = bag.with_name("frames")
     filmed = run(
         "movie",
+        "surfaces",
         saved,
         film,
         "--turntable",

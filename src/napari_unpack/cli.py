@@ -339,6 +339,41 @@ def _table(
 
 
 @_command()
+def _surfaces(
+    source: Input,
+    output: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUTPUT",
+            help="Surfaces to write: .stl, .obj, .ply, .glb, or a folder of one STL an object.",
+        ),
+    ],
+    labels: LabelsOption = None,
+    objects: Annotated[
+        str | None, typer.Option(metavar="ID,ID", help="Which objects; all without it.")
+    ] = None,
+    at: At = None,
+) -> None:
+    """Write the surfaces of objects, in mm and as they were scanned, for other tools."""
+    from napari_unpack.io.session_archive import holds_session
+    from napari_unpack.io.sessions import standing_of
+    from napari_unpack.io.surfaces import FORMATS, checked_surfaces_path, save_surfaces
+
+    check_output(checked_surfaces_path(output), FORMATS, source, labels)
+    session = open_input(source, labels, None, None, "auto", at)
+    ids = None
+    if objects is not None:
+        known = {session.label_of(i): i for i in session.ids}
+        asked = [part.strip() for part in objects.split(",")]
+        strange = [part for part in asked if not part.isdigit() or int(part) not in known]
+        if strange:
+            raise ValueError(f"--objects must be IDs such as 1,4 of the input, got {strange[0]!r}")
+        ids = [known[int(part)] for part in asked]
+    place = standing_of(source) if holds_session(source) else None
+    typer.echo(f"wrote {save_surfaces(session, output, ids, place, Ticker())}")
+
+
+@_command()
 def _demo(
     source: Annotated[
         Path | None, typer.Argument(metavar="[INPUT]", help="Volume; a simulated bag without it.")

@@ -336,7 +336,8 @@ def test_names_and_folders_are_proposed(
     for action in panel.files.menu.actions():
         action.trigger()
     names = ["bag.png", "bag unpacking.mp4", "bag turning.mp4", "bag objects.html"]
-    assert [path.name for path in proposed] == [*names, "bag objects.csv"]
+    names += ["bag objects.csv", "bag surfaces.stl", "bag selected surfaces.stl"]
+    assert [path.name for path in proposed] == names
     assert {path.parent for path in proposed[1:]} == {tmp_path}
     press(qtbot, panel.files.save)
     done(panel, qtbot)
@@ -383,3 +384,23 @@ def test_slices_of_a_reopened_session_are_not_black(
     viewer.dims.set_current_step(0, 14)
     rest(panel, qtbot)
     assert (shot(viewer).max(axis=-1) > 120).mean() > 0.05
+
+
+def test_surfaces_of_the_selected_objects_are_exported(
+    staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(tmp_path / "two.obj"), ""))
+    session, menu = staged.workspace.session, staged.files.menu
+    (chosen,) = [action for action in menu.actions() if "selected" in action.text()]
+    menu.aboutToShow.emit()
+    assert not chosen.isEnabled()
+    session.select([2, 3])
+    menu.aboutToShow.emit()
+    assert chosen.isEnabled()
+    chosen.trigger()
+    done(staged, qtbot)
+    scene = trimesh.load_scene(tmp_path / "two.obj", split_objects=True)
+    assert sorted(scene.geometry) == ["Object 2", "Object 3"]
+    wanted = session.objects["volume_mm3"][[2, 3]].sum()
+    assert scene.volume == pytest.approx(wanted, rel=0.01)

@@ -3,6 +3,7 @@ from .movies import movie
 from .report import save_objects_csv, save_objects_page
 from .scan import Scan
 from .sessions import open_session, save_session
+from .surfaces import save_surfaces
 from .volumes import load_labels, load_volume, save_scan
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "save_png",
     "save_scan",
     "save_session",
+    "save_surfaces",
 ]

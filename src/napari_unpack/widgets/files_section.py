@@ -21,6 +21,8 @@ from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from qtpy.QtGui import QAction
+
     from napari_unpack.geometry.axes import Matrix
     from napari_unpack.io.label_names import NamedLabel
     from napari_unpack.io.recovery import Leftover
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """How pictures and movies are made.
+    """How exports are made.
 
     Parameters
     ----------
@@ -37,11 +39,17 @@ class ExportOptions:
         Height and width, pixels.
     fps, seconds : int, float
         Frames a second, and the duration of one flight.
+    selected : tuple of int
+        The objects that are selected.
+    standing : (4, 4) ndarray, optional
+        How the bag stands where its layers were moved or turned.
     """
 
     size: tuple[int, int]
     fps: int
     seconds: float
+    selected: tuple[int, ...] = ()
+    standing: Matrix | None = None
 
 
 @dataclass(frozen=True)
@@ -58,12 +66,15 @@ class Export:
         Of its files, the usual one first.
     write : callable
         (session, path, options, progress) -> path; runs in a worker and changes no session.
+    of_selected : bool
+        Whether it needs objects to be selected.
     """
 
     title: str
     word: str
     suffixes: tuple[str, ...]
     write: Callable[[Session, Path, ExportOptions, Progress], Path]
+    of_selected: bool = False
 
 
 # Workers have no GL context of the viewer's, so exports are drawn by the processor.
@@ -116,13 +127,30 @@ def _table(session: Session, path: Path, options: ExportOptions, progress: Progr
     return save_objects_csv(session.objects, path, session.length_unit)
 
 
+def _surfaces(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
+    from napari_unpack.io.surfaces import save_surfaces
+
+    return save_surfaces(session, path, None, options.standing, progress)
+
+
+def _some_surfaces(
+    session: Session, path: Path, options: ExportOptions, progress: Progress
+) -> Path:
+    from napari_unpack.io.surfaces import save_surfaces
+
+    return save_surfaces(session, path, options.selected, options.standing, progress)
+
+
 MOVIES = (".mp4", ".gif")
+MESHES = (".stl", ".obj", ".ply", ".glb")
 EXPORTS = (
     Export("Picture", "", (".png",), _picture),
     Export("Movie of the unpacking", "unpacking", MOVIES, _movie("unpacking")),
     Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
     Export("Web page", "objects", (".html",), _report),
     Export("Table", "objects", (".csv",), _table),
+    Export("Surfaces of all objects", "surfaces", MESHES, _surfaces),
+    Export("Surfaces of the selected objects", "selected surfaces", MESHES, _some_surfaces, True),
 )
 
 WHOLE = "Session with its volume (*.unpack)"
@@ -166,7 +194,9 @@ class FilesSection(Section):
         self.open = button("Open session…", "Continue a saved session.")
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
-            "Export…", "Write a picture, a movie, a web page or the table of objects."
+            "Export…",
+            "Write a picture, a movie, a web page, the table of objects, or their surfaces (STL, "
+            "OBJ, PLY, glTF).",
         )
         self.label_names = button(
             "Names and colours…",
@@ -175,7 +205,10 @@ class FilesSection(Section):
         )
         self.menu = QMenu(self)
         for kind in EXPORTS:
-            self.menu.addAction(f"{kind.title}…").triggered.connect(partial(self._ask, kind))
+            action = self.menu.addAction(f"{kind.title}…")
+            action.triggered.connect(partial(self._ask, kind))
+            if kind.of_selected:
+                self.menu.aboutToShow.connect(partial(self._enable, action))
         self.export.setMenu(self.menu)
         self.width_px, self.height_px = _pixels(1280), _pixels(960)
         self.fps = QSpinBox()
@@ -201,6 +234,10 @@ class FilesSection(Section):
         )
         self.contents.addWidget(more)
         self.contents.addWidget(self.progress)
+
+    def _enable(self, action: QAction) -> None:
+        session = self._workspace.session
+        action.setEnabled(session is not None and bool(session.selected))
 
     def _refresh(self) -> None:
         idle = not self.progress.running
@@ -320,11 +357,19 @@ class FilesSection(Section):
         kind : Export
         path : str or Path
         """
-        session = self._workspace.session
-        if session is None:
+        from napari_unpack.layers.placement import standing
+
+        controller = self._workspace.controller
+        if controller is None:
             return
-        size = self.height_px.value(), self.width_px.value()
-        options = ExportOptions(size, self.fps.value(), session.seconds)
+        session, size = controller.session, (self.height_px.value(), self.width_px.value())
+        options = ExportOptions(
+            size,
+            self.fps.value(),
+            session.seconds,
+            tuple(sorted(session.selected)),
+            standing(controller.packed, session.spacing),
+        )
         self._begin(partial(kind.write, session, Path(path), options), self._say_written)
 
     def end(self) -> None:

@@ -1,0 +1,213 @@
+"""Surfaces of objects as triangles: STL, OBJ, PLY and glTF (.glb), for printing and other tools."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter
+
+from napari_unpack.atomic import check_writable, folder_written_atomically, written_atomically
+from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.io.optional import needed
+from napari_unpack.tasks import Progress, no_progress
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from napari_unpack.session import Session
+
+FORMATS = (".stl", ".obj", ".ply", ".glb", "")
+"""Suffixes; a name without one is a folder of STL files, one for each object."""
+
+# Of the blur that rounds off the stairs of voxels, in voxels: below it stairs show, above it
+# edges of a box go.
+SMOOTH = 0.7
+
+# Objects of fewer voxels are cut from a grid so many times finer: their surface is mostly stairs.
+FINER = ((3_000, 3), (100_000, 2))
+
+# How near the enclosed volume comes to the voxels', as a share, and how many levels are tried:
+# on a shell of a large bag each takes seconds, and there one half is near already.
+CLOSE = 0.005
+SMALL_STEPS, LARGE_STEPS = 10, 4
+
+# From axes z y x of the scan, as napari draws them, to x to the left, y to the back and z to the
+# head of who lies on the table: what scanners and 3D Slicer count in, and no mirror image.
+SCANNER_FROM_SCAN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+
+# glTF counts in metres.
+METRES_PER_MM = 0.001
+
+
+def checked_surfaces_path(path: str | Path) -> Path:
+    """Return where surfaces go.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is none of `FORMATS`.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise ValueError(
+            "surfaces must end in .stl, .obj, .ply or .glb, or be a folder's name without a suffix "
+            f"for one STL file an object; got {target.name!r}"
+        )
+    return target
+
+
+def save_surfaces(
+    session: Session,
+    path: str | Path,
+    ids: Iterable[int] | None = None,
+    standing: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the surfaces of objects where they lie in the bag.
+
+    Parameters
+    ----------
+    session : Session
+        Not changed, so this may run on any thread.
+    path : str or Path
+        .stl has all objects in one body; .ply their colours too; .obj and .glb have an object of
+        its own, with its name and colour, for each. A name without a suffix is a folder of STL
+        files. Lengths are in mm, of .glb in metres as glTF wants.
+    ids : iterable of int, optional
+        By default all objects.
+    standing : (4, 4) array_like, optional
+        How the bag stands where its layers were moved or turned, see `io.sessions.standing_of`;
+        by default as it was scanned.
+    progress : callable, optional
+        Takes (fraction, text) for every object; raising in it cancels and leaves no file.
+
+    Raises
+    ------
+    ValueError
+        If the format or an ID is unknown, or none is given.
+    ImportError
+        If trimesh is missing.
+    """
+    target, report = checked_surfaces_path(path), progress or no_progress
+    needed("trimesh", "trimesh", "writing surfaces")
+    wanted = list(session.ids) if ids is None else [int(i) for i in ids]
+    strange = [i for i in wanted if i not in session.states]
+    if strange or not wanted:
+        raise ValueError(f"ids must be objects of the session, got {strange or wanted}")
+    check_writable(target)
+    meshes = _meshes(session, wanted, standing, report)
+    with ExitStack() as stack:
+        if not target.suffix:
+            folder = stack.enter_context(folder_written_atomically(target, _holds_surfaces))
+            for k, (name, mesh) in enumerate(meshes):
+                safe = re.sub(r"[^\w .()-]+", "_", name).strip(" .")
+                (folder / f"{wanted[k]:03d} {safe}.stl").write_bytes(_exported(mesh, "stl"))
+        else:
+            temporary = stack.enter_context(written_atomically(target))
+            temporary.write_bytes(_together(list(meshes), target.suffix.lower()[1:]))
+        report(1.0, "Written")
+    return target
+
+
+def object_surface(
+    mask: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the closed surface of a mask that encloses as much as its voxels are.
+
+    Parameters
+    ----------
+    mask : (Z, Y, X) ndarray of bool
+        With at least one voxel.
+
+    Returns
+    -------
+    points : (n, 3) ndarray of float64
+        Voxels z y x, whose centres are at integers.
+    triangles : (m, 3) ndarray of int64
+    """
+    from skimage.measure import marching_cubes
+
+    count = int(mask.sum())
+    finer = next((times for most, times in FINER if count < most), 1)
+    for axis in range(3):
+        mask = np.repeat(mask, finer, axis)
+    # Room for the blur, so that nothing is cut off at the border.
+    margin = 4 * finer
+    field = gaussian_filter(np.pad(mask.astype(np.float32), margin), SMOOTH * finer)
+    low, high = 0.0, float(field.max())
+    level = min(0.5, high / 2)
+    # At one half, corners and thin sheets shrink or go: the level is moved until the surface
+    # encloses what it should, halving the steps.
+    for _ in range(LARGE_STEPS if finer == 1 else SMALL_STEPS):
+        points, triangles, _, _ = marching_cubes(field, level)
+        share = _enclosed(points, triangles) / (count * finer**3)
+        if abs(share - 1) < CLOSE:
+            break
+        low, high = (level, high) if share > 1 else (low, level)
+        level = (low + high) / 2
+    points = (points.astype(np.float64) - margin + 0.5) / finer - 0.5
+    return points, triangles.astype(np.int64)
+
+
+def _enclosed(points: NDArray[Any], triangles: NDArray[Any]) -> float:
+    a, b, c = (points[triangles[:, k]].astype(np.float64) for k in range(3))
+    # Each triangle and the origin span a tetrahedron; those that face it count as negative.
+    return abs(float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum())) / 6
+
+
+def _meshes(
+    session: Session, ids: list[int], standing: ArrayLike | None, report: Progress
+) -> Iterator[tuple[str, trimesh.Trimesh]]:
+    import trimesh
+
+    names, labels, boxes = session.objects["name"], session.labels, session.boxes
+    place = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
+    # A file may say mm and mean µm: the length unit knows.
+    scale = session.length_unit.true_mm
+    for k, i in enumerate(ids):
+        report(k / len(ids), f"Finding surfaces: {k} of {len(ids)}")
+        window = boxes.slices(i)
+        points, triangles = object_surface(labels[window] == i)
+        points += [one.start for one in window]
+        there = _scanner_points(points * np.asarray(session.spacing), place) * scale
+        color = np.append(session.solo_tints(i)[i, :3], 1.0)
+        mesh = trimesh.Trimesh(there, triangles, process=False)
+        # Two mirrors are none: whichever way the axes go, outside is outside.
+        if mesh.volume < 0:
+            mesh.invert()
+        mesh.visual = trimesh.visual.ColorVisuals(
+            mesh, vertex_colors=np.tile(np.uint8(np.clip(color, 0, 1) * 255), (len(there), 1))
+        )
+        yield str(names[i]), mesh
+
+
+def _scanner_points(mm: NDArray[np.float64], place: Matrix) -> NDArray[np.float64]:
+    return transform_points(place, mm) @ SCANNER_FROM_SCAN.T
+
+
+def _together(meshes: list[tuple[str, trimesh.Trimesh]], kind: str) -> bytes:
+    import trimesh
+
+    if kind in ("stl", "ply"):
+        return _exported(trimesh.util.concatenate([mesh for _, mesh in meshes]), kind)
+    scene = trimesh.Scene()
+    for name, mesh in meshes:
+        if kind == "glb":
+            mesh.apply_scale(METRES_PER_MM)
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    return _exported(scene, kind)
+
+
+def _exported(mesh: Any, kind: str) -> bytes:
+    written: Any = mesh.export(file_type=kind)
+    return written.encode() if isinstance(written, str) else bytes(written)
+
+
+def _holds_surfaces(folder: Path) -> bool:
+    return all(file.suffix == ".stl" for file in folder.iterdir())
