@@ -92,7 +92,16 @@ def test_clicks_and_a_rubber_band_select_several(
     assert session.selected == {out}
     assert viewer.scene.camera.angles == angles
 
-    # Commands act on all that is selected.
+    # Commands act on all that is selected, also where a search leaves it out of the table.
     session.select([a, b])
+    panel.objects.pane.search.setText("no such name")
+    assert table.selected_ids() == []
+    qtbot.waitUntil(panel.objects.merge.isEnabled, timeout=5000)
+    panel.objects.pane.search.setText("")
+    assert set(table.selected_ids()) == {a, b}
+    panel.objects.pane.search.setText("no such name")
+    panel.objects.hide_chosen.click()
+    assert {a, b} <= session.state.hidden
+    qtbot.keyClick(widget, Qt.Key.Key_Z, CONTROL)
     qtbot.keyClick(widget, Qt.Key.Key_H)
     qtbot.waitUntil(lambda: {a, b} <= session.state.hidden, timeout=5000)

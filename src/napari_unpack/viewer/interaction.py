@@ -243,6 +243,10 @@ class Interaction:
             self.point_at(self.in_slice(event.position))
 
     def _double_click(self, viewer: napari.Viewer, event: MouseEvent) -> None:
+        if self.tool is not None:
+            # Its clicks may come as fast as they like.
+            event.handled = True
+            return
         if self._in_3d():
             if self._target.renderer.inspected:
                 self._target.leave()

@@ -9,6 +9,7 @@ from qtpy.QtCore import (
     QEvent,
     QItemSelection,
     QItemSelectionModel,
+    QItemSelectionRange,
     QPointF,
     QRectF,
     QSize,
@@ -444,9 +445,16 @@ class ObjectTable(QTableView):
         if rows:
             self.scrollTo(self.rows.index(rows[0], Column.NAME))
 
-    def _emit_selection(self, *_: object) -> None:
-        if not self._silent:
+    def _emit_selection(self, picked: QItemSelection, dropped: QItemSelection) -> None:
+        # A search that leaves rows out is no wish to select them no longer.
+        searched_away = picked.isEmpty() and not any(map(self._is_listed, dropped))
+        if not self._silent and (dropped.isEmpty() or not searched_away):
             self.ids_selected.emit(frozenset(self.selected_ids()))
+
+    def _is_listed(self, rows: QItemSelectionRange) -> bool:
+        """Return whether the first of some rows, which may be about to go, passes the search."""
+        source = self.rows.mapToSource(self.rows.index(rows.top(), Column.NAME))
+        return self.rows.filterAcceptsRow(source.row(), source.parent())
 
     def keyboardSearch(self, text: str) -> None:
         """Ignore letters: N, B, I, H and C are commands of the viewer."""

@@ -72,6 +72,9 @@ class ObjectsPane(QWidget):
         table = self.table
         self.search.textChanged.connect(table.rows.keep_text)
         self.filter.currentTextChanged.connect(lambda text: table.rows.keep_states(FILTERS[text]))
+        # Rows that come back are selected as they were.
+        self.search.textChanged.connect(lambda _: self.show_selection())
+        self.filter.currentTextChanged.connect(lambda _: self.show_selection())
         table.eye_clicked.connect(self._toggle_shown)
         table.swatch_clicked.connect(lambda i: chooser.choose(self._with(i)))
         table.flag_clicked.connect(self._turn_flag)

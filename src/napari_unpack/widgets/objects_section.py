@@ -63,13 +63,13 @@ class ObjectsSection(Section):
         self.contents.addLayout(row(self.split, self.merge, self.delete))
         self.contents.addWidget(self.table_button.button)
         self.contents.addWidget(self.next_click)
-        self.confidence = ConfidenceBox(workspace, commands, self.table.selected_ids, self._reload)
+        self.confidence = ConfidenceBox(workspace, commands, self.chosen, self._reload)
         self.contents.addWidget(self.confidence)
         self._connect()
         self._reload()
 
     def _connect(self) -> None:
-        commands, chosen = self._commands, self.table.selected_ids
+        commands, chosen = self._commands, self.chosen
         self.isolate.clicked.connect(lambda: commands.isolate(chosen()))
         self.hide_chosen.clicked.connect(lambda: commands.hide(chosen()))
         self.show_all.clicked.connect(commands.show_all)
@@ -105,6 +105,11 @@ class ObjectsSection(Section):
             self._count()
         self._enable()
 
+    def chosen(self) -> list[int]:
+        """Return what is selected, also where a search leaves it out of the table."""
+        session = self._workspace.session
+        return [] if session is None else sorted(session.selected)
+
     def end(self) -> None:
         """Take the dock of the table away."""
         self.table_button.end()
@@ -122,7 +127,7 @@ class ObjectsSection(Section):
         self.set_status(f"{len(session.states)}" + (f", {hidden} hidden" if hidden else ""))
 
     def _enable(self) -> None:
-        session, chosen = self._workspace.session, self.table.selected_ids()
+        session, chosen = self._workspace.session, self.chosen()
         is_open = session is not None
         # One repair at a time: the second would start from labels that are about to change.
         idle = is_open and not self.repair.running
