@@ -30,6 +30,7 @@ ORDER = (
     "costs",
     "plugin_start",
     "stalls",
+    "first_time",
     "gpu",
     "card_memory",
     "sprite_memory",

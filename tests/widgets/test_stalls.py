@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba import njit
 from pytestqt.qtbot import QtBot
 
 from napari_unpack import io
 from napari_unpack.session import containers
 from napari_unpack.viewer import warm_up
+from napari_unpack.viewer.compiling import PREPARING, compiling_told
 from napari_unpack.widgets import contributions, segment_section
 from opened_panel import controller_with, rest
 from tin import tin
@@ -96,14 +98,30 @@ def test_a_story_stalls_for_less_than_three_times_the_goal(
     assert done <= set(threads)
 
 
-def test_the_sample_is_packed_by_a_worker_while_the_window_is_drawn(
-    viewer: Any, threads: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+def test_the_sample_is_packed_by_a_worker_while_the_window_is_drawn_and_is_to_be_segmented(
+    viewer: Any, panel: Any, threads: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(contributions, "SAMPLE_SHAPE", (24, 24, 24))
     monkeypatch.setattr(contributions, "SAMPLE_COUNT", 2)
     found = viewer.open_sample("napari-unpack", "packed_bag")
     assert [type(layer).__name__ for layer in found] == ["Image", "Labels"]
     assert threads["packed_bag"] is not threading.main_thread()
+    # Its true objects are there to compare with, and are not what is shown first.
+    assert panel.segment.volume_input.layer is found[0]
+    assert panel.segment.labels_input.layer is None
+    assert panel.segment.start.text() == "Segment"
+
+
+def test_the_progress_says_that_kernels_are_being_compiled() -> None:
+    said: list[tuple[float, str]] = []
+    with compiling_told(lambda *told: said.append(told)) as progress:
+        progress(0.25, "Reading")
+        njit(lambda n: n + 1)(1)
+        njit(lambda n: n + 2)
+    assert said[:2] == [(0.25, "Reading"), (0.25, PREPARING)]
+    before = len(said)
+    njit(lambda n: n + 3)(1)
+    assert len(said) == before
 
 
 def test_the_watch_tells_whose_code_a_stall_is_in(

@@ -178,7 +178,8 @@ def _meet(ids, starts, columns, labels, halves, top, first, last):  # type: igno
     reach = halves.size // 2
     keys = np.full(1024, -1, np.int64)
     counts = np.zeros(1024, np.int64)
-    used = 0
+    # As variables: numba would compile `_add` and `_overlaps` for each constant anew.
+    used, once = np.int64(0), np.int64(1)
     stamps = np.full(top, -1, np.int64)
     stamp = 0
     # Where each row's list has been left behind by the disk, which moves right only.
@@ -201,7 +202,7 @@ def _meet(ids, starts, columns, labels, halves, top, first, last):  # type: igno
                         stamps[other] = stamp
                         # One number a pair, smaller ID first, is quicker to look up than two.
                         pair = min(label, other) * top + max(label, other)
-                        keys, counts, used = _add(keys, counts, used, pair, 1)
+                        keys, counts, used = _add(keys, counts, used, pair, once)
                     for k in range(max(0, reach - row), min(halves.size, height - row + reach)):
                         end = starts[other_layer * height + row + k - reach + 1]
                         near = behind[other_layer, k]
@@ -214,7 +215,7 @@ def _meet(ids, starts, columns, labels, halves, top, first, last):  # type: igno
                             if stamps[other] != stamp:
                                 stamps[other] = stamp
                                 pair = min(label, other) * top + max(label, other)
-                                keys, counts, used = _add(keys, counts, used, pair, 1)
+                                keys, counts, used = _add(keys, counts, used, pair, once)
     met = keys >= 0
     return keys[met], counts[met]
 
@@ -230,7 +231,7 @@ def _overlaps(ids, layer, row, top, keys, counts, used):  # type: ignore[no-unty
                 above, below = label, other
                 if label != 0 and other != 0 and label != other:
                     pair = min(label, other) * top + max(label, other)
-                    keys, counts, used = _add(keys, counts, used, pair, 0)
+                    keys, counts, used = _add(keys, counts, used, pair, np.int64(0))
     return keys, counts, used
 
 

@@ -21,8 +21,8 @@ MODULES = (
     "napari_unpack.segmentation.learned.method",
     "napari_unpack.io.sessions",
 )
-# What Segment finds, then what users' own labels mostly are: napari compiles for each anew.
-LABEL_TYPES = ("int32", "uint16", "uint8", "int64")
+# Of the labels that Segment finds.
+FOUND = np.dtype(np.int32)
 # Voxels: small, and yet three objects have room to block one another.
 SHAPE = (20, 24, 28)
 PICTURE = (24, 32)
@@ -42,8 +42,7 @@ def _warm_up(progress: Progress) -> None:
 
 def _pieces() -> Iterator[Callable[[], object]]:
     yield from (partial(importlib.import_module, name) for name in MODULES)
-    yield from (_tints, _cast)
-    yield from (partial(_show_labels, kind) for kind in LABEL_TYPES)
+    yield from (_tints, _cast, partial(color_labels, FOUND))
 
 
 @cache
@@ -56,8 +55,8 @@ def _tints() -> None:
 
 
 @cache
-def _show_labels(kind: str) -> None:
-    """Have napari compile what colours labels of a type, in slices and in 3D."""
+def color_labels(kind: np.dtype[np.generic]) -> None:
+    """Have napari compile what colours labels of a type, in slices and in 3D; for workers."""
     from napari_unpack.layers import compat
     from napari_unpack.layers.label_colormap import label_colormap
 
@@ -75,11 +74,10 @@ def _cast() -> None:
 
     labels = np.zeros(SHAPE, np.uint16)
     labels[4:16, 4:10, 4:24], labels[4:16, 10:16, 4:14], labels[4:10, 16:22, 6:20] = 1, 2, 3
-    for kind in (np.uint16, np.float32):
-        session = Session((labels * 400 + 20).astype(kind), labels)
-        session.backend = "cpu"
-        session.recolor()
-        session.unpack(1)
-        scene, camera = session.scene(), session.overview()
-        prefetch(session.bag, scene, camera, session.ids[-1])
-        scene_image(scene, camera, PICTURE, backend="cpu")
+    session = Session(labels * 400 + 20, labels)
+    session.backend = "cpu"
+    session.recolor()
+    session.unpack(1)
+    scene, camera = session.scene(), session.overview()
+    prefetch(session.bag, scene, camera, session.ids[-1])
+    scene_image(scene, camera, PICTURE, backend="cpu")

@@ -12,6 +12,7 @@ from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.file_names import FileNames
 from napari_unpack.widgets.preferences import preferences
@@ -21,6 +22,7 @@ from napari_unpack.widgets.unsaved_work import UnsavedWork
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from qtpy.QtGui import QAction
 
     from napari_unpack.geometry.axes import Matrix
@@ -162,6 +164,7 @@ class _Opened:
     """A session read from a file, and how its volume is shown."""
 
     session: Session
+    labels: NDArray[Any]
     affine: Matrix | None
     shown_range: tuple[float, float]
 
@@ -169,10 +172,14 @@ class _Opened:
 def _opened(path: Path, progress: Progress) -> _Opened:
     from napari_unpack.io import open_session
     from napari_unpack.io.scan import display_range
+    from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
 
     session = open_session(path, progress=progress)
-    return _Opened(session, standing_of(path), display_range(session.volume, session.labels))
+    labels = given_labels(session)
+    color_labels(labels.dtype)
+    shown = display_range(session.volume, session.labels)
+    return _Opened(session, labels, standing_of(path), shown)
 
 
 class FilesSection(Section):
@@ -398,8 +405,6 @@ class FilesSection(Section):
         self.set_status(f"{Path(path).name} written")
 
     def _show(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
-        from napari_unpack.io.session_json import given_labels
-
         session = found.session
         # A session saved during an inspection opens with the whole bag.
         session.leave()
@@ -411,7 +416,7 @@ class FilesSection(Section):
         placed |= {"affine": found.affine, "visible": False}
         shown = {"colormap": "gray", "contrast_limits": found.shown_range}
         image = viewer.add_image(session.volume, name=name, **shown, **placed)
-        labels = viewer.add_labels(given_labels(session), name=f"{name} objects", **placed)
+        labels = viewer.add_labels(found.labels, name=f"{name} objects", **placed)
         self._workspace.open(
             session,
             sources=(image, labels),

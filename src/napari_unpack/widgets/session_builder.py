@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.tasks import Progress
+from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets.layer_inputs import Volume, in_memory
 from napari_unpack.widgets.session_settings import GENTLE_FOV
 
@@ -68,6 +69,20 @@ def build(
     ValueError
         If the volume or the labels cannot be used, or nothing was found.
     """
+    # Here, in the worker: it loads numba.
+    from napari_unpack.viewer.compiling import compiling_told
+
+    with compiling_told(progress) as told:
+        return _build(volume, labels, names, settings, told)
+
+
+def _build(
+    volume: Volume,
+    labels: ArrayLike | None,
+    names: Mapping[int, str],
+    settings: dict[str, Any],
+    progress: Progress,
+) -> BuiltSession:
     from napari_unpack.io.headless import named_objects
 
     progress(0.0, "Reading the volume")
@@ -101,6 +116,7 @@ def build(
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
     session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
+    color_labels(ids.dtype)
     progress(1.0, "Opening the 3D view")
     return BuiltSession(session, found)
 

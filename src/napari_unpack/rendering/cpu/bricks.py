@@ -206,8 +206,11 @@ def strides(owners: NDArray[np.int32], forward: Sequence[bool]) -> NDArray[np.ui
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _extremes(volume, z0, z1, y0, y1, least, most):  # type: ignore[no-untyped-def]
     # Rows are reduced along x for all bricks at once, in the order of memory.
-    least[:] = volume[z0, y0]
-    most[:] = volume[z0, y0]
+    # Voxel by voxel: an assignment of arrays takes numba three seconds to compile.
+    row = volume[z0, y0]
+    for x in range(row.shape[0]):
+        least[x] = row[x]
+        most[x] = row[x]
     for z in range(z0, z1):
         for y in range(y0, y1):
             row = volume[z, y]
@@ -264,7 +267,8 @@ def _objects(labels, first, last, counts):  # type: ignore[no-untyped-def]
                 # A brick holds as many objects as voxels at most.
                 if used + BRICK**3 > ids.shape[0]:
                     larger = np.empty(2 * ids.shape[0], np.uint16)
-                    larger[:used] = ids[:used]
+                    for i in range(used):
+                        larger[i] = ids[i]
                     ids = larger
                 start = used
                 # Most bricks hold one object, which the rows tell in a quarter of the time.

@@ -146,7 +146,10 @@ def _pairs(basins, hosts, top):  # type: ignore[no-untyped-def]
         if name == 0:
             if count == rows.shape[1]:
                 more = np.zeros((3, 2 * count), np.int32)
-                more[:, :count] = rows
+                # Number by number: an assignment of arrays takes numba three seconds to compile.
+                for row in range(3):
+                    for n in range(count):
+                        more[row, n] = rows[row, n]
                 rows = more
             rows[0, count], rows[1, count], rows[2, count] = one[k], two[k], latest[one[k]]
             count += 1

@@ -194,7 +194,7 @@ def measure_region(mask, depth, field, origin, spacing, middle):  # type: ignore
     return values, deep, l1, l2, moments, edge, weak, steps[:faces], near, inner
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _at(field, z, y, x):  # type: ignore[no-untyped-def]
     """Return a density, 0 where none was measured."""
     value = np.float64(field[z, y, x])

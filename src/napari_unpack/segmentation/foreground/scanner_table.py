@@ -112,7 +112,8 @@ def _ridge(band, surface):  # type: ignore[no-untyped-def]
     height, width = band.shape
     total = np.full((height, width), -1e9)
     came = np.zeros((height, width), np.int64)
-    total[:, 0] = band[:, 0]
+    for k in range(height):
+        total[k, 0] = band[k, 0]
     for x in range(1, width):
         slope = surface[x] - surface[x - 1]
         for k in range(height):

@@ -407,13 +407,15 @@ def _moved(  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _logit(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignore[no-untyped-def]
     """Return `PairClassifier.probability` of one row before the logistic: loops beat BLAS here."""
-    one[:] = o0
+    for n in range(len(one)):
+        one[n] = o0[n]
     for k in range(len(row)):
         # As in training: a feature far off what was learned must not decide alone.
         value = min(max((row[k] - center[k]) / scale[k], -6.0), 6.0)
         for n in range(len(one)):
             one[n] += value * w0[k, n]
-    two[:] = o1
+    for n in range(len(two)):
+        two[n] = o1[n]
     for k in range(len(one)):
         value = np.tanh(one[k])
         for n in range(len(two)):
