@@ -241,6 +241,7 @@ def test_exports_are_written_and_the_view_is_not_disturbed(
 ) -> None:
     panel = staged
     panel.unpack.step_slider.slider.setValue(2)
+    panel.commands.select([1])
     rest(panel, qtbot)
     before, seen = states(panel.workspace.session), shot(viewer)
     panel.files.width_px.setValue(96)
