@@ -151,12 +151,14 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
 
 
 @pytest.mark.parametrize("key", [Qt.Key.Key_Delete, Qt.Key.Key_Backspace])
-def test_the_delete_key_over_the_picture_deletes_what_is_selected(
-    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, key: Qt.Key
+@pytest.mark.parametrize("place", ["picture", "table"])
+def test_the_delete_key_over_picture_and_table_deletes_what_is_selected(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, key: Qt.Key, place: str
 ) -> None:
     click(panel, (10, 20, 64), qtbot)
     assert session.selected == {CUBE}
-    qtbot.keyClick(compat.native_canvas(viewer).native, key)
+    canvas_widget = compat.native_canvas(viewer).native
+    qtbot.keyClick(canvas_widget if place == "picture" else panel.objects.table, key)
     qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
     assert panel.workspace.controller.settle(30)
     panel.commands.undo()

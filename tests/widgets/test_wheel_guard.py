@@ -72,6 +72,17 @@ def _first_scroll_area(widget: Any) -> Any:
     return widget.verticalScrollBar()
 
 
+def test_the_table_in_its_dock_is_guarded_too(scrolling: Any, qtbot: QtBot) -> None:
+    scrolling.objects.table_button.button.click()
+    dock = scrolling.objects.table_button.dock
+    qtbot.waitUntil(dock.isVisible, timeout=5000)
+    boxes = dock.findChildren(QComboBox)
+    assert boxes
+    for box in boxes:
+        _notch(box)
+        assert box.currentIndex() == 0
+
+
 def test_a_box_with_the_focus_follows_the_wheel(scrolling: Any, qtbot: QtBot) -> None:
     box = scrolling.unpack.count
     scrolling.activateWindow()

@@ -13,6 +13,7 @@ from napari_unpack.layers.compat import unwrap
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.section import button, column, row
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
+from napari_unpack.widgets.wheel_guard import WheelGuard
 
 if TYPE_CHECKING:
     import napari
@@ -45,6 +46,7 @@ class TableDock(QWidget):
         contents.setContentsMargins(GAP, GAP, GAP, GAP)
         contents.addWidget(pane, stretch=1)
         contents.addLayout(row(self.columns))
+        WheelGuard(self)
         viewer.events.theme.connect(self._dress)
         self._dress()
 
