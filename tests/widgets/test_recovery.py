@@ -88,7 +88,12 @@ def test_a_change_is_on_disk_within_two_seconds_and_gone_once_it_is_saved(
     panel.commands.undo()
     panel.commands.undo()
     qtbot.waitUntil(lambda: out_on_disk() == 0, timeout=10000)
-    panel.unsaved.give_up()
+    # Discarded: the session is gone, and its copy.
+    viewer.layers.remove("Packed")
+    qtbot.waitUntil(lambda: panel.unsaved.question is not None, timeout=10000)
+    box = panel.unsaved.question
+    qtbot.mouseClick(box.button(box.StandardButton.Discard), LEFT)
+    assert panel.workspace.session is None
     panel.end()
     assert list(recovery_folder().iterdir()) == []
 

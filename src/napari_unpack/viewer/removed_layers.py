@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.layers import compat
@@ -40,16 +41,24 @@ class RemovedLayers:
         self._viewer.layers.events.removed.disconnect(self._on_removed)
         self._removed.clear()
 
-    def put_back(self) -> bool:
-        """Put all of them back at their places; return whether there were any."""
+    def put_back(self, settle: Callable[[], None]) -> bool:
+        """Put all of them back at their places; return whether there were any.
+
+        Parameters
+        ----------
+        settle : callable
+            Has the camera be where it goes: napari fits the view to the layers that are left.
+        """
         removed, view = self._removed[::-1], self._view
         self._removed.clear()
         layers, viewer = self._viewer.layers, self._viewer
-        for index, layer in removed:
-            if layer not in layers:
-                layers.insert(min(index, len(layers)), layer)
+        # And anew when the first layer comes.
+        with viewer.events.reset_view.blocker():
+            for index, layer in removed:
+                if layer not in layers:
+                    layers.insert(min(index, len(layers)), layer)
         if removed and view is not None:
-            # napari fits the view anew when the first layer comes.
+            settle()
             viewer.dims.ndisplay = self._ndisplay
             view.give_back(viewer.scene.camera)
             # What is deleted is what was selected.

@@ -179,7 +179,9 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     viewer = current_viewer()
     if viewer is not None:
         # Opens the panel, or finds the one that is open.
-        _, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
+        dock, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
+        # It may be hidden, and its progress with it.
+        dock.show()
         panel.files.open_from(first)
         return READ_ELSEWHERE
     return _layers(first)

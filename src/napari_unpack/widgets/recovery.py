@@ -58,7 +58,8 @@ class RecoveryKeeper(QObject):
         self._then: list[Callable[[], None]] = []
         workspace.switched.connect(self.follow)
         workspace.changed.connect(lambda change: self.follow() if change & WORK else None)
-        unsaved.settled.connect(self.follow)
+        # At once: what is saved or given up must not be offered, whatever ends now.
+        unsaved.settled.connect(self._keep)
 
     def follow(self) -> None:
         """Keep what has changed, soon; and nothing where nothing is unsaved any more."""
@@ -72,7 +73,9 @@ class RecoveryKeeper(QObject):
     def end(self) -> None:
         """Take the copy off the disk, unless it holds what nobody was asked about."""
         self._workspace.scheduler.cancel(self._copy)
-        if self._kept and not self._unsaved.worth_keeping:
+        there = self._workspace.document is not None
+        # Also where a worker was to forget it, which is called off here.
+        if not self._kept or (there and not self._unsaved.worth_keeping):
             self._copy.forget()
         self._copy.close()
 

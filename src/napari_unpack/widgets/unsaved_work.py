@@ -174,7 +174,7 @@ class UnsavedWork(QObject):
         if not is_shown(self._workspace.viewer):
             controller.close()
         # First: the question is asked over the picture as it was, and Cancel has nothing to do.
-        elif self._removed.put_back():
+        elif self._removed.put_back(partial(controller.framing.catch_up, finish=True)):
             self.ask("Without its layers it ends.", controller.close)
 
     def _show(self, reason: str, then: Call, cancelled: Call | None) -> None:
