@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import threading
 import time
@@ -110,6 +111,20 @@ def test_the_sample_is_packed_by_a_worker_while_the_window_is_drawn_and_is_to_be
     assert panel.segment.volume_input.layer is found[0]
     assert panel.segment.labels_input.layer is None
     assert panel.segment.start.text() == "Segment"
+
+
+def test_the_panel_opens_without_loading_what_a_session_needs() -> None:
+    script = "import sys, napari_unpack.widgets.unpacking_widget; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = run.stdout.split()
+    heavy = (
+        "napari_unpack.session.session",
+        "napari_unpack.segmentation",
+        "napari_unpack.io.dicom",
+    )
+    heavy += ("napari_unpack.rendering.cpu", "napari_unpack.viewer.controller")
+    assert [name for name in loaded if name.startswith(heavy)] == []
+    assert "pandas" not in loaded
 
 
 def test_the_progress_says_that_kernels_are_being_compiled() -> None:

@@ -20,7 +20,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.io.session_archive import MANIFEST, Told, write_array
-from napari_unpack.io.sessions import manifest_of, written
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -88,6 +87,9 @@ class UnsavedCopy:
         OSError
             If it cannot be written, or would take more than it may.
         """
+        # What is left over is looked for when the panel opens, which must not load all of this.
+        from napari_unpack.io.sessions import manifest_of, written
+
         with self._turn:
             before = None if self._folder is None else self._latest
             if self._labels is not session.labels:

@@ -11,7 +11,6 @@ from weakref import ref
 from qtpy.QtCore import QObject
 from qtpy.QtWidgets import QVBoxLayout, QWidget
 
-from napari_unpack.io.headless import copy_session
 from napari_unpack.io.recovery import Leftover, UnsavedCopy, leftovers, recovery_folder
 from napari_unpack.layers.placement import standing
 from napari_unpack.tasks import Cancelled, Progress, Task
@@ -101,6 +100,8 @@ class RecoveryKeeper(QObject):
             return
         self._kept = True
         # Of this moment, though written later.
+        from napari_unpack.io.headless import copy_session
+
         frozen = copy_session(session, packed=False)
         frozen.log.extend(session.log)
         name, where = bag_name(controller.sources), standing(controller.packed, session.spacing)

@@ -11,7 +11,6 @@ from weakref import WeakKeyDictionary
 from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QMessageBox, QWidget
 
-from napari_unpack.io.session_json import work_of
 from napari_unpack.layers.compat import is_shown
 from napari_unpack.viewer.removed_layers import RemovedLayers
 from napari_unpack.widgets.workspace import Workspace
@@ -80,7 +79,7 @@ class UnsavedWork(QObject):
         session, known = self._document()
         if session is None or known is None:
             return False
-        return work_of(session) not in (known.saved, known.given_up)
+        return _work_of(session) not in (known.saved, known.given_up)
 
     @property
     def worth_keeping(self) -> bool:
@@ -94,7 +93,7 @@ class UnsavedWork(QObject):
         if session is None or known is None:
             return lambda: None
         # The work of this moment: the session may go on while it is written.
-        return partial(self._note_saved, known, work_of(session))
+        return partial(self._note_saved, known, _work_of(session))
 
     def never_saved(self) -> None:
         """Take note that the session shown is saved nowhere, though nothing is done yet."""
@@ -112,7 +111,7 @@ class UnsavedWork(QObject):
         """Let all that is unsaved be lost without a question."""
         session, known = self._document()
         if session is not None and known is not None:
-            known.given_up, known.long_found = work_of(session), False
+            known.given_up, known.long_found = _work_of(session), False
             self.settled.emit()
 
     def take_back(self) -> None:
@@ -155,7 +154,7 @@ class UnsavedWork(QObject):
     def _follow(self) -> None:
         session, controller = self._workspace.document, self._workspace.controller
         if session is not None and session not in self._known:
-            self._known[session] = _Known(work_of(session))
+            self._known[session] = _Known(_work_of(session))
         if controller is not None:
             controller.layer_removed = self._on_layer_removed
 
@@ -209,3 +208,10 @@ class UnsavedWork(QObject):
     def _note_saved(self, known: _Known, work: object) -> None:
         known.saved, known.given_up, known.long_found = work, None, False
         self.settled.emit()
+
+
+def _work_of(session: Session) -> object:
+    # Once there is a session its modules are loaded; at the panel's opening they are not yet.
+    from napari_unpack.io.session_json import work_of
+
+    return work_of(session)
