@@ -103,6 +103,22 @@ def test_rulers_and_angles_between_points_of_surfaces(
     # Across a ball seen nearly face on: hardly longer than the way of the mouse.
     assert on_sprite.lengths[0] * scale == pytest.approx(16 * 2**0.5, rel=0.25)
 
+    # On an inspected object a ruler is drawn upon it, and those of other objects are not.
+    controller.inspect(out)
+    rest(panel, qtbot)
+    middle = 0.5 * np.array(controller.frame.size)
+    before = canvas(viewer)
+    box.ruler.click()
+    click(middle - 18)
+    click(middle + 18)
+    qtbot.waitUntil(lambda: len(session.measurements) == 3, timeout=5000)
+    row, col = np.round(middle).astype(int)
+    drawn = np.abs(canvas(viewer) - before).max(axis=-1) > 60
+    assert np.diag(drawn[row - 15 : row + 15, col - 15 : col + 15]).mean() > 0.9
+    qtbot.keyClick(widget, Qt.Key.Key_Z, CONTROL)
+    qtbot.waitUntil(lambda: box.list.count() == 2, timeout=5000)
+    rest(panel, qtbot)
+
     # In slices a click is exact, and what lies in the slice is drawn.
     viewer.dims.ndisplay = 2
     viewer.dims.set_point(0, session.boxes.center(a, session.spacing)[0])

@@ -17,6 +17,8 @@ from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPla
 LIGHT, DARK = QColor(245, 247, 252), QColor(22, 24, 30)
 # Logical pixels: the size of napari's own labels, and a rim as thick as the strokes of letters.
 SIZE, RIM = 12, 3
+# Before an inspected object too, which stands before all else; normalised device coordinates.
+NEAREST = (FRONT - 1.0) / 2
 # Words kept; each takes some ten kilobytes.
 MOST_KEPT = 300
 
@@ -117,4 +119,4 @@ def text_quad(
     # At whole pixels, or letters would blur.
     spot = round(float(row)), round(float(col))
     place = ScreenPlace.of_pixels(*spot, image.size, size)
-    return Quad(image, replace(place, ndc_depth=FRONT), opacity)
+    return Quad(image, replace(place, ndc_depth=NEAREST), opacity)

@@ -25,7 +25,7 @@ INK, CAUGHT = ((1.0, 0.62, 0.25, 0.95), 2.0), ((1.0, 0.92, 0.6, 1.0), 3.0)
 
 # Of the bag's radius: the rim stands clear of most objects, the arrow does not reach it.
 RIM, ARROW = 0.8, 0.35
-RIM_LINES = 48
+RIM_LINES = 96
 # Logical pixels within which a line is caught, and of the arrow's head.
 CATCH, HEAD = 7.0, 9.0
 # Of a mm of the normal so much must be seen for a push to go along its picture.

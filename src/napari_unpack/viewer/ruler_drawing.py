@@ -104,6 +104,10 @@ class RulerDrawing:
     def _in_view(self, points: tuple[SurfacePoint, ...], frame: Frame) -> Pixels | None:
         known = self._target.session.states
         owners = {p.object_id if p.object_id in known else 0 for p in points}
+        inspected = self._target.renderer.inspected
+        # The inspected object stands before all others, and before what was measured on them.
+        if inspected and owners != {inspected}:
+            return None
         maps = [pivot_from_scan(self._target, i, frame) for i in owners]
         first = maps[0]
         # Between objects that stand apart now the line would be of another length than it says.
@@ -130,17 +134,15 @@ class RulerDrawing:
         on_light = self._target.session.decorations.background.is_light
         unit = self._target.session.length_unit
         words = [length_words(mm, unit) for mm in measured.lengths]
-        spots = [(a + b) / 2 for a, b in pairwise(pixels)]
         if measured.angle is not None:
             words.append(angle_words(measured.angle))
-            spots.append(pixels[1])
-        for text, spot in zip(words, spots, strict=True):
+        for text, (spot, way) in zip(words, number_spots(pixels, scale), strict=True):
             image = self._text.image(text, on_light)
-            height, width = image.size
-            corner = spot + AWAY * scale
+            half = np.array(image.size) / 2
+            # Clear of the line, whichever side of the number is towards it.
+            corner = spot + way * (AWAY * scale + half) - half
             # A number outside the window could not be read.
-            row = np.clip(corner[0], 0, max(size[0] - height, 0))
-            col = np.clip(corner[1], 0, max(size[1] - width, 0))
+            row, col = np.clip(corner, 0, np.maximum(np.array(size) - image.size, 0))
             quads.append(text_quad(image, row, col, size, opacity))
         return quads
 
@@ -164,6 +166,33 @@ def lines_of(pixels: Pixels, opacity: float, scale: float) -> list[Line]:
     if len(pixels) == 3:
         lines.append(Line(arc(pixels, ARC * scale), ink))
     return lines
+
+
+def number_spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels]]:
+    """Return where numbers stand: for each side, then an angle's, a point and the way from it.
+
+    Parameters
+    ----------
+    pixels : (N, 2) ndarray of float64
+        Points of a measurement.
+    scale : float
+        Device pixels of a logical pixel.
+    """
+    middles = [(a + b) / 2 for a, b in pairwise(pixels)]
+    if len(pixels) == 2:
+        return [(middles[0], np.ones(2))]
+    sides = pixels[[0, 2]] - pixels[1]
+    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-9)
+    inwards = sides.sum(axis=0)
+    if np.linalg.norm(inwards) < 1e-3:
+        # Of a straight angle both sides are inside.
+        inwards = np.array([sides[0, 1], -sides[0, 0]])
+    inwards /= np.linalg.norm(inwards)
+    # Lengths stand outside, where the angle's number is not.
+    return [
+        *((middle, -inwards) for middle in middles),
+        (pixels[1] + ARC * scale * inwards, inwards),
+    ]
 
 
 def arc(pixels: Pixels, radius: float) -> Pixels:
