@@ -5,7 +5,9 @@ import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPointF, Qt
 
-from napari_unpack.widgets.opacity_editor import OpacityEditor, histogram
+from napari_unpack.widgets.color_section import AUTOMATIC, CUSTOM, ct_offset, transfer_function
+from napari_unpack.widgets.opacity_editor import OpacityEditor, histogram, round_densities
+from napari_unpack.widgets.typed_points import TypedPoints, points_of
 
 CURVE = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.125), (2000.0, 1.0)]
 
@@ -14,7 +16,7 @@ CURVE = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.125), (2000.0, 1.0)]
 def editor(qtbot: QtBot) -> OpacityEditor:
     made = OpacityEditor()
     qtbot.addWidget(made)
-    made.resize(216, 116)
+    made.resize(216, 130)
     made.show_curve(CURVE, (0.0, 2000.0))
     made.show()
     return made
@@ -123,3 +125,58 @@ def test_the_histogram_is_logarithmic_and_ignores_nan() -> None:
     assert heights[32] == 1.0
     assert heights[96] == pytest.approx(np.log(2) / np.log(17))
     assert np.count_nonzero(heights) == 2
+
+
+def test_the_axis_has_round_numbers() -> None:
+    assert round_densities(0.0, 4000.0) == [0.0, 100.0, 400.0, 1000.0, 2000.0, 3000.0, 4000.0]
+    assert round_densities(0.0, 1.0)[-1] == 1.0
+    assert round_densities(-1000.0, 3000.0)[0] == -1000.0
+
+
+def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) -> None:
+    line, told, warned = TypedPoints(), [], []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    qtbot.addWidget(line)
+    line.edited.connect(told.append)
+    line.show_points(CURVE)
+    assert line.text() == "0 0, 500 0, 1000 0.125, 2000 1"
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    assert told == []
+    line.selectAll()
+    qtbot.keyClicks(line, "0 0, 700 0.25; 3000 1")
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    assert told == [[(0.0, 0.0), (700.0, 0.25), (3000.0, 1.0)]]
+    line.show_points(told[0])
+    line.selectAll()
+    qtbot.keyClicks(line, "0 0, 700")
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    assert len(told) == 1
+    assert "densities ascending and opacities from 0 to 1" in warned[0]
+    assert line.text() == "0 0, 700 0.25, 3000 1"
+    for wrong in ("", "1 0", "1 0, 1 1", "2 0, 1 1", "0 0, 1 2"):
+        with pytest.raises(ValueError, match="pairs of density and opacity"):
+            points_of(wrong)
+
+
+def test_presets_are_of_ct_and_follow_its_values() -> None:
+    density = np.linspace(0, 3000, 4000).reshape(10, 20, 20)
+    assert ct_offset(density) == 0
+    assert ct_offset(density - 1000) == -1000
+    assert ct_offset(density / 3000) is None
+    water = transfer_function("Water", density)
+    assert water.opacity_at(1000) > 5 * water.opacity_at(1300)
+    assert transfer_function("Water", density - 1000).opacity_at(0) == water.opacity_at(1000)
+
+
+def test_the_list_of_presets_is_that_of_the_volume(panel, piled, qtbot: QtBot) -> None:
+    titles = [panel.color.preset.itemText(k) for k in range(panel.color.preset.count())]
+    assert titles[0] == AUTOMATIC
+    assert titles[-1] == CUSTOM
+    assert {"Soft: cloth to water", "Water", "Plastic", "Metal"} <= set(titles)
+    panel.color.curve.toggle.setChecked(True)
+    panel.color.typed.selectAll()
+    qtbot.keyClicks(panel.color.typed, "0 0, 900 0, 1500 0.5")
+    qtbot.keyClick(panel.color.typed, Qt.Key.Key_Return)
+    wanted = ((0.0, 0.0), (900.0, 0.0), (1500.0, 0.5))
+    qtbot.waitUntil(lambda: tuple(piled.transfer_function.points) == wanted, timeout=5000)
+    assert panel.color.preset.currentText() == CUSTOM

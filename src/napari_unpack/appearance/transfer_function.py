@@ -116,11 +116,14 @@ def _otsu(values: NDArray[np.float64]) -> float:
 Point = tuple[float, float]
 Color = tuple[float, tuple[float, float, float]]
 
-# Opacity points for CT, density being CT number + 1000: everything, cloth to water, solids,
-# metal.
+# Opacity points for CT, density being CT number + 1000: everything, from foam on, cloth to water,
+# water (-100 to 100 HU), plastics (-50 to 500 HU), solids, metal.
 PRESETS: dict[str, tuple[Point, ...]] = {
     "all": ((0, 0.0), (150, 0.0), (550, 0.12), (1100, 0.35), (4000, 0.6)),
     "soft": ((0, 0.0), (150, 0.0), (450, 0.2), (1000, 0.45), (1300, 0.1), (4000, 0.05)),
+    "air": ((0, 0.0), (20, 0.0), (80, 0.03), (300, 0.1), (1000, 0.3), (4000, 0.6)),
+    "water": ((0, 0.0), (870, 0.0), (940, 0.3), (1060, 0.3), (1130, 0.03), (4000, 0.03)),
+    "plastic": ((0, 0.0), (900, 0.0), (1020, 0.2), (1400, 0.35), (1650, 0.05), (4000, 0.05)),
     "dense": ((0, 0.0), (950, 0.0), (1400, 0.3), (4000, 0.7)),
     "metal": ((0, 0.0), (3000, 0.0), (4500, 0.6), (12000, 0.9)),
 }
@@ -165,7 +168,7 @@ class TransferFunction:
 
     @classmethod
     def preset(cls, name: str) -> TransferFunction:
-        """Return a preset for CT: "all", "soft", "dense" or "metal".
+        """Return a preset for CT: "all", "air", "soft", "water", "plastic", "dense" or "metal".
 
         Raises
         ------
@@ -203,6 +206,14 @@ class TransferFunction:
             if density > kept[-1][0]:
                 kept.append((density, opacity))
         return cls(kept, _greys(ramp.foot, ramp.highest))
+
+    def shifted(self, by: float) -> TransferFunction:
+        """Return it for densities that are larger by so much."""
+        colors = self.colors
+        return TransferFunction(
+            [(density + by, opacity) for density, opacity in self.points],
+            None if colors is None else [(density + by, rgb) for density, rgb in colors],
+        )
 
     @property
     def domain(self) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QLinearGradient, QPainter, QPen
 from qtpy.QtWidgets import QColorDialog, QWidget
 
-from napari_unpack.widgets.opacity_editor import MARGIN, SMALLEST_GAP
+from napari_unpack.widgets.opacity_editor import MARGIN, SMALLEST_GAP, paint_focus
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
@@ -154,6 +154,7 @@ class ColorRampEditor(QWidget):
         """Draw the ramp, and a circle for each colour."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        paint_focus(self, painter)
         painter.setOpacity(1.0 if self.isEnabled() else 0.4)
         area = QRectF(MARGIN, 5.0, self.width() - 2 * MARGIN, self.height() - 10.0)
         shade = QLinearGradient(area.topLeft(), area.topRight())

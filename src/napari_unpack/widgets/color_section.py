@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 from qtpy.QtCore import QSignalBlocker
 from qtpy.QtWidgets import QCheckBox, QComboBox
@@ -12,8 +13,9 @@ from napari_unpack.widgets.background_options import BackgroundOptions
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor, Stop
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.inspection_box import APPLY_MS
-from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
+from napari_unpack.widgets.opacity_editor import SAMPLES, OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
+from napari_unpack.widgets.typed_points import TypedPoints
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -26,7 +28,10 @@ CUSTOM = "My own curve"
 # Titles of `TransferFunction.preset`, all for CT numbers.
 PRESETS = {
     "All matter": "all",
+    "Air: foam and all else": "air",
     "Soft: cloth to water": "soft",
+    "Water": "water",
+    "Plastic": "plastic",
     "Dense: solids": "dense",
     "Metal": "metal",
 }
@@ -55,7 +60,27 @@ def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
         return TransferFunction.default_for(volume)
     if name not in PRESETS:
         raise ValueError(f"no transfer function {name!r}: choose one of {', '.join(PRESETS)}")
-    return TransferFunction.preset(PRESETS[name])
+    return TransferFunction.preset(PRESETS[name]).shifted(ct_offset(volume) or 0.0)
+
+
+# In HU air is -1000, and as density, HU + 1000, water is 1000; eight bits hold neither.
+LEAST_CT = 500.0
+
+
+def ct_offset(volume: ArrayLike) -> float | None:
+    """Return what lies between a volume's values and HU + 1000, None where it is no CT in HU.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+        Only some of its voxels are looked at.
+    """
+    values = np.asarray(volume).reshape(-1)
+    values = values[:: max(1, values.size // SAMPLES)]
+    values = values[np.isfinite(values)]
+    if not values.size or values.max() < LEAST_CT:
+        return None
+    return -1000.0 if values.min() <= -LEAST_CT else 0.0
 
 
 class ColorSection(Section):
@@ -90,7 +115,7 @@ class ColorSection(Section):
             "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
             "saturation and value, as in the paper."
         )
-        self.editor, self.ramp = OpacityEditor(), ColorRampEditor()
+        self.editor, self.ramp, self.typed = OpacityEditor(), ColorRampEditor(), TypedPoints()
         self.unlabelled = QCheckBox("Show everything else")
         self.unlabelled.setToolTip(
             "Draw what belongs to no object, such as the bag itself, almost transparent."
@@ -99,7 +124,7 @@ class ColorSection(Section):
             "Opacity curve and colours",
             "Which densities are shown, and in which colours; everything else beside the objects.",
         )
-        for widget in (self.editor, self.ramp, self.unlabelled):
+        for widget in (self.editor, self.ramp, self.typed, self.unlabelled):
             self.curve.contents.addWidget(widget)
         self.background = BackgroundOptions(workspace, commands)
         line = row(self.recolor)
@@ -115,6 +140,7 @@ class ColorSection(Section):
         self.unlabelled.toggled.connect(self._settings.set_show_unlabelled)
         self.preset.activated.connect(lambda _: self._apply_preset())
         self.editor.edited.connect(self._edit_points)
+        self.typed.edited.connect(self._edit_points)
         self.ramp.edited.connect(self._edit_stops)
         self.curve.toggle.toggled.connect(lambda _: self._show_curve())
         workspace.switched.connect(self._reload)
@@ -132,7 +158,10 @@ class ColorSection(Section):
         # The panel keeps its choices from bag to bag.
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
-        self.preset.setCurrentText(AUTOMATIC)
+        # Named for what CT shows; of other volumes nobody knows which values are water.
+        known = ct_offset(controller.session.volume) is not None
+        self.preset.clear()
+        self.preset.addItems([AUTOMATIC, *(PRESETS if known else ()), CUSTOM])
         self._show_curve()
 
     def _refresh(self, change: Change) -> None:
@@ -151,6 +180,7 @@ class ColorSection(Section):
             self._domain = (float(low), float(high))
             self.editor.show_histogram(histogram(session.volume, self._domain))
         self.editor.show_curve(shown.points, self._domain)
+        self.typed.show_points(shown.points)
         self.ramp.show_colors(shown.colors, self._domain)
 
     def _apply_preset(self) -> None:

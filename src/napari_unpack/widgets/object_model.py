@@ -11,7 +11,7 @@ from qtpy.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex,
 from qtpy.QtGui import QColor, QFont
 
 from napari_unpack.geometry.length_unit import MM
-from napari_unpack.session.errors import listed
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.object_columns import (
     FIRST,
@@ -294,7 +294,7 @@ class ObjectModel(QAbstractTableModel):
 
     def _blockers_text(self, object_id: int) -> str:
         names = [self._rows[self._row_of[i]].name for i in self._blockers_of(object_id)]
-        return listed(names) if names else ""
+        return listed_objects(names) if names else ""
 
     def setData(self, index: Index, value: Any, role: int = Role.EditRole) -> bool:
         """Rename an object, or write a note on it.

@@ -62,8 +62,8 @@ WIDTHS = {
     Column.DENSITY: 60,
     Column.CONFIDENCE: 44,
     Column.ORDER: 40,
-    Column.BLOCKERS: 120,
-    Column.NOTE: 120,
+    Column.BLOCKERS: 170,
+    Column.NOTE: 150,
 }
 # Texts that a column must have room for in any font, with `PADDING` around them.
 WIDEST = {

@@ -25,6 +25,12 @@ GRAB_PIXELS = 9.0
 # Between neighbouring points, as a share of the densities shown: curves must ascend.
 SMALLEST_GAP = 1e-3
 
+# Below the curve, pixels: the numbers of the density axis.
+AXIS = 14.0
+
+# Opacities with a number, on the cubic-root scale.
+MARKED = (0.01, 0.1, 0.5, 1.0)
+
 # Of the histogram: about one for two pixels of the editor.
 BINS = 128
 
@@ -59,6 +65,33 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
     return heights / max(float(heights.max()), 1e-9)
 
 
+def paint_focus(widget: QWidget, painter: QPainter) -> None:
+    """Draw a ring where a drawn control has the keyboard, as the style sheet does for others."""
+    if widget.hasFocus():
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(QPen(widget.palette().text().color(), 2))
+        painter.drawRoundedRect(QRectF(widget.rect()).adjusted(1, 1, -1, -1), 4, 4)
+        painter.setPen(Qt.PenStyle.NoPen)
+
+
+def round_densities(low: float, high: float) -> list[float]:
+    """Return some round densities of an axis with a square-root scale.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends.
+    """
+    found = []
+    for share in np.linspace(0.0, 1.0, 7):
+        value = low + share**2 * (high - low)
+        step = 10.0 ** np.floor(np.log10(max(high - low, 1e-9) * max(share, 0.1) / 2))
+        rounded = float(np.round(value / step) * step)
+        if low <= rounded <= high and rounded not in found:
+            found.append(rounded)
+    return found
+
+
 class OpacityEditor(QWidget):
     """Drag, add and remove the points of a piecewise linear opacity curve.
 
@@ -82,8 +115,9 @@ class OpacityEditor(QWidget):
         self._dragged: float | None = None
         self._widening = False
         self._accent = QColor("#5b7cf0")
-        self.setMinimumHeight(96)
-        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        self.setMinimumHeight(110)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAccessibleName("Opacity curve")
         self.setToolTip(
             "Opacity of a voxel over its density, on the histogram of the volume. "
             "Drag points; double-click adds one, a right click or Delete removes one; "
@@ -93,7 +127,7 @@ class OpacityEditor(QWidget):
 
     def sizeHint(self) -> QSize:
         """Return the size that fits the panel."""
-        return QSize(240, 110)
+        return QSize(240, 126)
 
     @property
     def points(self) -> list[Point]:
@@ -135,7 +169,7 @@ class OpacityEditor(QWidget):
         self.update()
 
     def _area(self) -> QRectF:
-        return QRectF(self.rect()).adjusted(MARGIN, MARGIN, -MARGIN, -MARGIN)
+        return QRectF(self.rect()).adjusted(MARGIN, MARGIN, -MARGIN, -MARGIN - AXIS)
 
     def position(self, point: Point) -> QPointF:
         """Return where a point of the curve is drawn, in pixels."""
@@ -256,10 +290,12 @@ class OpacityEditor(QWidget):
         ground.setAlphaF(0.06)
         painter.setBrush(ground)
         painter.drawRoundedRect(QRectF(self.rect()), 4, 4)
+        paint_focus(self, painter)
         self._paint_histogram(painter, ink)
         # A window dragged along the axis leaves it on one side.
         painter.setClipRect(self.rect())
         self._paint_curve(painter)
+        self._paint_axes(painter, ink)
         self._paint_label(painter, ink)
         painter.end()
 
@@ -286,6 +322,30 @@ class OpacityEditor(QWidget):
         density, opacity = self._points[self._chosen]
         shown = f"{density:.0f}" if abs(density) >= 10 else f"{density:.2g}"
         return f"density {shown}, opacity {opacity:.2g}"
+
+    def _paint_axes(self, painter: QPainter, ink: QColor) -> None:
+        """Write round densities under the curve, and opacities at its left."""
+        area, faint = self._area(), QColor(ink)
+        faint.setAlphaF(0.65)
+        painter.setPen(faint)
+        small = self.font()
+        small.setPointSizeF(max(small.pointSizeF() - 2.0, 6.0))
+        painter.setFont(small)
+        end = -np.inf
+        for density in round_densities(*self._domain):
+            words = f"{density:g}"
+            wide = painter.fontMetrics().horizontalAdvance(words)
+            x = self.position((density, 0.0)).x()
+            left = min(max(x - wide / 2, 2.0), self.width() - wide - 2.0)
+            # Where two numbers would run into each other the first stays.
+            if left > end + 6:
+                painter.drawText(QPointF(left, self.height() - 4.0), words)
+                painter.drawLine(QPointF(x, area.bottom()), QPointF(x, area.bottom() + 3.0))
+                end = left + wide
+        for opacity in MARKED:
+            y = self.position((self._domain[0], opacity)).y()
+            painter.drawText(QPointF(area.left() + 2.0, y + 4.0), f"{opacity:g}")
+        painter.setFont(self.font())
 
     def _paint_label(self, painter: QPainter, ink: QColor) -> None:
         """Write the chosen point's density and opacity, over the curve."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
@@ -9,6 +11,7 @@ from qtpy.QtWidgets import (
     QFormLayout,
     QHBoxLayout,
     QLabel,
+    QLayout,
     QPushButton,
     QSizePolicy,
     QToolButton,
@@ -48,6 +51,8 @@ class Section(QWidget):
         self.fold.setArrowType(Qt.ArrowType.DownArrow)
         self.fold.setCheckable(True)
         self.fold.setToolTip("Fold this step away, or open it again.")
+        self.fold.setAccessibleName(f"Fold {title}")
+        self.fold.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.fold.toggled.connect(self._fold)
 
         self.head = _Head(self.fold)
@@ -175,8 +180,29 @@ def form(**fields: QWidget) -> QFormLayout:
         title = label(name.replace("_", " "), "field")
         # Alike, so that the fields of all steps stand in one line; long names have what they need.
         title.setMinimumWidth(LABELS)
+        title.setBuddy(field)
+        if not field.accessibleName():
+            field.setAccessibleName(title.text())
         layout.addRow(title, field)
     return layout
+
+
+def order_tabs(layout: QLayout) -> None:
+    """Have Tab go through a layout as it is laid out, whatever was made first."""
+    widgets = list(_laid_out(layout))
+    for before, after in pairwise(widgets):
+        QWidget.setTabOrder(before, after)
+
+
+def _laid_out(layout: QLayout) -> Iterator[QWidget]:
+    for place in range(layout.count()):
+        item = layout.itemAt(place)
+        widget = item.widget()
+        inside = item.layout() if widget is None else widget.layout()
+        if inside is not None:
+            yield from _laid_out(inside)
+        elif widget is not None and widget.focusPolicy() & Qt.FocusPolicy.TabFocus:
+            yield widget
 
 
 def label(text: str, role: str, wrap: bool = False) -> QLabel:

@@ -49,6 +49,8 @@ class StepSlider(QWidget):
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setToolTip("Drag to run the unpacking forwards or backwards to any step.")
         self.slider.setPageStep(1)
+        self.slider.setAccessibleName("Step of the unpacking")
+        self.play.setAccessibleName("Play the unpacking")
         self.slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.sentence = label("", "hint", wrap=True)
         line = QHBoxLayout()

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, QSignalBlocker, Signal
-from qtpy.QtWidgets import QWidget
+from qtpy.QtCore import QObject, QSignalBlocker, Qt, Signal
+from qtpy.QtWidgets import QDockWidget, QMainWindow, QWidget
 
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.widgets.objects_pane import ObjectsPane
@@ -124,10 +124,19 @@ class TableButton(QObject):
             self.dock.shown.connect(self._follow)
         # Closed by its own cross it has been taken out of its frame, which is gone.
         if wanted and self.dock.parentWidget() is None:
-            unwrap(self._viewer).window.add_dock_widget(self.dock, name=NAME, area="bottom")
+            unwrap(self._viewer).window.add_dock_widget(self.dock, name=NAME, area="right")
+            self._stand_beside_the_panel(self.dock.parentWidget())
         frame = self.dock.parentWidget()
         if frame is not None:
             frame.setVisible(wanted)
+
+    def _stand_beside_the_panel(self, frame: QWidget | None) -> None:
+        """Put the dock between picture and panel, as tall as both."""
+        window, panel = self.button.window(), self.button.parentWidget()
+        while panel is not None and not isinstance(panel, QDockWidget):
+            panel = panel.parentWidget()
+        if isinstance(window, QMainWindow) and isinstance(frame, QDockWidget) and panel is not None:
+            window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
 
     def _follow(self, shown: bool) -> None:
         """Show whether the dock is open, however it was opened or closed."""

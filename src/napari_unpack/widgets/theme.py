@@ -30,6 +30,8 @@ class Palette:
     background, raised, line, text, faint, accent, accent_hover, on_accent, chosen, warning : str
         CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, the
         primary button, the same under the mouse, text on it, selected rows, and warnings.
+    focus : str
+        The ring around the control that has the keyboard.
     """
 
     background: str
@@ -42,6 +44,7 @@ class Palette:
     on_accent: str
     chosen: str
     warning: str
+    focus: str
 
 
 def palette_of(theme: str) -> Palette:
@@ -65,6 +68,8 @@ def palette_of(theme: str) -> Palette:
         on_accent="#ffffff",
         chosen=_mixed(background, accent, 0.42 if dark else 0.3),
         warning="#e3b617" if dark else "#8a5a00",
+        # Another colour than the primary button's, on which it is to be seen too.
+        focus="#ffd166" if dark else "#b3261e",
     )
 
 
@@ -92,15 +97,21 @@ def style_sheet(palette: Palette) -> str:
     QLabel[role="hint"], QLabel[role="status"] {{ color: {p.faint}; }}
     QLabel[role="warning"] {{ color: {p.warning}; }}
     QWidget[role="rule"] {{ background: {p.line}; }}
-    QPushButton {{ padding: 4px 8px; border-radius: 4px; min-height: 16px; }}
+    QPushButton {{
+        padding: 3px 7px; border-radius: 4px; min-height: 16px; border: 1px solid transparent; }}
     QPushButton[role="primary"] {{
-        background: {p.accent}; color: {p.on_accent}; font-weight: 600; padding: 6px 8px; }}
+        background: {p.accent}; color: {p.on_accent}; font-weight: 600; padding: 5px 7px; }}
     QPushButton[role="primary"]:hover {{ background: {p.accent_hover}; }}
     QPushButton[role="primary"]:disabled {{ background: {p.raised}; color: {p.faint}; }}
     QPushButton:disabled, QComboBox:disabled, QCheckBox:disabled {{ color: {p.faint}; }}
     QToolButton[role="link"] {{
-        background: transparent; border: none; color: {p.faint}; padding: 1px 0px; }}
+        background: transparent; border: 1px solid transparent; color: {p.faint}; padding: 0px; }}
     QToolButton[role="link"]:hover {{ color: {p.text}; }}
+    QComboBox, QAbstractSpinBox, QLineEdit, QCheckBox, QSlider {{
+        border: 1px solid transparent; border-radius: 3px; }}
+    QPushButton:focus, QToolButton:focus, QComboBox:focus, QAbstractSpinBox:focus,
+    QLineEdit:focus, QCheckBox:focus, QSlider:focus, QTableView:focus {{
+        border: 1px solid {p.focus}; border-radius: 3px; }}
     QProgressBar {{
         border: none; border-radius: 3px; background: {p.raised}; min-height: 6px;
         max-height: 6px; }}

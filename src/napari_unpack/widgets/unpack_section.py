@@ -60,6 +60,7 @@ class UnpackSection(Section):
         self.count.setRange(2, 999)
         self.count.setValue(5)
         self.count.setToolTip("How many objects the button beside this unpacks.")
+        self.count.setAccessibleName("How many objects to unpack")
         self.several = button("Unpack 5", "Unpack several objects, one after another.")
         self.all_back = button("Restore all", "Fly every object back into the bag.")
         self.chosen = button(
@@ -84,7 +85,7 @@ class UnpackSection(Section):
         self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.use_best = button(
-            "", "Have objects leave the way along which the most are unpackable."
+            "Use that direction", "Have objects leave the way along which the most are unpackable."
         )
         self.force = button(
             "Unpack the least occluded",
@@ -132,7 +133,7 @@ class UnpackSection(Section):
         self.backend = QComboBox()
         self.backend.addItems(list(BACKENDS))
         self.backend.setToolTip("What draws the bag: the graphics card, or the processor.")
-        self.take_least = QCheckBox("Where nothing is unpackable, take the least occluded")
+        self.take_least = QCheckBox("Otherwise take the least occluded")
         self.take_least.setToolTip(
             "Where nothing is unpackable this way, Unpack next takes the object of which the "
             "smallest share is occluded; otherwise it says so and takes none."

@@ -20,7 +20,7 @@ from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
-from napari_unpack.widgets.section import Collapsible, label, rule
+from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import Shortcuts, help_text
 from napari_unpack.widgets.slices_button import SlicesButton
@@ -137,6 +137,7 @@ class UnpackingWidget(QWidget):
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)
+        order_tabs(column)
         scroll = QScrollArea()
         scroll.setWidgetResizable(True)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)

@@ -1,0 +1,74 @@
+"""The points of an opacity curve as a line of numbers, to be read and typed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+from qtpy.QtCore import Signal
+from qtpy.QtWidgets import QLineEdit
+
+from napari_unpack.widgets.notifications import errors_shown
+
+Point = tuple[float, float]
+
+
+class TypedPoints(QLineEdit):
+    """Density and opacity of each point; `edited` carries what was typed, once Enter is pressed."""
+
+    edited = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._points: list[Point] = []
+        self.setAccessibleName("Points of the opacity curve")
+        self.setToolTip(
+            "Density and opacity of each point, as in 0 0, 500 0.2, 4000 0.6; press Enter."
+        )
+        self.editingFinished.connect(self._read)
+
+    def show_points(self, points: Iterable[Point]) -> None:
+        """Show a curve, unless somebody types."""
+        self._points = list(points)
+        if not self.isModified() or not self.hasFocus():
+            self.setText(points_text(self._points))
+
+    def _read(self) -> None:
+        if not self.isModified():
+            return
+        typed = self.text()
+        self.setModified(False)
+        with errors_shown():
+            points = points_of(typed)
+            self.edited.emit(points)
+            return
+        # What cannot be read is told, and the curve stays as it is.
+        self.setText(points_text(self._points))
+
+
+def points_text(points: Iterable[Point]) -> str:
+    """Write points as a line of numbers."""
+    return ", ".join(f"{density:.5g} {opacity:.3g}" for density, opacity in points)
+
+
+def points_of(text: str) -> list[Point]:
+    """Read points from a line of numbers.
+
+    Raises
+    ------
+    ValueError
+        If it is not two ascending points at least, with opacities from 0 to 1.
+    """
+    wanted = (
+        "points must be pairs of density and opacity with commas between them, densities "
+        "ascending and opacities from 0 to 1, as in 0 0, 500 0.2"
+    )
+    pairs = [part.split() for part in text.replace(";", ",").split(",") if part.strip()]
+    try:
+        points = [(float(density), float(opacity)) for density, opacity in pairs]
+    except ValueError as error:
+        raise ValueError(f"{wanted}; got {text!r}") from error
+    ascending = all(a[0] < b[0] for a, b in pairwise(points))
+    if len(points) < 2 or not ascending or not all(0.0 <= a <= 1.0 for _, a in points):
+        raise ValueError(f"{wanted}; got {text!r}")
+    return points

@@ -1,0 +1,143 @@
+"""Every control of the panel: its name, its help, its place in the order of Tab, its ring."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+from qtpy.QtWidgets import (
+    QAbstractButton,
+    QAbstractSlider,
+    QAbstractSpinBox,
+    QApplication,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QScrollBar,
+    QTableView,
+    QWidget,
+)
+
+from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
+from napari_unpack.widgets.opacity_editor import OpacityEditor
+from napari_unpack.widgets.section import Collapsible, Section
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import press
+
+KINDS = (
+    QAbstractButton, QAbstractSlider, QAbstractSpinBox, QComboBox, QLineEdit, QTableView,
+    OpacityEditor, ColorRampEditor,
+)  # fmt: skip
+
+
+def is_part_of_another(widget: QWidget) -> bool:
+    """Return whether a widget is a part that Qt made: a field's editor, a bar, a corner."""
+    above = widget.parentWidget()
+    return (
+        isinstance(widget, QScrollBar)
+        or isinstance(above, QAbstractSpinBox | QComboBox | QLineEdit | QTableView)
+        or widget.objectName().startswith("qt_")
+    )
+
+
+def controls(panel: QWidget) -> Iterator[Any]:
+    for widget in panel.findChildren(QWidget):
+        if isinstance(widget, KINDS) and not is_part_of_another(widget):
+            yield widget
+
+
+def name_of(widget: Any, panel: QWidget) -> str:
+    buddies = [label.text() for label in panel.findChildren(QLabel) if label.buddy() is widget]
+    own = widget.text() if isinstance(widget, QAbstractButton) else ""
+    return widget.accessibleName() or own or "".join(buddies)
+
+
+def everything_open(panel: UnpackingWidget) -> None:
+    for section in panel.findChildren(Section):
+        section.fold.setChecked(False)
+    for more in panel.findChildren(Collapsible):
+        more.toggle.setChecked(True)
+
+
+def test_every_control_has_a_name_a_sentence_of_help_and_the_keyboard(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    everything_open(panel)
+    press(qtbot, panel.objects.table_button.button)
+    dock = panel.objects.table_button.dock
+    lacking = []
+    found = [*controls(panel), *controls(dock)]
+    assert len(found) > 60
+    for widget in found:
+        name = name_of(widget, panel)
+        told = f"{type(widget).__name__} {name!r}"
+        if not name:
+            lacking.append(f"{told}: no name")
+        # A table's cells have help of their own.
+        if not widget.toolTip() and not isinstance(widget, QTableView):
+            lacking.append(f"{told}: no help")
+        if not widget.focusPolicy() & Qt.FocusPolicy.TabFocus:
+            lacking.append(f"{told}: Tab passes it by")
+    assert not lacking, "\n".join(lacking)
+
+
+def test_tab_goes_through_the_panel_from_top_to_bottom(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    everything_open(panel)
+    QApplication.processEvents()
+    inside = panel.segment.parentWidget()
+    order, widget = [], inside
+    while (widget := widget.nextInFocusChain()) is not inside:
+        ours = isinstance(widget, KINDS) and inside.isAncestorOf(widget)
+        if ours and widget.isVisibleTo(panel) and not is_part_of_another(widget):
+            order.append(widget)
+    assert set(order) == {w for w in controls(inside) if w.isVisibleTo(panel)}
+    tops = [widget.mapTo(inside, widget.rect().center()).y() for widget in order]
+    backwards = [
+        f"{name_of(above, panel)} before {name_of(below, panel)}"
+        for (above, y), (below, z) in zip(
+            zip(order, tops, strict=True), list(zip(order, tops, strict=True))[1:], strict=False
+        )
+        # Controls of one line differ by some pixels.
+        if z < y - 16
+    ]
+    assert backwards == []
+
+
+def test_the_control_with_the_keyboard_has_a_ring_in_both_themes(
+    viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    everything_open(panel)
+    panel.window().activateWindow()
+    for theme in ("light", "dark"):
+        viewer.theme = theme
+        QApplication.processEvents()
+        unseen, seen, ringed = [], set(), 0
+        for widget in controls(panel):
+            # One of each kind, and of each role in the style sheet.
+            kind = type(widget).__name__, widget.property("role")
+            if kind in seen or not widget.isEnabled() or not widget.isVisibleTo(panel):
+                continue
+            seen.add(kind)
+            before = picture(widget)
+            # As the window system would, whose focus another test may have.
+            widget.setFocus(Qt.FocusReason.TabFocusReason)
+            if not widget.hasFocus():
+                continue
+            if np.abs(picture(widget) - before).max() < 60:
+                unseen.append((theme, *kind))
+            ringed += 1
+            widget.clearFocus()
+        assert unseen == []
+        assert ringed > 8
+
+
+def picture(widget: QWidget) -> Any:
+    QApplication.sendPostedEvents()
+    image = widget.grab().toImage().convertToFormat(widget.grab().toImage().Format.Format_RGB32)
+    pixels = np.frombuffer(image.constBits().asarray(image.sizeInBytes()), np.uint8)
+    return pixels.reshape(image.height(), image.width(), 4).astype(int)[..., :3]
