@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 NAME = "Table of objects"
 
+# Pixels: the narrowest, with names, states and volumes; the others in a wider dock.
+WIDTH = 330
+
 
 class TableDock(QWidget):
     """A table with its search; `shown` tells whether it is to be seen.
@@ -40,6 +43,7 @@ class TableDock(QWidget):
         # The style sheet names the panel; what stands beside it looks like it.
         self.setObjectName("unpacking_table")
         self._viewer, self.pane = viewer, pane
+        self.setMinimumWidth(WIDTH)
         self.columns = button("Columns…", "Choose which columns the table has.")
         self.columns.clicked.connect(self._open_columns)
         contents = column(self)

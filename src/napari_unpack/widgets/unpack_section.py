@@ -44,6 +44,11 @@ class UnpackSection(Section):
         self._best: BestDirection | None = None
         self.direction = QComboBox()
         self.direction.addItems(list(DIRECTIONS))
+        # Or its longest entry would widen the whole panel.
+        self.direction.setSizeAdjustPolicy(
+            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
+        self.direction.setMinimumContentsLength(8)
         self.direction.setToolTip("Which way objects leave; by default straight towards you.")
         self.draw = button(
             "Draw…",
@@ -105,8 +110,8 @@ class UnpackSection(Section):
         line.insertWidget(0, self.next, stretch=2)
         self.contents.addLayout(line)
         self.contents.addLayout(row(self.inspect, self.reveal))
-        self.contents.addLayout(row(self.count, self.several, self.all_unpackable))
-        self.contents.addLayout(row(self.chosen, self.all_back))
+        self.contents.addLayout(row(self.count, self.several, self.all_back))
+        self.contents.addLayout(row(self.chosen, self.all_unpackable))
         for widget in (
             self.step_slider,
             self.view,

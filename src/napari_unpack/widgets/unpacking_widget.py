@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 import napari
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
+from qtpy.QtGui import QColor, QPalette
 from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.layers import compat
@@ -45,7 +46,7 @@ def outermost(widget: QWidget) -> QWidget:
 
 
 # Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
-WIDTH = 328
+WIDTH = 332
 
 
 class UnpackingWidget(QWidget):
@@ -145,13 +146,17 @@ class UnpackingWidget(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(scroll)
-        self.setMinimumWidth(WIDTH - 36)
+        self.setMinimumWidth(WIDTH - 12)
 
     def _dress(self, _event: Event | None = None) -> None:
         palette = palette_of(self._viewer.theme)
         self.setStyleSheet(style_sheet(palette))
         self.color.editor.set_accent(palette.accent)
         self.unpack.step_slider.set_ink(palette.text)
+        linked = self.unpack.sentence.palette()
+        # Qt's own blue cannot be read on a dark panel.
+        linked.setColor(QPalette.ColorRole.Link, QColor(palette.text))
+        self.unpack.sentence.setPalette(linked)
 
     def sizeHint(self) -> QSize:
         """Return a narrow size, which the window makes as tall as it is."""
