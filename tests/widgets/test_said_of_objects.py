@@ -13,7 +13,7 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QDialogButtonBox, QLineEdit
 
 from mouse import LEFT
-from napari_unpack.widgets.object_columns import Column
+from napari_unpack.widgets.object_columns import Column, choice_of
 from napari_unpack.widgets.object_model import ID
 from napari_unpack.widgets.object_table import ObjectTable
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -46,6 +46,14 @@ def type_into(table: ObjectTable, object_id: int, column: Column, text: str) -> 
 
 def names(table: ObjectTable) -> list[str]:
     return [str(table.rows.index(k, Column.NAME).data()) for k in range(table.rows.rowCount())]
+
+
+def show_only(table: ObjectTable, columns: set[Column]) -> None:
+    """Choose columns in the menu of the titles."""
+    for column in Column:
+        if table.isColumnHidden(column) == (column in columns):
+            actions = {action.text(): action for action in table.columns_menu().actions()}
+            actions[choice_of(column)].trigger()
 
 
 @pytest.fixture
@@ -138,8 +146,7 @@ def test_notes_and_flags_are_written_searched_and_undone_in_the_table(
     dock = panel.objects.table_button.dock
     qtbot.waitUntil(dock.isVisible, timeout=5000)
     table = dock.pane.table
-    for column in set(Column) - {Column.FLAG, Column.NAME, Column.NOTE}:
-        table.setColumnHidden(column, True)
+    show_only(table, {Column.FLAG, Column.NAME, Column.NOTE})
     click(table, 3, Column.FLAG)
     assert session.annotations.flags == {3: "suspicious"}
     click(table, 3, Column.FLAG)

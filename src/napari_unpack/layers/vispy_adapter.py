@@ -65,11 +65,11 @@ class QuadsAdapter(PictureAdapter):
         try:
             seen = camera_from_render(local, flip(view.camera.center))
             camera = camera_in_session(seen, flip_matrix(scene_from_world))
-        # A window of no height projects nothing; the next draw will.
-        except (ValueError, np.linalg.LinAlgError):
+            scale = float(getattr(view.canvas, "pixel_scale", 1.0))
+        # A window of no height or width projects nothing; the next draw will.
+        except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
             return None
         whole = matrix_of(self.node.get_transform("scene", "render"))
-        scale = float(getattr(view.canvas, "pixel_scale", 1.0))
         size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
         return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera))
 

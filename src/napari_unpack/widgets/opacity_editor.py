@@ -66,7 +66,14 @@ def histogram(volume: ArrayLike, domain: tuple[float, float]) -> NDArray[np.floa
 
 
 def paint_focus(widget: QWidget, painter: QPainter) -> None:
-    """Draw a ring where a drawn control has the keyboard, as the style sheet does for others."""
+    """Draw a ring where a drawn control has the keyboard, as the style sheet does for others.
+
+    Parameters
+    ----------
+    widget : QWidget
+    painter : QPainter
+        Of the widget.
+    """
     if widget.hasFocus():
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.setPen(QPen(widget.palette().text().color(), 2))

@@ -25,6 +25,9 @@ NAME = "Table of objects"
 # Pixels: the narrowest, with names, states and volumes; the others in a wider dock.
 WIDTH = 330
 
+# Pixels that the picture keeps of its width.
+LEAST_PICTURE = 300
+
 
 class TableDock(QWidget):
     """A table with its search; `shown` tells whether it is to be seen.
@@ -135,11 +138,16 @@ class TableButton(QObject):
             frame.setVisible(wanted)
 
     def _stand_beside_the_panel(self, frame: QWidget | None) -> None:
-        """Put the dock between picture and panel, as tall as both."""
+        """Put the dock between picture and panel, as tall as both; below in a narrow window."""
         window, panel = self.button.window(), self.button.parentWidget()
         while panel is not None and not isinstance(panel, QDockWidget):
             panel = panel.parentWidget()
-        if isinstance(window, QMainWindow) and isinstance(frame, QDockWidget) and panel is not None:
+        if not (isinstance(window, QMainWindow) and isinstance(frame, QDockWidget)):
+            return
+        middle = window.centralWidget()
+        if middle is not None and middle.width() < WIDTH + LEAST_PICTURE:
+            window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
+        elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
 
     def _follow(self, shown: bool) -> None:

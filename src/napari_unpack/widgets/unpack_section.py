@@ -42,6 +42,8 @@ class UnpackSection(Section):
         self._workspace, self._commands, self._planner = workspace, commands, planner
         self._unpackable: frozenset[int] | None = None
         self._best: BestDirection | None = None
+        # Qt's own blue cannot be read on a dark panel; the theme's text takes its place.
+        self.link_color = "gray"
         self.direction = QComboBox()
         self.direction.addItems(list(DIRECTIONS))
         # Or its longest entry would widen the whole panel.
@@ -306,7 +308,8 @@ class UnpackSection(Section):
         if flying:
             return f"{flying} {'object is' if flying == 1 else 'objects are'} flying."
         if packed == 0:
-            return _all_gone(out, len(objects_in(session, ObjectState.HIDDEN)))
+            hidden = len(objects_in(session, ObjectState.HIDDEN))
+            return _all_gone(out, hidden, self.link_color)
         if self._unpackable is None:
             return SEARCHING
         if not self._unpackable:
@@ -333,10 +336,10 @@ class UnpackSection(Section):
         return " ".join(words)
 
 
-def _all_gone(out: int, hidden: int) -> str:
+def _all_gone(out: int, hidden: int, link_color: str) -> str:
     """Say why nothing is to be seen in the bag, and how what is hidden comes back."""
     if hidden:
         what = "1 object is" if hidden == 1 else f"{hidden} objects are"
         rest = "the rest is taken out" if out else "none is shown"
-        return f"{what} hidden, {rest}: <a href='show'>Show all</a>"
+        return f"{what} hidden, {rest}: <a href='show' style='color: {link_color}'>Show all</a>"
     return "The bag is empty. Double-click an object to inspect it." if out else ""

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Self
 
 import napari
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
-from qtpy.QtGui import QColor, QPalette
 from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.layers import compat
@@ -153,10 +152,7 @@ class UnpackingWidget(QWidget):
         self.setStyleSheet(style_sheet(palette))
         self.color.editor.set_accent(palette.accent)
         self.unpack.step_slider.set_ink(palette.text)
-        linked = self.unpack.sentence.palette()
-        # Qt's own blue cannot be read on a dark panel.
-        linked.setColor(QPalette.ColorRole.Link, QColor(palette.text))
-        self.unpack.sentence.setPalette(linked)
+        self.unpack.link_color = palette.text
 
     def sizeHint(self) -> QSize:
         """Return a narrow size, which the window makes as tall as it is."""
