@@ -114,6 +114,21 @@ def test_a_full_disk_is_told_once_and_stops_nothing(
     assert panel.workspace.session.step == 2
 
 
+@pytest.mark.parametrize("discarded", [True, False])
+def test_a_closed_viewer_leaves_only_what_nobody_was_asked_about(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, discarded: bool
+) -> None:
+    panel, scheduler = worked, worked.workspace.scheduler
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: out_on_disk() == 1, timeout=10000)
+    if discarded:
+        panel.unsaved.give_up()
+    # As where another window quits napari: this one is closed without a word.
+    viewer.close()
+    qtbot.waitUntil(lambda: scheduler.closed, timeout=10000)
+    assert len(leftovers(recovery_folder())) == (0 if discarded else 1)
+
+
 @pytest.mark.timeout(300)
 def test_after_a_kill_everything_is_there_again(viewer: Any, qtbot: QtBot) -> None:
     done = crash()

@@ -155,7 +155,7 @@ def test_segmenting_again_and_opening_ask_before_the_work(
     panel, session = worked, worked.workspace.session
     path = nu.save_session(session, tmp_path / "other.unpack")
     panel.segment.start.click()
-    assert "Segmenting again ends it." in answer(panel, qtbot, Button.Cancel)
+    assert "Other objects will take its place." in answer(panel, qtbot, Button.Cancel)
     assert not panel.segment.progress.running
     panel.files.open_from(path)
     assert "Opening other.unpack ends it." in answer(panel, qtbot, Button.Cancel)
@@ -184,7 +184,7 @@ def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept
     answer(panel, qtbot, Button.Discard)
     session.rename(1, "a knife")
     qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=90000)
-    assert "the new objects" in answer(panel, qtbot, Button.Cancel)
+    assert "The new objects" in answer(panel, qtbot, Button.Cancel)
     assert panel.workspace.session is session
     assert "bag objects" in [layer.name for layer in viewer.layers]
 

@@ -72,16 +72,16 @@ class RecoveryKeeper(QObject):
     def end(self) -> None:
         """Take the copy off the disk, unless it holds what nobody was asked about."""
         self._workspace.scheduler.cancel(self._copy)
-        there = self._workspace.document is not None
-        # Also where a worker was to forget it, which is called off here.
-        if not self._kept or (there and not self._unsaved.worth_keeping):
+        if self._workspace.document is not None and not self._unsaved.worth_keeping:
+            self._kept = False
+        self.release()
+
+    def release(self) -> None:
+        """End where the panel is deleted already."""
+        # Also where a worker was to forget it, which has been called off by now.
+        if not self._kept:
             self._copy.forget()
         self._copy.close()
-
-    @property
-    def release(self) -> Callable[[], None]:
-        """What to call where the panel is deleted before it could end."""
-        return self._copy.close
 
     def _keep(self) -> None:
         session, controller = self._workspace.document, self._workspace.controller

@@ -248,7 +248,7 @@ class SegmentSection(Section):
             Of objects of the chosen labels, by ID; by default those of the layer.
         """
         # Before the work, so that nobody waits to be asked.
-        self._unsaved.ask("Segmenting again ends it.", partial(self._run, then, names))
+        self._unsaved.ask("Other objects will take its place.", partial(self._run, then, names))
 
     def _run(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
         if self.progress.running:
@@ -306,7 +306,7 @@ class SegmentSection(Section):
             # Once more for what was done while the objects were found.
             # Where they are not wanted now, their labels are there all the same.
             keep = partial(self._labels_layer, self._order, result)
-            self._unsaved.ask("Showing the new objects ends it.", show, cancelled=keep)
+            self._unsaved.ask("The new objects take its place.", show, cancelled=keep)
 
     def _show(self, order: _Order, built: BuiltSession, seconds: float) -> None:
         # An open session hides the image: the new labels must take over its real visibility.
