@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 
+from napari_unpack.layers.placement import data_to_world
+from napari_unpack.widgets.file_names import bag_name
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import add_bag, controller_with, open_panel, pile_of_balls
 
@@ -104,7 +106,22 @@ def test_a_time_point_of_a_lazy_series_is_unpacked_and_named(viewer: Any, qtbot:
     np.testing.assert_allclose(session.spacing, (2, 1, 1))
     assert "growth (time point 1) objects" in viewer.layers
     controller = panel.workspace.controller
-    np.testing.assert_allclose(controller.packed.affine.affine_matrix, np.diag([2, 1, 1, 1.0]))
-    # What is drawn on the labels of that time point is a repair as of any labels.
-    assert controller.sources[0] is not image or controller.sources[1].ndim == 3
+    for layer in (*controller.layers, controller.sources[1]):
+        np.testing.assert_allclose(data_to_world(layer), data_to_world(image))
+    assert bag_name(controller.sources) == "growth (time point 1)"
+    panel.end()
+
+
+def test_a_colour_of_a_colour_volume_is_unpacked_with_labels_of_its_shape(
+    viewer: Any, qtbot: QtBot
+) -> None:
+    volume, labels = pile_of_balls()
+    green = (volume // 20).astype(np.uint8)
+    viewer.add_image(np.stack([0 * green, green, 0 * green], -1), rgb=True, name="photos")
+    theirs = viewer.add_labels(labels, name="balls")
+    panel = open_panel(viewer, qtbot)
+    panel.segment.index.choose(1)
+    session = controller_with(panel, qtbot, theirs)
+    np.testing.assert_array_equal(session.volume, green)
+    assert bag_name(panel.workspace.controller.sources) == "photos (Green)"
     panel.end()

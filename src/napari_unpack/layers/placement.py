@@ -72,7 +72,8 @@ def place_of(layer: Layer) -> dict[str, Any]:
     """Return where a layer stands, as arguments of a 3D layer: without time or channels."""
     if layer.ndim == 3:
         return {name: getattr(layer, name) for name in FIELDS}
-    return {"affine": data_to_world(layer), "units": layer.units[-3:]}
+    # The scale is in the affine already; ours have one of their own otherwise.
+    return {"scale": np.ones(3), "affine": data_to_world(layer), "units": layer.units[-3:]}
 
 
 def unit_ratios(layer: Layer, units: Sequence[Any] | None) -> NDArray[np.float64]:

@@ -333,8 +333,10 @@ class SegmentSection(Section):
     def _labels_layer(self, order: _Order, built: BuiltSession) -> Labels | None:
         """Return the layer of an order's objects, a new one where they are new."""
         image, labels = order.image, order.labels
-        # Objects of one time point are labels of their own, as those that were found are.
-        new = order.ids if labels is not None and labels.ndim > 3 else built.found
+        # Objects of one time point are labels of their own, as those that were found are, and
+        # their name says of which.
+        one_of_many = order.volume.name != image.name
+        new = order.ids if labels is not None and one_of_many else built.found
         if new is None:
             return labels
         return unwrap(
