@@ -17,6 +17,7 @@ from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.scheduler import Scheduler
 
 if TYPE_CHECKING:
@@ -274,14 +275,16 @@ class Animator:
         """
         session, camera = self._session, frame.camera
         # Not before its sprite is there, or it would be gone for a moment.
-        self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i, p)}
+        self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i)}
         objects: dict[int, Moving] = {}
         for object_id, flight in dict(session.flights).items():
             objects[object_id] = Moving(flight.pose(now, camera))
         for object_id, pose in self._landed.items():
-            if pose is None:
+            if object_id not in session.poses:
                 center = session.boxes.center(object_id, np.asarray(session.spacing))
                 pose = packed_pose(center, camera)
+            elif pose is None:
+                pose = session.poses[object_id]
             # One that flies again is where its flight says.
             objects.setdefault(object_id, Moving(pose))
         for object_id, pose in self.turning.items():
@@ -341,10 +344,14 @@ class Animator:
         if one is not None and one.home is None and not one.leaving:
             self.inspection = replace(one, since=now)
 
-    def _shown_elsewhere(self, object_id: int, target: Pose | None) -> bool:
-        if object_id in self._session.flights:
-            return True
-        return self._is_repacked(object_id) if target is None else self._has_sprite(object_id)
+    def _shown_elsewhere(self, object_id: int) -> bool:
+        # Asked of what it is now: a command may have put it elsewhere since it landed.
+        match self._session.states.get(object_id):
+            case ObjectState.PACKED:
+                return self._is_repacked(object_id)
+            case ObjectState.UNPACKED:
+                return self._has_sprite(object_id)
+        return True
 
 
 # A window being dragged replans slots many times a second: glides must keep up.

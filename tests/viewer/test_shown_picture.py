@@ -1,0 +1,90 @@
+"""Whatever commands follow each other, the canvas shows what a fresh image of the session shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from napari_unpack.rendering.compose import scene_image
+from napari_unpack.session import ObjectState
+from opened_panel import at_rest
+from viewer_fixtures import canvas
+
+BURSTS = 6
+
+
+def shown_times(controller: Any) -> dict[int, int]:
+    """Count in how many of the three layers every object that is not hidden shows."""
+    states = controller.session.states
+    return {
+        i: (i in controller.transition.images)
+        + (i in controller.sprites.sprites)
+        + (state is ObjectState.PACKED)
+        for i, state in states.items()
+        if state is not ObjectState.HIDDEN
+    }
+
+
+def differs(viewer: Any, controller: Any) -> int:
+    """Return the pixels of the largest place where the canvas is not as a fresh image is."""
+    frame, shot = controller.frame, canvas(viewer)
+    fresh = scene_image(controller.session.scene(), frame.camera, frame.size, backend="cpu")
+    ground = shot[2, 2]
+    apart = np.abs(shot - 255.0 * fresh[..., :3] - (1.0 - fresh[..., 3:]) * ground).max(axis=-1)
+    # Thin lines are the silhouettes of sprites.
+    places, count = ndimage.label(ndimage.binary_erosion(apart > 45, iterations=3))
+    return int(max(np.bincount(places.ravel())[1:], default=0)) if count else 0
+
+
+def test_what_goes_back_before_its_sprite_is_there_is_shown_once(staged: Any, qtbot: Any) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    before = canvas(viewer)
+    controller.unpack(2)
+    # At once: no sprite was cast yet.
+    controller.go_to(0)
+    at_rest(controller, qtbot)
+    assert set(shown_times(controller).values()) == {1}
+    assert controller.transition.images == {}
+    assert np.abs(canvas(viewer) - before).max() < 12
+
+
+def test_the_canvas_shows_a_fresh_image_after_any_commands(
+    staged: Any, session: Any, qtbot: Any
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    controller.seconds, rng = 0.1, np.random.default_rng(3)
+
+    def some() -> int:
+        return int(rng.choice(session.ids))
+
+    def delete() -> None:
+        if len(session.ids) > 4:
+            session.delete(some())
+
+    commands = [
+        *[lambda: controller.unpack(int(rng.integers(1, 3)))] * 4,
+        *[lambda: controller.restore(int(rng.integers(1, 3)))] * 2,
+        *[controller.undo] * 4,
+        *[controller.redo] * 2,
+        *[delete] * 2,
+        lambda: controller.go_to(int(rng.integers(0, 4))),
+        lambda: session.hide(some()),
+        lambda: session.show(),
+        lambda: controller.inspect(next(i for i, n in shown_times(controller).items() if n)),
+        controller.leave,
+    ]
+    given: list[int] = []
+    for _ in range(BURSTS):
+        for k in rng.integers(0, len(commands), 3):
+            given.append(int(k))
+            commands[k]()
+            if rng.random() < 0.5:
+                controller.settle(0.03)
+        controller.renderer.end_inspection()
+        at_rest(controller, qtbot)
+        assert set(shown_times(controller).values()) <= {1}, given
+        assert differs(viewer, controller) < 20, given
