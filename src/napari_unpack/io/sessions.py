@@ -80,10 +80,10 @@ def save_session(
     from napari_unpack.io.session_json import given_labels
 
     target = Path(path).expanduser()
-    tell = progress or no_progress
+    report = progress or no_progress
     if not copy and volume_path is None:
         raise ValueError("copy=False needs volume_path, the file the volume came from")
-    tell(0.0, "Saving")
+    report(0.0, "Saving")
     manifest = manifest_of(session, standing)
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     # All that is written is of one moment: writing takes long, and a session may go on meanwhile.
@@ -94,7 +94,7 @@ def save_session(
     with opened_for_writing(target) as sink:
         for name, array in arrays.items():
             file = files[name]
-            told = _part(tell, *ends[name], f"Saving the {name}")
+            told = _part(report, *ends[name], f"Saving the {name}")
             if copy or file is None:
                 with sink.open(f"{name}.npz") as stream:
                     facts = write_array(stream, array, told)
@@ -104,13 +104,13 @@ def save_session(
                 facts = ArrayFacts.of(array)
                 where = {"reference": _reference(Path(file), target, name, facts)}
             manifest[name] = where | facts.record()
-        tell(0.9, "Saving the state")
+        report(0.9, "Saving the state")
         # Small and before the manifest, which makes a folder a session: it comes last.
         with sink.open("picture.png") as stream:
             stream.write(_picture(scene, camera))
         with sink.open(MANIFEST) as stream:
             stream.write(written(manifest))
-    tell(1.0, "Saved")
+    report(1.0, "Saved")
     return target
 
 
@@ -168,8 +168,8 @@ def open_session(
     from napari_unpack.io.session_json import session_from
 
     source = Path(path).expanduser()
-    tell = progress or no_progress
-    tell(0.0, "Opening the session")
+    report = progress or no_progress
+    report(0.0, "Opening the session")
     with read_errors_told(source):
         with opened_for_reading(source) as store:
             fields = _manifest(store, source)
@@ -182,13 +182,13 @@ def open_session(
                     source,
                     name,
                     given[name],
-                    _part(tell, *ends[name], f"Reading the {name}"),
+                    _part(report, *ends[name], f"Reading the {name}"),
                 )
                 for name in ("volume", "labels")
             }
-        tell(0.8, "Making the session ready")
+        report(0.8, "Making the session ready")
         session = session_from(fields["session"], found["volume"], found["labels"])
-    tell(1.0, "Opened")
+    report(1.0, "Opened")
     return session
 
 
@@ -321,5 +321,5 @@ def _picture(scene: Scene, camera: Camera) -> bytes:
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
 
 
-def _part(tell: Progress, start: float, end: float, text: str) -> Told:
-    return lambda fraction: tell(start + (end - start) * fraction, text)
+def _part(report: Progress, start: float, end: float, text: str) -> Told:
+    return lambda fraction: report(start + (end - start) * fraction, text)
