@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import ObjectState
 from opened_panel import at_rest
@@ -88,3 +89,19 @@ def test_the_canvas_shows_a_fresh_image_after_any_commands(
         at_rest(controller, qtbot)
         assert set(shown_times(controller).values()) <= {1}, given
         assert differs(viewer, controller) < 20, given
+
+
+def test_a_sprite_turned_and_turned_back_at_once_is_as_before(
+    staged: Any, session: Any, qtbot: Any
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    (one,) = controller.unpack(1)
+    controller.finish()
+    at_rest(controller, qtbot)
+    before = canvas(viewer)
+    controller.renderer.held.turn(one, rotation_about((0.3, 1.0, 0.5), 0.9))
+    controller.renderer.held.turned(one)
+    controller.undo()
+    at_rest(controller, qtbot)
+    assert np.abs(canvas(viewer) - before).max() < 12

@@ -107,7 +107,10 @@ class SpriteRenderer:
             # In pivot space an image stays right wherever it is put.
             if have is not None and not np.array_equal(have[1].pose.center, pose.center):
                 self._made[object_id] = have = (have[0], have[1].moved(pose))
-            if (have is None or have[0] != key) and self._asked.get(object_id) != key:
+            if have is not None and have[0] == key:
+                # Turned and at once turned back: what was asked for between comes too late.
+                self._asked.pop(object_id, None)
+            elif self._asked.get(object_id) != key:
                 self._asked[object_id] = key
                 self._ask(scene, object_id, pose, sharpness, key)
         self._publish()
@@ -133,7 +136,9 @@ class SpriteRenderer:
         return Sprite.of(patch, pose, 1.0 / sharpness)
 
     def _finish(self, object_id: int, key: Hashable, sprite: Sprite | None) -> None:
-        if self._asked.get(object_id) == key:
+        if object_id not in self._asked:
+            return
+        if self._asked[object_id] == key:
             del self._asked[object_id]
         # It may have gone back into the bag meanwhile.
         if object_id in self._wanted and sprite is not None:
