@@ -69,6 +69,8 @@ class Framing:
         self._set: Camera | None = None
         self._target: Camera | None = None
         self._fit: Camera | None = None
+        # How a saved session was looked at, until something else moves the camera.
+        self._given: Camera | None = None
         self._size = (0, 0)
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
@@ -113,6 +115,7 @@ class Framing:
         # As saved by a person who saw it fitted: room is then made for what comes out.
         whole = fitted(self._session, camera)
         self._fit = camera if _alike(camera, whole) else None
+        self._given = camera
         self._go(camera, glides=False)
 
     def turn_to(self, rotation: np.ndarray) -> None:
@@ -210,6 +213,12 @@ class Framing:
     def _follow(self) -> None:
         session = self._session
         resized = session.canvas_size != self._size
+        kept = self._given if self._given is self._target and not self.is_fit else None
+        if resized and kept is not None and self._untouched():
+            # The window is still being laid out: as much is to be seen as when it was saved.
+            self._size = session.canvas_size
+            self._go(kept, glides=False)
+            return
         # Before the size is taken over, by which it is known whether a person has zoomed.
         if self._before is not None or not self.is_fit or self._fit is None:
             return
