@@ -228,7 +228,6 @@ def test_a_saved_session_is_taken_where_a_volume_is(bag: Path) -> None:
     film = bag.with_name("frames")
     filmed = run(
         "movie",
-        "surfaces",
         saved,
         film,
         "--turntable",

@@ -79,15 +79,20 @@ def test_a_table_of_one_row_is_refused():
 
 
 def test_presets_show_what_their_names_say():
-    assert sorted(PRESETS) == ["all", "dense", "metal", "soft"]
-    air, cloth, water, stone, steel = 0, 400, 1000, 2500, 8000
+    assert sorted(PRESETS) == ["air", "all", "dense", "metal", "plastic", "soft", "water"]
+    air, foam, cloth, water, resin, stone, steel = 0, 80, 400, 1000, 1300, 2500, 8000
     opacity = {name: TransferFunction.preset(name).opacity_at for name in PRESETS}
     assert all(opacity[name](air) == 0 for name in PRESETS)
     assert opacity["all"](cloth) > 0
     assert opacity["soft"](water) > opacity["soft"](stone)
     assert opacity["dense"](water) < 0.05 < opacity["dense"](stone)
     assert opacity["metal"](stone) == 0 < opacity["metal"](steel)
-    with pytest.raises(ValueError, match="all, soft, dense, metal"):
+    # What is nearly air is seen with "air" alone.
+    assert opacity["air"](foam) > 0
+    assert all(opacity[name](foam) == 0 for name in PRESETS if name != "air")
+    assert opacity["water"](water) > 5 * max(opacity["water"](cloth), opacity["water"](stone))
+    assert opacity["plastic"](resin) > 5 * max(opacity["plastic"](cloth), opacity["plastic"](stone))
+    with pytest.raises(ValueError, match="all, soft, air, water, plastic, dense, metal"):
         TransferFunction.preset("bones")
 
 
