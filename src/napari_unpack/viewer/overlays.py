@@ -138,7 +138,7 @@ class OutlineRenderer:
     def close(self) -> None:
         """Draw nothing more."""
         self._scheduler.forget("outlines")
-        self._frame = None
+        self._frame = self._image = None
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the one quad of all outlines, as long as they are of this view."""

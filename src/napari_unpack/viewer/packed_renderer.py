@@ -199,7 +199,7 @@ class PackedRenderer:
         """Ask for no more images."""
         self._scheduler.skip_idle(IdlePhase.IMAGE)
         self.fade.stop()
-        self._frame = None
+        self._frame = self._image = self._canvas_image = self._fading_from = None
 
     def _on_fade(self, part: float) -> None:
         if self._canvas_backend.active:

@@ -286,6 +286,8 @@ class SceneRenderer:
         self._upload.close()
         self.packed_renderer.close()
         self.canvas_backend.close()
+        # Who still holds the layer would hold its image on the graphics card too.
+        self.packed.show(None, with_thumbnail=False)
         self.frame = None
 
     def _follow_inspection(self) -> None:

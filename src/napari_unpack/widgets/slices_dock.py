@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -172,7 +173,9 @@ class SlicesDock(QWidget):
         self._show_crosshair(linked.crosshair)
 
     def _show_image(self, plane: Plane, pixels: NDArray[np.uint8]) -> None:
-        self.views[plane].show_image(pixels)
+        # A window may destroy the dock while a worker still draws for it, of which Qt tells so.
+        with suppress(RuntimeError):
+            self.views[plane].show_image(pixels)
 
     def _show_crosshair(self, voxel: Voxel) -> None:
         for view in self.views.values():

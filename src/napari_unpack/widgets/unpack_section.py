@@ -64,6 +64,8 @@ class UnpackSection(Section):
             "Inspect", "Show one object alone: the selected one, or the last unpacked (I)."
         )
         self.count = QSpinBox()
+        # Two digits and the buttons: a spin box asks for the room of seven.
+        self.count.setMaximumWidth(100)
         self.count.setRange(2, 999)
         self.count.setValue(5)
         self.count.setToolTip("How many objects the button beside this unpacks.")

@@ -45,7 +45,7 @@ def outermost(widget: QWidget) -> QWidget:
 
 
 # Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
-WIDTH = 332
+WIDTH = 330
 
 
 class UnpackingWidget(QWidget):
