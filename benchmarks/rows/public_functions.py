@@ -84,29 +84,29 @@ def _tinted(scenes: Scenes, backend: str, direction: tuple[float, float, float])
 
 def _ids(scenes: Scenes, backend: str, direction: tuple[float, float, float]) -> Pair:
     import napari_unpack as nu
-    from napari_unpack.geometry.view import View
     from napari_unpack.rendering import cast_ids
-    from napari_unpack.rendering.cpu import Bricks
 
-    view = View(direction)
-    camera = view.camera(scenes.packing.volume.shape, MM)
-    shown = np.arange(scenes.packing.count + 1) > 0
-    size = (scenes.edge(512), scenes.edge(512))
-
-    def ours(_: Any, labels: Any) -> Any:
-        return nu.object_id_layers(labels, view=view, size=size, backend=backend)
-
-    def cast(_: Any, labels: Any) -> Any:
-        bricks = Bricks.of(labels)
-        return cast_ids(labels, MM, camera, shown, size, 2, bricks=bricks, backend=backend)
-
-    return partial(_fresh, scenes, ours), partial(_fresh, scenes, cast)
+    # Two layers, as many as the public function peels.
+    cast = partial(cast_ids, layers=2)
+    return _counting(scenes, backend, direction, nu.object_id_layers, cast)
 
 
 def _occlusion(scenes: Scenes, backend: str, direction: tuple[float, float, float]) -> Pair:
     import napari_unpack as nu
-    from napari_unpack.geometry.view import View
     from napari_unpack.rendering import cast_occlusion
+
+    return _counting(scenes, backend, direction, nu.occlusion_ratios, cast_occlusion)
+
+
+def _counting(
+    scenes: Scenes,
+    backend: str,
+    direction: tuple[float, float, float],
+    public: Callable[..., Any],
+    inner: Callable[..., Any],
+) -> Pair:
+    """Return a public function of labels and its inner cast, the making of bricks included."""
+    from napari_unpack.geometry.view import View
     from napari_unpack.rendering.cpu import Bricks
 
     view = View(direction)
@@ -115,11 +115,11 @@ def _occlusion(scenes: Scenes, backend: str, direction: tuple[float, float, floa
     size = (scenes.edge(512), scenes.edge(512))
 
     def ours(_: Any, labels: Any) -> Any:
-        return nu.occlusion_ratios(labels, view=view, size=size, backend=backend)
+        return public(labels, view=view, size=size, backend=backend)
 
     def cast(_: Any, labels: Any) -> Any:
         bricks = Bricks.of(labels)
-        return cast_occlusion(labels, MM, camera, shown, size, bricks=bricks, backend=backend)
+        return inner(labels, MM, camera, shown, size, bricks=bricks, backend=backend)
 
     return partial(_fresh, scenes, ours), partial(_fresh, scenes, cast)
 
