@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, QSignalBlocker
+from qtpy.QtCore import QObject
 
 from napari_unpack.layers.compat import native_window, unwrap
+from napari_unpack.widgets.dock_button import DockButton
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button
 from napari_unpack.widgets.workspace import Workspace
@@ -38,25 +39,17 @@ class SlicesButton(QObject):
     def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._workspace = workspace
-        self.dock: SlicesDock | None = None
         self.button = button(
             NAME, "Open three slices that follow the mouse, and that the 3D view follows."
         )
-        self.button.setCheckable(True)
-        self.button.toggled.connect(self._toggle)
+        self._opener = DockButton(workspace.viewer, self.button, self._new_dock, self._add)
+        self.end = self._opener.end
         workspace.switched.connect(self._reopen)
 
-    def end(self) -> None:
-        """Take the dock away."""
-        dock, self.dock = self.dock, None
-        if dock is None:
-            return
-        dock.shown.disconnect(self._follow)
-        dock.end()
-        # The window may have taken it away, or have gone itself.
-        with suppress(LookupError, RuntimeError):
-            unwrap(self._workspace.viewer).window.remove_dock_widget(dock)
-        dock.deleteLater()
+    @property
+    def dock(self) -> SlicesDock | None:
+        """What stands in the dock."""
+        return self._opener.dock
 
     def _reopen(self) -> None:
         """Open the dock with the first session where it was open the last time."""
@@ -64,30 +57,21 @@ class SlicesButton(QObject):
         if first and remembered().value(OPEN, False, type=bool):
             self.button.setChecked(True)
 
-    def _toggle(self, wanted: bool) -> None:
-        if not wanted:
-            if self.dock is not None and self.dock.parentWidget() is not None:
-                self.dock.parentWidget().close()
-            return
-        if self.dock is None:
-            # What draws slices takes seconds to import, which the panel need not wait for.
-            from napari_unpack.widgets.slices_dock import SlicesDock
+    def _new_dock(self) -> SlicesDock:
+        # What draws slices takes seconds to import, which the panel need not wait for.
+        from napari_unpack.widgets.slices_dock import SlicesDock
 
-            self.dock = SlicesDock(self._workspace)
-            self.dock.shown.connect(self._follow)
-        # Closed by its own cross it has been taken out of its frame, which is gone.
-        if self.dock.parentWidget() is None:
-            window = unwrap(self._workspace.viewer).window
-            window.add_dock_widget(self.dock, name=NAME, area="bottom", add_vertical_stretch=False)
-        self.dock.parentWidget().show()
-        self.dock.parentWidget().raise_()
+        dock = SlicesDock(self._workspace)
+        dock.shown.connect(self._remember)
+        return dock
 
-    def _follow(self, shown: bool) -> None:
-        """Show whether the dock is open, however it was opened or closed."""
-        with QSignalBlocker(self.button):
-            self.button.setChecked(shown)
+    def _add(self, dock: SlicesDock) -> None:
+        window = unwrap(self._workspace.viewer).window
+        window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
+
+    def _remember(self, shown: bool) -> None:
         window = native_window(self._workspace.viewer)
         # With the whole window, or what is left of it, it is hidden too, and open the next time.
         with suppress(RuntimeError):
-            if window is not None and window.isVisible():
+            if self.dock is not None and window is not None and window.isVisible():
                 remembered().setValue(OPEN, shown)

@@ -6,11 +6,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
-from qtpy.QtCore import QSignalBlocker, Qt, Signal
+from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QDoubleSpinBox, QGridLayout, QSlider, QWidget
 
 from napari_unpack.rendering.slice_image import PLANES
 from napari_unpack.viewer.linked_slices import LinkedSlices
+from napari_unpack.widgets.dock_button import DockContents
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.slice_view import AXES, SliceView
@@ -34,7 +35,7 @@ OVERLAY = "slices/overlay"
 WIDE, NARROW = 2.2, 0.62
 
 
-class SlicesDock(QWidget):
+class SlicesDock(DockContents):
     """Three slices through one voxel, and what sets how they look.
 
     `shown` tells whether the dock is to be seen.
@@ -43,8 +44,6 @@ class SlicesDock(QWidget):
     ----------
     workspace : Workspace
     """
-
-    shown = Signal(bool)
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__()
@@ -249,15 +248,13 @@ class SlicesDock(QWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         """Begin to draw."""
-        super().showEvent(event)
         self.follow()
-        self.shown.emit(True)
+        super().showEvent(event)
 
     def hideEvent(self, event: QHideEvent) -> None:
         """Draw nothing while nobody sees it."""
-        super().hideEvent(event)
         self.follow()
-        self.shown.emit(False)
+        super().hideEvent(event)
 
 
 def _density(tooltip: str) -> QDoubleSpinBox:

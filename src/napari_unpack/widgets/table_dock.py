@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, QSignalBlocker, Qt, Signal
+from qtpy.QtCore import QObject, Qt
 from qtpy.QtWidgets import QDockWidget, QMainWindow, QWidget
 
 from napari_unpack.layers.compat import unwrap
+from napari_unpack.widgets.dock_button import DockButton, DockContents
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.section import button, column, row
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
@@ -18,7 +18,6 @@ from napari_unpack.widgets.wheel_guard import WheelGuard
 if TYPE_CHECKING:
     import napari
     from napari.utils.events import Event
-    from qtpy.QtGui import QHideEvent, QShowEvent
 
 NAME = "Table of objects"
 
@@ -29,7 +28,7 @@ WIDTH = 330
 LEAST_PICTURE = 300
 
 
-class TableDock(QWidget):
+class TableDock(DockContents):
     """A table with its search; `shown` tells whether it is to be seen.
 
     Parameters
@@ -38,8 +37,6 @@ class TableDock(QWidget):
     pane : ObjectsPane
         That shares model and selection with the panel's.
     """
-
-    shown = Signal(bool)
 
     def __init__(self, viewer: napari.Viewer, pane: ObjectsPane) -> None:
         super().__init__()
@@ -68,16 +65,6 @@ class TableDock(QWidget):
     def _dress(self, _event: Event | None = None) -> None:
         self.setStyleSheet(style_sheet(palette_of(self._viewer.theme)))
 
-    def showEvent(self, event: QShowEvent) -> None:
-        """Tell that it is seen."""
-        super().showEvent(event)
-        self.shown.emit(True)
-
-    def hideEvent(self, event: QHideEvent) -> None:
-        """Tell that it is not seen."""
-        super().hideEvent(event)
-        self.shown.emit(False)
-
 
 class TableButton(QObject):
     """Opens the dock of the table and closes it.
@@ -104,38 +91,23 @@ class TableButton(QObject):
     ) -> None:
         super().__init__(parent)
         self._viewer, self._new_pane = viewer, new_pane
-        self.dock: TableDock | None = None
         self.button = button(
             "Table in a dock", "Show this table beside the 3D view, with all its columns."
         )
-        self.button.setCheckable(True)
-        self.button.toggled.connect(self._toggle)
+        self._opener = DockButton(viewer, self.button, self._new_dock, self._add)
+        self.end = self._opener.end
 
-    def end(self) -> None:
-        """Take the dock away."""
-        dock, self.dock = self.dock, None
-        if dock is None:
-            return
-        dock.shown.disconnect(self._follow)
-        dock.end()
-        # The window may have taken it away, or have gone itself.
-        with suppress(LookupError, RuntimeError):
-            unwrap(self._viewer).window.remove_dock_widget(dock)
-        dock.deleteLater()
+    @property
+    def dock(self) -> TableDock | None:
+        """What stands in the dock."""
+        return self._opener.dock
 
-    def _toggle(self, wanted: bool) -> None:
-        if self.dock is None:
-            if not wanted:
-                return
-            self.dock = TableDock(self._viewer, self._new_pane("dock"))
-            self.dock.shown.connect(self._follow)
-        # Closed by its own cross it has been taken out of its frame, which is gone.
-        if wanted and self.dock.parentWidget() is None:
-            unwrap(self._viewer).window.add_dock_widget(self.dock, name=NAME, area="right")
-            self._stand_beside_the_panel(self.dock.parentWidget())
-        frame = self.dock.parentWidget()
-        if frame is not None:
-            frame.setVisible(wanted)
+    def _new_dock(self) -> TableDock:
+        return TableDock(self._viewer, self._new_pane("dock"))
+
+    def _add(self, dock: TableDock) -> None:
+        unwrap(self._viewer).window.add_dock_widget(dock, name=NAME, area="right")
+        self._stand_beside_the_panel(dock.parentWidget())
 
     def _stand_beside_the_panel(self, frame: QWidget | None) -> None:
         """Put the dock between picture and panel, as tall as both; below in a narrow window."""
@@ -149,8 +121,3 @@ class TableButton(QObject):
             window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
         elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
-
-    def _follow(self, shown: bool) -> None:
-        """Show whether the dock is open, however it was opened or closed."""
-        with QSignalBlocker(self.button):
-            self.button.setChecked(shown)

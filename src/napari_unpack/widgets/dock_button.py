@@ -1,0 +1,103 @@
+"""A button that opens a dock of ours and closes it, and shows whether it is open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from qtpy.QtCore import QSignalBlocker, Signal
+from qtpy.QtGui import QHideEvent, QShowEvent
+from qtpy.QtWidgets import QPushButton, QWidget
+
+from napari_unpack.layers.compat import unwrap
+
+if TYPE_CHECKING:
+    import napari
+
+
+class DockContents(QWidget):
+    """What stands in a dock; `shown` tells whether it is to be seen."""
+
+    shown = Signal(bool)
+
+    def end(self) -> None:
+        """Stop listening to others."""
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Tell that it is seen."""
+        super().showEvent(event)
+        self.shown.emit(True)
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Tell that it is not seen."""
+        super().hideEvent(event)
+        self.shown.emit(False)
+
+
+D = TypeVar("D", bound=DockContents)
+
+
+class DockButton(Generic[D]):
+    """Opens a dock and closes it.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    button : QPushButton
+        Is pressed as long as the dock is open.
+    make : callable
+        Returns what stands in the dock, when it is first opened.
+    add : callable
+        Puts that into the window.
+
+    Attributes
+    ----------
+    dock : DockContents or None
+        None until it is opened for the first time.
+    """
+
+    def __init__(
+        self,
+        viewer: napari.Viewer,
+        button: QPushButton,
+        make: Callable[[], D],
+        add: Callable[[D], None],
+    ) -> None:
+        self._viewer, self._make, self._add = viewer, make, add
+        self.button = button
+        self.dock: D | None = None
+        button.setCheckable(True)
+        button.toggled.connect(self._toggle)
+
+    def end(self) -> None:
+        """Take the dock away."""
+        dock, self.dock = self.dock, None
+        if dock is None:
+            return
+        dock.shown.disconnect(self._follow)
+        dock.end()
+        # The window may have taken it away, or have gone itself.
+        with suppress(LookupError, RuntimeError):
+            unwrap(self._viewer).window.remove_dock_widget(dock)
+        dock.deleteLater()
+
+    def _toggle(self, wanted: bool) -> None:
+        if self.dock is None:
+            if not wanted:
+                return
+            self.dock = self._make()
+            self.dock.shown.connect(self._follow)
+        # Closed by its own cross it has been taken out of its frame, which is gone.
+        if wanted and self.dock.parentWidget() is None:
+            self._add(self.dock)
+        frame = self.dock.parentWidget()
+        if frame is not None:
+            frame.setVisible(wanted)
+            if wanted:
+                frame.raise_()
+
+    def _follow(self, shown: bool) -> None:
+        """Show whether the dock is open, however it was opened or closed."""
+        with QSignalBlocker(self.button):
+            self.button.setChecked(shown)
