@@ -155,6 +155,15 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
             ("movie", bag, tmp_path / "a.avi", "--backend", "cpu"),
             "error: a movie must end in .mp4 or .gif",
         ),
+        # Before the long work: there is nothing to be opened.
+        (
+            ("render", __file__, tmp_path / "a.png", "--size", 10**6, 10**6),
+            "error: a picture of 1000000 x 1000000 pixels needs 120,000.0 GB of memory",
+        ),
+        (
+            ("movie", __file__, tmp_path / "a.mp4", "--size", 10**6, 10**6),
+            "error: a movie of 1000000 x 1000000 pixels needs 470,000.0 GB of memory",
+        ),
         (("render", bag, tmp_path / "no" / "a.png", "--backend", "cpu"), "error: no folder"),
         (("render", bag, tmp_path / "a.jpg"), "a.jpg: the output must end in .png"),
         (("simulate", tmp_path / "a.foo"), "a.foo: the output must end in .npz"),

@@ -246,9 +246,11 @@ def _render(
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import frame_bag, unpack_in_order
     from napari_unpack.io.session_archive import holds_session
+    from napari_unpack.memory import check_picture
     from napari_unpack.rendering.compose import scene_image
 
     check_output(output, (".png",), source, labels)
+    check_picture(size)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend, at)
     if decorated is not None:
@@ -295,7 +297,7 @@ def _movie(
     from napari_unpack.io.movies import checked_movie_path
 
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
-    check_output(checked_movie_path(output), ("",), source, labels)
+    check_output(checked_movie_path(output, size), ("",), source, labels)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend, at)
     if decorated is not None:

@@ -1,5 +1,6 @@
 """The images of a scene: patches of objects at poses, sprites, scenes."""
 
+import tracemalloc
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import SimpleNamespace
@@ -13,7 +14,10 @@ from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
+from napari_unpack.io.images import straight_bytes
+from napari_unpack.memory import PICTURE_BYTES
 from napari_unpack.rendering import compose
+from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
 
@@ -152,6 +156,39 @@ def test_a_sprite_is_tight_and_centred() -> None:
     solid = patch.depth[np.isfinite(patch.depth)]
     assert patch.plane == 0.0
     assert np.median(solid) == pytest.approx(-2.0, abs=1.5)
+
+
+@pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (3.0, 9.0, 2.4), (0.0, 0.0, 300.0)])
+def test_of_a_sprite_larger_than_the_image_only_what_is_in_it_is_cast(
+    center: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = replace(make_scene(), packed=frozenset())
+    camera = View((0.2, 0.1, 1.0), height=6.0).camera((40, 48, 56), (1, 1, 1))
+    pose, pixels_per_mm = Pose(np.array(center), np.eye(3)), SIZE[0] / 6.0
+    whole = sprite_image(scene, 2, pose, pixels_per_mm)
+    row, col = (round(float(n)) for n in camera.pixels(pose.center, SIZE))
+    patch = whole.at(whole.row + row, whole.col + col, whole.plane - center[0])
+    wanted = compose.compose(SIZE, [patch], "black")
+    casts: list[ImagePatch] = []
+    cast = compose.cast_subvolume
+    monkeypatch.setattr(
+        compose, "cast_subvolume", lambda *given: casts.append(cast(*given)) or casts[-1]
+    )
+    seen = scene_image(replace(scene, poses={2: pose}), camera, SIZE)
+    np.testing.assert_allclose(seen, wanted, atol=1e-6)
+    assert whole.size > (300, 300)
+    assert max(made.size for made in casts) <= SIZE
+
+
+def test_an_image_takes_the_memory_that_is_asked_for() -> None:
+    scene = make_scene()
+    camera, size = View((0.2, 0.1, 1.0)).camera((40, 48, 56), (1, 1, 1)), (600, 800)
+    scene_image(scene, camera, (6, 8))
+    tracemalloc.start()
+    straight_bytes(scene_image(scene, camera, size))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert 0.4 < peak / (600 * 800 * PICTURE_BYTES) < 1.0
 
 
 def test_a_sprite_needs_a_resolution() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from napari_unpack import rendering
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.validation import checked_labels, checked_volume
+from napari_unpack.unpacking.occlusion import ratios
 
 CPU = {"backend": "cpu"}
 
@@ -148,6 +151,26 @@ def test_ids_above_uint16_are_compacted_and_come_back() -> None:
     assert counts.samples[80_000] == counts.samples.sum() / 2
 
 
+def test_counts_of_sixty_thousand_objects_and_of_any_ids_take_little_memory() -> None:
+    # Tables with a row an ID would take 48 TiB here.
+    far = 2**40
+    counts = rendering.occlusion(row_of(3, far, dtype=np.int64), size=(9, 9), boxes=True, **CPU)
+    near = rendering.occlusion(row_of(3, 4), size=(9, 9), boxes=True, **CPU)
+    for name in ("samples", "hits", "occluded_hits", "exact_samples", "front_area"):
+        ours, plain = getattr(counts, name), getattr(near, name)
+        assert len(ours) == far + 1
+        assert [ours[3], ours[far], ours[7]] == [plain[3], plain[4], 0]
+        assert ours[counts.ids].tolist() == plain[near.ids].tolist()
+    assert ratios(counts, "exact") == {3: 0.0, far: 1.0}
+    many = np.repeat(np.arange(1, 60_001), 2).reshape(40, 60, 50)
+    rendering.occlusion_ratios(many, size=(9, 9), **CPU)
+    tracemalloc.start()
+    rendering.occlusion_ratios(many + far, size=(64, 64), **CPU)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6
+
+
 def test_render_tints_hides_and_leaves_the_unlabelled_untinted() -> None:
     labels = row_of(0, 1, 2)
     args = {"transfer_function": Fog(), "size": (9, 9), "shading": None, **CPU}
@@ -209,6 +232,12 @@ def test_densities_stay_so_far_below_the_largest_float_that_their_gradients_are_
 ONES = np.ones((3, 3, 3), np.uint16)
 
 
+TOO_LARGE = (
+    "^a picture of 300000 x 200000 pixels needs 7,200.0 GB of memory, and .* GB of memory are "
+    "free: ask for fewer pixels$"
+)
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
@@ -225,6 +254,7 @@ ONES = np.ones((3, 3, 3), np.uint16)
         ({"spacing": (1, np.nan, 1)}, ValueError, "spacing"),
         ({"size": (0, 4)}, ValueError, "size"),
         ({"size": (4, 4, 4)}, ValueError, "size"),
+        ({"size": (200_000, 300_000)}, ValueError, TOO_LARGE),
         ({"backend": "cuda"}, ValueError, "backend"),
         ({"hidden": "12"}, TypeError, "hidden"),
         ({"hidden": [1.5]}, TypeError, "hidden"),
@@ -246,6 +276,10 @@ def test_too_many_objects_layers_pixels_and_definitions() -> None:
         checked_labels(np.arange(1, 70_001).reshape(10, 70, 100) * 2)
     with pytest.raises(ValueError, match="layers"):
         rendering.object_id_layers(ONES, layers=0, **CPU)
+    with pytest.raises(ValueError, match="512 x 512 pixels needs 3,145.7 GB"):
+        rendering.object_id_layers(ONES, layers=10**6, **CPU)
+    with pytest.raises(ValueError, match=TOO_LARGE):
+        rendering.occlusion_ratios(ONES, size=(200_000, 300_000), **CPU)
     with pytest.raises(ValueError, match="pixel"):
         rendering.pick(ONES, ONES, pixel=(4, 0), size=(4, 4), transfer_function=Fog(), **CPU)
     with pytest.raises(ValueError, match="definition"):

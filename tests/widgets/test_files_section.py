@@ -16,6 +16,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtWidgets import QFileDialog
 
 import napari_unpack as nu
+from napari_unpack import memory
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
 from napari_unpack.widgets.file_names import bag_name
@@ -207,11 +208,22 @@ def test_faults_of_files_are_told_and_change_nothing(
     assert "No folder" in said[3]
     assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == names
+    # Too large for memory: told at once, and nothing is written.
+    with monkeypatch.context() as patch:
+        patch.setattr(memory, "free_memory", lambda: 10**6)
+        for kind in EXPORTS[:2]:
+            panel.files.export_to(kind, tmp_path / f"large{kind.suffixes[0]}")
+            done(panel, qtbot)
+    assert said[4:] == [
+        f"A {what} of 1280 x 960 pixels needs 0.{needs} GB of memory, and 0.0 GB of memory are "
+        "free: ask for fewer pixels."
+        for what, needs in (("picture", 1), ("movie", 6))
+    ]
     # Cancelled before it was done, nothing is written.
     panel.files.save_to(tmp_path / "late.unpack")
     panel.files.progress.cancel.click()
     done(panel, qtbot)
-    assert len(said) == 4
+    assert len(said) == 6
     assert sorted(p.name for p in tmp_path.iterdir())[:2] == ["cut.unpack", "empty.unpack"]
 
 

@@ -6,9 +6,41 @@ Both backends return them and `unpacking` reads them, so they stand below all of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class SparseTable:
+    """A table by ID that holds the IDs there are and is 0 elsewhere, read as an array is.
+
+    Parameters
+    ----------
+    ids : (n,) ndarray of int64
+        Ascending.
+    values : (n,) ndarray
+        Of these IDs.
+    """
+
+    ids: NDArray[np.int64]
+    values: NDArray[Any]
+
+    def __len__(self) -> int:
+        return int(self.ids[-1]) + 1
+
+    def __getitem__(self, wanted: ArrayLike) -> Any:
+        """Return the value of an ID, or those of an array of IDs."""
+        places = np.minimum(np.searchsorted(self.ids, wanted), len(self.ids) - 1)
+        return np.where(self.ids[places] == wanted, self.values[places], 0)[()]
+
+    def sum(self) -> Any:
+        """Return the sum over all IDs."""
+        return self.values.sum()
+
+
+Table: TypeAlias = NDArray[np.int64] | NDArray[np.float64] | SparseTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,7 +48,7 @@ class OcclusionCounts:
     """Samples and rays of every object, as met by orthographic rays looking along -D.
 
     Every array but `ids` and `blocks` has one entry an ID, 0 to M - 1; hidden objects and the
-    background have 0 everywhere.
+    background have 0 everywhere. Where an ID is above 65,535 these are a `SparseTable` each.
 
     Parameters
     ----------
@@ -41,16 +73,16 @@ class OcclusionCounts:
     """
 
     ids: NDArray[np.int64]
-    samples: NDArray[np.int64]
-    hits: NDArray[np.int64]
-    occluded_hits: NDArray[np.int64]
-    occluded_samples: NDArray[np.int64]
-    exact_samples: NDArray[np.int64]
+    samples: Table
+    hits: Table
+    occluded_hits: Table
+    occluded_samples: Table
+    exact_samples: Table
     blocks: NDArray[np.bool_] | None = None
-    front_area: NDArray[np.float64] | None = None
+    front_area: Table | None = None
 
     @property
-    def listing_samples(self) -> NDArray[np.int64]:
+    def listing_samples(self) -> Table:
         """The counters of the paper's single-pass listing, (M,) int64.
 
         Notes

@@ -23,6 +23,7 @@ from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.headless import copy_session, decorated, packed_count
 from napari_unpack.io.images import straight_bytes
+from napari_unpack.memory import ENCODER_BYTES, PICTURE_BYTES, check_picture
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session.framing import contained, fitted
 from napari_unpack.tasks import Progress, no_progress
@@ -35,13 +36,19 @@ FORMATS = (".mp4", ".gif", "")
 """Suffixes of movies; a name without one is a folder of images."""
 
 
-def checked_movie_path(path: str | Path) -> Path:
+def checked_movie_path(path: str | Path, size: tuple[int, int]) -> Path:
     """Return where a movie goes.
+
+    Parameters
+    ----------
+    path : str or Path
+    size : (int, int)
+        Height and width of its frames, pixels.
 
     Raises
     ------
     ValueError
-        If its suffix is none of `FORMATS`.
+        If its suffix is none of `FORMATS`, or its frames do not fit into memory.
     """
     target = Path(path)
     if target.suffix.lower() not in FORMATS:
@@ -49,6 +56,7 @@ def checked_movie_path(path: str | Path) -> Path:
             "a movie must end in .mp4 or .gif, or be a folder's name without a suffix for PNG "
             f"images; got {target.name!r}"
         )
+    check_picture(size, PICTURE_BYTES + (ENCODER_BYTES if target.suffix else 0), "movie")
     return target
 
 
@@ -256,7 +264,7 @@ def movie(
     FileNotFoundError
         If the folder does not exist.
     """
-    target = checked_movie_path(path)
+    target = checked_movie_path(path, size)
     if kind not in KINDS:
         raise ValueError(f"kind must be {' or '.join(KINDS)}, got {kind!r}")
     # H.264 stores colour at half the resolution, so edges are even.

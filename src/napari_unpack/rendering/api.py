@@ -18,7 +18,7 @@ from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import checked_spacing, transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import OcclusionCounts, SparseTable, Table
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering.backends import chosen, on_cpu
@@ -118,9 +118,11 @@ def object_id_layers(
     presented in the previous layers". An object that is seen beside another is then in no layer
     behind it; peeling by pixel keeps it, and is the default.
     """
-    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
     if int(layers) != layers or layers < 1:
         raise ValueError(f"layers must be a positive integer, got {layers!r}")
+    # int64 for large IDs, beside the kernels' int32.
+    pixels = checked_size(size, 12 * int(layers))
+    given, mm = checked_labels(labels), checked_spacing(spacing)
     if peeling not in PEELINGS:
         raise ValueError(f"peeling must be one of {PEELINGS}, got {peeling!r}")
     camera = checked_view(view).camera(given.array.shape, mm)
@@ -281,7 +283,8 @@ def pick(
     """
     # An unknown name is refused as everywhere, but no GL context is made for one ray.
     chosen(backend if backend not in ("auto", "gl") else "cpu")
-    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
+    # A single ray is cast, however many pixels there are.
+    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size, 0)
     density = checked_volume(volume, given.array.shape)
     row, col = int(pixel[0]), int(pixel[1])
     if not (0 <= row < pixels[0] and 0 <= col < pixels[1]):
@@ -372,7 +375,7 @@ def occlusion(
     Returns
     -------
     OcclusionCounts
-        By the IDs given; memory is proportional to the largest.
+        By the IDs given.
 
     Raises
     ------
@@ -498,13 +501,10 @@ def _renamed(counts: OcclusionCounts, given: Labels) -> OcclusionCounts:
     if given.names is None:
         return counts
     names = given.names
-    length = int(names[-1]) + 1
 
-    # Tables by ID: memory grows with the largest, as the docstring says.
-    def spread(table: NDArray[np.int64]) -> NDArray[np.int64]:
-        out = np.zeros(length, table.dtype)
-        out[names] = table
-        return out
+    # An ID may be anything up to 2**63: a table with a row each would hold terabytes of zeros.
+    def spread(table: Table) -> SparseTable:
+        return SparseTable(names, np.asarray(table))
 
     return OcclusionCounts(
         ids=names[counts.ids],
@@ -514,5 +514,5 @@ def _renamed(counts: OcclusionCounts, given: Labels) -> OcclusionCounts:
         occluded_samples=spread(counts.occluded_samples),
         exact_samples=spread(counts.exact_samples),
         blocks=counts.blocks,
-        front_area=None if counts.front_area is None else spread(counts.front_area),  # type: ignore[arg-type]
+        front_area=None if counts.front_area is None else spread(counts.front_area),
     )

@@ -15,8 +15,9 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
+from napari_unpack.memory import check_picture
 from napari_unpack.rendering.decorated_image import box_patch, on_background
-from napari_unpack.rendering.image_patch import Image, ImagePatch, compose, nothing
+from napari_unpack.rendering.image_patch import Image, ImagePatch, Window, compose, nothing
 from napari_unpack.rendering.object_casting import cast_subvolume
 from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
 from napari_unpack.rendering.upsampling import upsampled
@@ -64,6 +65,7 @@ def object_image(
     shading: Shading | None = LIGHT,
     *,
     smooth: bool = False,
+    part: Window | None = None,
 ) -> ImagePatch:
     """Cast one object where a pose places it, in its projected box; no pixels if that is out.
 
@@ -82,6 +84,8 @@ def object_image(
     shading : Shading, optional
     smooth : bool
         Cast a small object from a finer grid (`upsampling.upsampled`), without stairs.
+    part : (int, int, int, int), optional
+        First row, first column, height and width of what is wanted of the image.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def object_image(
         )
     moved = pose.world_from_world(subvolume.center, camera)
     appearance = appearance_alone(scene, object_id, subvolume, shading, step_scale, backend)
-    return cast_subvolume(subvolume, moved, camera, size, appearance)
+    return cast_subvolume(subvolume, moved, camera, size, appearance, part)
 
 
 def sprite_image(
@@ -113,6 +117,7 @@ def sprite_image(
     step_scale: float = 1.0,
     backend: str = "auto",
     shading: Shading | None = LIGHT,
+    part: Window | None = None,
 ) -> ImagePatch:
     """Cast the small image of an unpacked object.
 
@@ -127,6 +132,8 @@ def sprite_image(
     step_scale, backend, shading
         As for `object_image`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
         and cast once.
+    part : (int, int, int, int), optional
+        First row, first column, height and width of what is wanted, counted like `row` and `col`.
 
     Returns
     -------
@@ -145,21 +152,28 @@ def sprite_image(
     """
     if not (np.isfinite(pixels_per_mm) and pixels_per_mm > 0):
         raise ValueError(f"pixels_per_mm must be a positive number, got {pixels_per_mm!r}")
-    cache = scene.subvolumes
-    subvolume = cache.of_object(object_id)
     still = replace(pose, center=np.zeros(3))
-    reach = np.abs(
-        transform_points(still.pivot_from_world(subvolume.center), subvolume.corners)
-    ).max(0)
-    half = np.ceil(reach[1:] * pixels_per_mm).astype(int)
-    size = int(2 * half[0] + 1), int(2 * half[1] + 1)
+    down, right = _reach(scene, object_id, still, pixels_per_mm)
+    size = 2 * down + 1, 2 * right + 1
+    if part is not None:
+        part = part[0] + down, part[1] + right, *part[2:]
     # Orthographic, in pivot space: the quad that shows it is turned to the viewer.
     camera = Camera(np.eye(3), np.zeros(3), size[0] / pixels_per_mm, stretch=pose.stretch)
     # A sprite stands still and is drawn once, so it gets the samples of an image at rest.
     step = step_scale / SAMPLES_AT_REST
-    whole = object_image(scene, object_id, still, camera, size, step, backend, shading, smooth=True)
+    whole = object_image(
+        scene, object_id, still, camera, size, step, backend, shading, smooth=True, part=part
+    )
     patch = whole.trimmed()
-    return patch.at(patch.row - int(half[0]), patch.col - int(half[1]), patch.plane)
+    return patch.at(patch.row - down, patch.col - right, patch.plane)
+
+
+def _reach(scene: Scene, object_id: int, pose: Pose, pixels_per_mm: float) -> tuple[int, int]:
+    """Return how far a sprite reaches from its middle, up or down and to the sides, pixels."""
+    subvolume = scene.subvolumes.of_object(object_id)
+    corners = transform_points(pose.pivot_from_world(subvolume.center), subvolume.corners)
+    down, right = np.ceil(np.abs(corners - pose.center).max(0)[1:] * pixels_per_mm)
+    return int(down), int(right)
 
 
 # Opacity of everything else while one object is inspected.
@@ -193,11 +207,17 @@ def scene_image(
     decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
 
+    Raises
+    ------
+    ValueError
+        If the image does not fit into memory.
+
     Notes
     -----
     The packed bag and the sprites are cast again only when something they depend on has
     changed (section 5.3), so a frame of a flight costs the cast of the flying objects.
     """
+    check_picture(size)
     cache = scene.subvolumes
     packed = packed_appearance(scene, shading, 1.0, backend)
     # Flights and sprites are not in the key: the bag stands while they move.
@@ -250,19 +270,23 @@ def _placed_sprite(
 ) -> ImagePatch:
     # Nearer to the eye a pixel covers less of pivot space.
     nearness = 1.0 - pose.center[0] / camera.distance
-    if nearness <= 0.0:
+    # Where `window_of` counts as behind the eye, and nothing is seen.
+    if nearness <= 1e-6:
         return nothing()
     resolution = size[0] / camera.height / nearness
     subvolume = scene.subvolumes.of_object(object_id)
     appearance = appearance_alone(scene, object_id, subvolume, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
-    key = ("sprite", appearance.key, *held, round(resolution, 6))
+    row, col = (int(n) for n in np.rint(camera.pixels(pose.center, size)))
+    # Near the eye a sprite is far larger than the image: only what is in the image is cast.
+    down, right = _reach(scene, object_id, pose, resolution)
+    part = (-row, -col, *size) if 2 * down >= size[0] or 2 * right >= size[1] else None
+    key = ("sprite", appearance.key, *held, round(resolution, 6), part)
     patch: ImagePatch = scene.subvolumes.keep(
-        key, lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading)
+        key, lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading, part)
     )
-    row, col = np.rint(camera.pixels(pose.center, size)).astype(int)
-    return patch.at(patch.row + int(row), patch.col + int(col), patch.plane - pose.center[0])
+    return patch.at(patch.row + row, patch.col + col, patch.plane - pose.center[0])
 
 
 def _camera_key(camera: Camera) -> tuple[bytes, bytes, float, float]:

@@ -17,6 +17,8 @@ from napari_unpack.appearance import Background
 from napari_unpack.geometry.view import Camera
 
 Image = NDArray[np.float32]
+# First row, first column, height and width.
+Window = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,7 @@ def nothing(plane: float = 0.0) -> ImagePatch:
 
 def window_of(
     pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]
-) -> tuple[int, int, int, int] | None:
+) -> Window | None:
     """Find the window (row, col, height, width) that a box can touch; None where it is out.
 
     Parameters
@@ -122,6 +124,20 @@ def window_of(
     if (high <= low).any():
         return None
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
+def overlap(one: Window, other: Window) -> Window | None:
+    """Return what two windows have in common, None where that is nothing.
+
+    Parameters
+    ----------
+    one, other : (int, int, int, int)
+        First row, first column, height and width.
+    """
+    row, col = max(one[0], other[0]), max(one[1], other[1])
+    height = min(one[0] + one[2], other[0] + other[2]) - row
+    width = min(one[1] + one[3], other[1] + other[3]) - col
+    return (row, col, height, width) if min(height, width) > 0 else None
 
 
 def compose(

@@ -12,7 +12,7 @@ from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import TransferFunctionLike, cast_tinted
-from napari_unpack.rendering.image_patch import ImagePatch, nothing, window_of
+from napari_unpack.rendering.image_patch import ImagePatch, Window, nothing, overlap, window_of
 from napari_unpack.rendering.subvolumes import Subvolume
 
 
@@ -63,6 +63,7 @@ def cast_subvolume(
     camera: Camera,
     size: tuple[int, int],
     appearance: Appearance,
+    part: Window | None = None,
 ) -> ImagePatch:
     """Cast a subvolume where it appears in an image; without pixels where it is out of it.
 
@@ -75,12 +76,16 @@ def cast_subvolume(
     size : (int, int)
         Height and width of the whole image, pixels.
     appearance : Appearance
+    part : (int, int, int, int), optional
+        First row, first column, height and width of what is wanted of the image.
     """
     pivot, voxel_from_world = camera.pivot_from_world(), subvolume.voxel_from_world
     if moved is not None:
         pivot, voxel_from_world = pivot @ moved, voxel_from_world @ np.linalg.inv(moved)
     plane = -float(transform_points(pivot, subvolume.center)[0])
     window = window_of(transform_points(pivot, subvolume.corners), camera, size)
+    if window is not None and part is not None:
+        window = overlap(window, part)
     if window is None:
         return nothing(plane)
     rgba, depth = cast_tinted(

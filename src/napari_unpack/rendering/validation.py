@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.view import View
+from napari_unpack.memory import PICTURE_BYTES, check_picture
 
 # As many IDs as uint16 labels tell apart, the background among them.
 MOST_IDS = 65_536
@@ -182,17 +183,27 @@ def checked_view(view: View | None) -> View:
     return view
 
 
-def checked_size(size: Sequence[int]) -> tuple[int, int]:
+def checked_size(
+    size: Sequence[int], bytes_a_pixel: float = PICTURE_BYTES
+) -> tuple[int, int]:
     """Check an image size: (height, width) of at least one pixel; raise ValueError otherwise.
+
+    Parameters
+    ----------
+    size : sequence of int
+    bytes_a_pixel : float
+        Of all that is held at once.
 
     Raises
     ------
     ValueError
-        If it is not two positive whole numbers.
+        If it is not two positive whole numbers, or does not fit into memory.
     """
     if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
         raise ValueError(f"size must be two positive integers (height, width), got {size!r}")
-    return int(size[0]), int(size[1])
+    height, width = int(size[0]), int(size[1])
+    check_picture((height, width), bytes_a_pixel)
+    return height, width
 
 
 def checked_ids(ids: Iterable[int]) -> list[int]:

@@ -176,14 +176,16 @@ def _swept_table(
     if not rays.can_sweep or key.rule != "exact" or counts.blocks is None:
         return None
     # Moving voxels is what takes long, so the less is moved the better.
-    held = counts.exact_samples > SURELY_HELD * counts.samples
+    met = counts.ids
+    held = np.zeros_like(visible)
+    held[met] = counts.exact_samples[met] > SURELY_HELD * counts.samples[met]
     table = rays.sweep_table(direction, visible, ~held)
     if table is None:
         return None
     ids, blocks = table
     # Every ID that a ray meets is among those moved or held.
-    places = np.searchsorted(ids, counts.ids)
-    columns = held[counts.ids]
+    places = np.searchsorted(ids, met)
+    columns = held[met]
     blocks[np.ix_(places, places[columns])] = counts.blocks[:, columns]
     return ids, blocks
 

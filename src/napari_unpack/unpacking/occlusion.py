@@ -54,7 +54,7 @@ def ratios(counts: OcclusionCounts, definition: Definition = "first_hit") -> dic
         "listing": (counts.listing_samples, counts.samples),
     }[definition]
     assert denominators is not None
-    met = ids[np.asarray(counts.samples)[ids] > 0]
+    met = ids[counts.samples[ids] > 0]
     found = np.minimum(numerators[met] / np.maximum(denominators[met], 1), 1.0)
     return {int(i): float(r) for i, r in zip(met, found, strict=True)}
 

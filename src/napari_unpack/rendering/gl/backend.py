@@ -211,7 +211,7 @@ def first_hits(
     if asked > MOST_QUERIED:
         raise ValueError(
             f"occlusion queries serve up to {MOST_QUERIED} objects, got {asked}; "
-            "use occlusion_counts"
+            'use the method "one_pass"'
         )
     if rays.near != -np.inf:
         raise ValueError("occlusion queries need parallel rays, got a perspective")

@@ -1,0 +1,68 @@
+"""Whether something fits into memory, asked before anything of it is made."""
+
+from __future__ import annotations
+
+import psutil
+
+# Bytes a pixel of a picture that is drawn and written as PNG; 114 were measured.
+PICTURE_BYTES = 120
+# Measured: 285 to 350 in the encoder, which looks ahead over some forty frames.
+ENCODER_BYTES = 350
+
+
+def free_memory() -> int:
+    """Return the bytes that can be taken without anything being swapped out or ended."""
+    return int(psutil.virtual_memory().available)
+
+
+def check_memory(what: str, needed: float, remedy: str) -> None:
+    """Raise ValueError where something needs more memory than is free.
+
+    Parameters
+    ----------
+    what : str
+        What was asked for, in words.
+    needed : float
+        Bytes.
+    remedy : str
+        What to do about it, in words.
+
+    Raises
+    ------
+    ValueError
+        If it does not fit: what it needs, what is free and what to do.
+    """
+    free = free_memory()
+    if needed > free:
+        raise ValueError(f"{what} needs {_size(needed)}, and {_size(free)} are free: {remedy}")
+
+
+def check_picture(
+    size: tuple[int, int], bytes_a_pixel: float = PICTURE_BYTES, what: str = "picture"
+) -> None:
+    """Raise ValueError where a picture, or each frame of a movie, does not fit into memory.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Height and width, pixels.
+    bytes_a_pixel : float
+        Of all that is held at once.
+    what : str
+        What it is called.
+
+    Raises
+    ------
+    ValueError
+        If it does not fit.
+    """
+    height, width = size
+    check_memory(
+        f"a {what} of {width} x {height} pixels",
+        float(height) * float(width) * bytes_a_pixel,
+        "ask for fewer pixels",
+    )
+
+
+def _size(count: float) -> str:
+    return f"{count / 1e9:,.1f} GB of memory"
