@@ -87,7 +87,11 @@ def test_cancelling_leaves_no_file(tmp_path: Path, session: Any) -> None:
     [
         ("film.avi", {}, r"must end in .mp4 or .gif.*got 'film.avi'"),
         ("film.mp4", {"size": (1, 64)}, "size, fps and seconds must be positive"),
-        ("film.mp4", {"size": (10**5, 10**5)}, "a movie of 100000 x 100000 pixels needs 4,700.0 GB"),
+        (
+            "film.mp4",
+            {"size": (10**5, 10**5)},
+            "a movie of 100000 x 100000 pixels needs 4,700.0 GB",
+        ),
         ("film", {"size": (10**5, 10**6)}, "a movie of 1000000 x 100000 pixels needs 12,000.0 GB"),
         ("film.mp4", {"fps": 0}, "size, fps and seconds must be positive"),
         ("film.mp4", {"seconds": -1.0}, "size, fps and seconds must be positive"),

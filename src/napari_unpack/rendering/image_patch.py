@@ -92,9 +92,7 @@ def nothing(plane: float = 0.0) -> ImagePatch:
     return ImagePatch(np.zeros((0, 0, 4), np.float32), np.zeros((0, 0), np.float32), 0, 0, plane)
 
 
-def window_of(
-    pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]
-) -> Window | None:
+def window_of(pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]) -> Window | None:
     """Find the window (row, col, height, width) that a box can touch; None where it is out.
 
     Parameters

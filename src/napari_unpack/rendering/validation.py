@@ -183,9 +183,7 @@ def checked_view(view: View | None) -> View:
     return view
 
 
-def checked_size(
-    size: Sequence[int], bytes_a_pixel: float = PICTURE_BYTES
-) -> tuple[int, int]:
+def checked_size(size: Sequence[int], bytes_a_pixel: float = PICTURE_BYTES) -> tuple[int, int]:
     """Check an image size: (height, width) of at least one pixel; raise ValueError otherwise.
 
     Parameters
