@@ -201,8 +201,8 @@ def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) 
     assert run("demo", "a.npz", "--labels", "b.npz", "--output", "out", "--seed", 3).exit_code == 0
     assert run("demo").exit_code == 0
     assert got == [
-        (Path("a.npz"), Path("b.npz"), Path("out"), 3),
-        (None, None, Path("demo-output"), 0),
+        (Path("a.npz"), Path("b.npz"), Path("out"), 3, False),
+        (None, None, Path("demo-output"), 0, False),
     ]
 
 

@@ -19,6 +19,7 @@ from napari_unpack.cli_options import (
     Ground,
     Input,
     LabelsOption,
+    Large,
     Scale,
     Ticker,
     ViewOption,
@@ -124,6 +125,7 @@ def _segment(
         ),
     ] = None,
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Segment a volume into its objects."""
     from napari_unpack import segment
@@ -133,7 +135,7 @@ def _segment(
     check_output(output, WRITABLE, source)
     if csv is not None:
         check_output(csv, ("",), source)
-    scan = load_input(source, at)
+    scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
     paths, error = save_scan_somewhere(scan.with_labels(_smallest_dtype(found.labels)), output)
@@ -154,6 +156,7 @@ def _train(
         typer.Argument(metavar="BAG...", help="Volumes with true labels, such as simulated bags."),
     ],
     seed: Annotated[int, typer.Option(help="Of the false examples and the fit.")] = 0,
+    large: Large = False,
 ) -> None:
     """Train the confidence of objects on labelled volumes."""
     from napari_unpack import train
@@ -165,7 +168,8 @@ def _train(
             raise FileNotFoundError(f"no such file or folder: {path}")
     ticker = Ticker()
     # One bag in memory at a time: a generator, as there may be hundreds.
-    oracle = train((load_volume(path) for path in bags), seed, lambda _, text: ticker(0.0, text))
+    scans = (load_volume(path, large=large) for path in bags)
+    oracle = train(scans, seed, lambda _, text: ticker(0.0, text))
     oracle.save(output)
     typer.echo(f"wrote {output}")
 
@@ -184,13 +188,14 @@ def _score(
     boundary: Annotated[
         bool, typer.Option("--boundary", help="Measure distances between boundaries too.")
     ] = False,
+    large: Large = False,
 ) -> None:
     """Compare labels with the truth, in all and by kind of object."""
     from napari_unpack.io import load_labels
     from napari_unpack.io.scoring import score_report
 
     # Voxels of the truth count: found labels often come without a voxel size.
-    (true, spacing), (seen, _) = load_labels(truth), load_labels(found)
+    (true, spacing), (seen, _) = load_labels(truth, large), load_labels(found, large)
     typer.echo(score_report(true, seen, spacing, table, by, boundary))
 
 
@@ -203,11 +208,12 @@ def _order(
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Print in which order the objects can be unpacked."""
     from napari_unpack.io.headless import unpack_in_order
 
-    session = open_input(source, labels, direction, view, backend, at)
+    session = open_input(source, labels, direction, view, backend, at, large)
     # An input without a session of its own is in mm, and its volumes in cm³.
     volumes = session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
     title = f"volume {volumes.name}".replace("³", "3")
@@ -241,6 +247,7 @@ def _render(
     scale: Scale = False,
     backend: Backend = "auto",
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Render the bag and what is unpacked beside it."""
     from napari_unpack.io import save_png
@@ -252,7 +259,7 @@ def _render(
     check_output(output, (".png",), source, labels)
     check_picture(size)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at)
+    session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
         session.decorations = decorated
     # A saved session shows what its user saw; a plain volume is framed to show all slots.
@@ -291,6 +298,7 @@ def _movie(
     scale: Scale = False,
     backend: Backend = "auto",
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Make a movie of the unpacking, or of the bag from all around."""
     from napari_unpack.io import movie
@@ -299,7 +307,7 @@ def _movie(
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
     check_output(checked_movie_path(output, size), ("",), source, labels)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at)
+    session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
         session.decorations = decorated
     path = movie(
@@ -327,12 +335,13 @@ def _table(
     view: ViewOption = None,
     backend: Backend = "auto",
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_objects_csv, save_objects_page
 
     check_output(output, (".html", ".csv"), source, labels)
-    session = open_input(source, labels, None, view, backend, at)
+    session = open_input(source, labels, None, view, backend, at, large)
     if output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
     else:
@@ -355,6 +364,7 @@ def _surfaces(
         str | None, typer.Option(metavar="ID,ID", help="Which objects; all without it.")
     ] = None,
     at: At = None,
+    large: Large = False,
 ) -> None:
     """Write the surfaces of objects, in mm and as they were scanned, for other tools."""
     from napari_unpack.io.session_archive import holds_session
@@ -362,7 +372,7 @@ def _surfaces(
     from napari_unpack.io.surfaces import FORMATS, checked_surfaces_path, save_surfaces
 
     check_output(checked_surfaces_path(output), FORMATS, source, labels)
-    session = open_input(source, labels, None, None, "auto", at)
+    session = open_input(source, labels, None, None, "auto", at, large)
     ids = None
     if objects is not None:
         known = {session.label_of(i): i for i in session.ids}
@@ -385,11 +395,12 @@ def _demo(
         Path, typer.Option(help="Folder for images and movie where there is no screen.")
     ] = Path("demo-output"),
     seed: Annotated[int, typer.Option(help="Of the simulated bag.")] = 0,
+    large: Large = False,
 ) -> None:
     """Open the plugin on a bag, or make a movie of it where there is no screen."""
     from napari_unpack.demo import run
 
-    run(source, labels, output, seed)
+    run(source, labels, output, seed, large)
 
 
 @_command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})

@@ -35,6 +35,14 @@ At = Annotated[
         help="Which channel or time point, where INPUT holds several: c=1, or t=0,c=1.",
     ),
 ]
+Large = Annotated[
+    bool,
+    typer.Option(
+        "--large",
+        help="Open files even where they ask for more memory than is free, or for far more than "
+        "they hold.",
+    ),
+]
 Direction = Annotated[
     str | None,
     typer.Option(
@@ -72,7 +80,7 @@ class Ticker:
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
-def load_input(source: Path, at: str | None) -> Scan:
+def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
     """Return the volume of a file; say on stderr what had to be assumed of it.
 
     Parameters
@@ -80,6 +88,8 @@ def load_input(source: Path, at: str | None) -> Scan:
     source : Path
     at : str, optional
         As the option takes it.
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
@@ -94,7 +104,7 @@ def load_input(source: Path, at: str | None) -> Scan:
         if not number.strip().isdigit():
             raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
         chosen[axis.strip()] = int(number)
-    scan = load_volume(source, chosen)
+    scan = load_volume(source, chosen, large)
     for sentence in scan.assumed:
         typer.echo(f"note: {source.name}: {sentence}", err=True)
     return scan
@@ -107,6 +117,7 @@ def open_input(
     view: tuple[float, float, float] | None,
     backend: str,
     at: str | None = None,
+    large: bool = False,
 ) -> Session:
     """Return the session of a file: a saved one, or a new one on a volume.
 
@@ -121,6 +132,8 @@ def open_input(
     backend : {"auto", "cpu", "gl"}
     at : str, optional
         Which channel or time point, see `load_input`.
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
@@ -136,7 +149,7 @@ def open_input(
     if holds_session(source):
         if labels is not None:
             raise ValueError("a session has labels of its own: leave --labels out")
-        session = open_session(source, progress=Ticker())
+        session = open_session(source, progress=Ticker(), large=large)
         # A session saved while an object was inspected: commands work on the bag.
         session.leave()
         session.backend = backend
@@ -145,9 +158,9 @@ def open_input(
         if direction is not None:
             session.direction = direction_of(direction)
         return session
-    scan = load_input(source, at)
+    scan = load_input(source, at, large)
     if labels is not None:
-        scan = scan.with_labels(load_labels(labels)[0])
+        scan = scan.with_labels(load_labels(labels, large)[0])
         if is_segmentation(labels):
             scan = replace(scan, names=names_of_labels(load_label_names(labels)))
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)

@@ -205,7 +205,9 @@ class Steps:
         print(f"  [{self.seconds:5.1f} s] {text}", flush=True)
 
 
-def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -> None:
+def run(
+    source: Path | None, labels: Path | None, output: Path, seed: int = 0, large: bool = False
+) -> None:
     """Open the plugin on a bag, ready to unpack; without a screen, write images and a movie.
 
     Parameters
@@ -218,6 +220,8 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
         Folder for images, movie and table where there is no screen.
     seed : int
         Of the simulated bag.
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
@@ -225,7 +229,7 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
         If a file cannot be read, or no object is found.
     """
     steps = Steps()
-    scan = _scan(source, labels, seed, steps)
+    scan = _scan(source, labels, seed, large, steps)
     steps(0.0, "Opening napari")
     import napari
 
@@ -245,7 +249,7 @@ def run(source: Path | None, labels: Path | None, output: Path, seed: int = 0) -
         napari.run()
 
 
-def _scan(source: Path | None, labels: Path | None, seed: int, steps: Steps) -> Scan:
+def _scan(source: Path | None, labels: Path | None, seed: int, large: bool, steps: Steps) -> Scan:
     from napari_unpack.io import Scan, load_labels, load_volume
 
     if source is None:
@@ -257,8 +261,8 @@ def _scan(source: Path | None, labels: Path | None, seed: int, steps: Steps) -> 
         )
         return Scan(bag.volume, bag.spacing, None, "Packed bag")
     steps(0.0, f"Reading {source.name}")
-    scan = load_volume(source)
-    return scan if labels is None else scan.with_labels(load_labels(labels)[0])
+    scan = load_volume(source, large=large)
+    return scan if labels is None else scan.with_labels(load_labels(labels, large)[0])
 
 
 def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> UnpackingWidget:

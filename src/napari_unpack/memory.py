@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
+
 import psutil
 
 # Bytes a pixel of a picture that is drawn and written as PNG; 114 were measured.
@@ -12,7 +15,14 @@ ENCODER_BYTES = 350
 
 def free_memory() -> int:
     """Return the bytes that can be taken without anything being swapped out or ended."""
-    return int(psutil.virtual_memory().available)
+    free = int(psutil.virtual_memory().available)
+    # A container has a limit of its own, which the computer's numbers do not show.
+    with suppress(OSError, ValueError):
+        limit, used = (
+            int(Path(f"/sys/fs/cgroup/memory.{name}").read_text()) for name in ("max", "current")
+        )
+        free = min(free, limit - used)
+    return free
 
 
 def check_memory(what: str, needed: float, remedy: str) -> None:

@@ -7,7 +7,7 @@ import damaged_files
 import pytest
 
 from napari_unpack.io import load_volume
-from napari_unpack.io.read_errors import read_errors_told
+from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Cancelled
 
 
@@ -32,7 +32,7 @@ def test_three_hundred_damaged_files_are_opened_or_refused_in_one_sentence(tmp_p
 )
 def test_any_error_of_a_reader_names_the_file(error: Exception) -> None:
     with (
-        pytest.raises(ValueError, match=rf"bag.tif is damaged .*{type(error).__name__}") as told,
+        pytest.raises(ValueError, match=rf"bag.tif is damaged, .*{type(error).__name__}") as told,
         read_errors_told(Path("bag.tif")),
     ):
         raise error

@@ -50,7 +50,9 @@ def test_a_broken_archive_is_taken_and_explained(tmp_path: Path) -> None:
     path.write_bytes(b"no archive")
     reader = get_reader(str(path))
     assert reader is not None
-    with pytest.raises(ValueError, match=r"broken.npz is not a readable .npz archive"):
+    with pytest.raises(
+        ValueError, match=r"broken.npz is damaged, not whole, or not a readable .npz"
+    ):
         reader(str(path))
 
 

@@ -284,7 +284,7 @@ def test_a_cut_off_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "bag.npz"
     save_scan(scan(), path)
     path.write_bytes(path.read_bytes()[:-200])
-    with pytest.raises(ValueError, match=r"bag.npz is not a readable"):
+    with pytest.raises(ValueError, match=r"bag.npz is damaged, not whole, or not a readable .npz"):
         load_volume(path)
 
 

@@ -13,10 +13,11 @@ import pytest
 from napari.layers import Image
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from qtpy.QtWidgets import QFileDialog
+from qtpy.QtCore import Qt
+from qtpy.QtWidgets import QApplication, QFileDialog, QMessageBox
 
 import napari_unpack as nu
-from napari_unpack import memory
+from napari_unpack import file_sizes, memory
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
 from napari_unpack.widgets.file_names import bag_name
@@ -137,8 +138,33 @@ def test_play_flies_one_object_after_another_and_stops_when_asked(
     assert not slider.isEnabled()
 
 
+def answer_about_size(qtbot: QtBot, answer: str) -> str:
+    """Press a button of the question about a large file; return what it said."""
+    windows = QApplication.topLevelWidgets()
+    (box,) = [w for w in windows if isinstance(w, QMessageBox) and w.isVisible()]
+    said = f"{box.text()} {box.informativeText()}"
+    qtbot.mouseClick(box.button(QMessageBox.StandardButton[answer]), Qt.MouseButton.LeftButton)
+    return said
+
+
+def test_a_volume_that_would_fill_the_memory_is_opened_on_a_persons_word(
+    viewer: Any, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    path = tmp_path / "bag.npz"
+    np.savez(path, volume=np.arange(60).reshape(3, 4, 5), spacing=[1, 1, 1])
+    monkeypatch.setattr(file_sizes, "free_memory", lambda: 1)
+    viewer.open(path, plugin="napari-unpack")
+    said = answer_about_size(qtbot, "Cancel")
+    assert "bag.npz holds" in said
+    assert "--large" not in said
+    assert not viewer.layers
+    viewer.open(path, plugin="napari-unpack")
+    answer_about_size(qtbot, "Open")
+    assert [(layer.name, layer.data.shape) for layer in viewer.layers] == [("bag", (3, 4, 5))]
+
+
 def test_a_session_saved_in_the_panel_opens_as_it_was(
-    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
 ) -> None:
     panel = staged
     session = panel.workspace.session
@@ -165,8 +191,18 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     assert panel.segment.start.isVisibleTo(panel)
     for layer in list(viewer.layers):
         viewer.layers.remove(layer.name)
-    panel.files.open_from(path)
-    done(panel, qtbot)
+    # A session that would fill the memory is opened once a person says so.
+    with monkeypatch.context() as full:
+        full.setattr(file_sizes, "free_memory", lambda: 1)
+        panel.files.open_from(path)
+        done(panel, qtbot)
+        assert panel.workspace.session is None
+        assert "bag.unpack holds" in answer_about_size(qtbot, "Cancel")
+        assert panel.workspace.session is None
+        panel.files.open_from(path)
+        done(panel, qtbot)
+        answer_about_size(qtbot, "Open")
+        done(panel, qtbot)
     again = panel.workspace.session
     assert again is not session
     assert not panel.segment.start.isVisibleTo(panel)
@@ -201,7 +237,8 @@ def test_faults_of_files_are_told_and_change_nothing(
         panel.files.open_from(tmp_path / name)
         done(panel, qtbot)
     assert len(said) == 3
-    assert all("not whole" in text for text in said[:2])
+    assert "not whole" in said[0]
+    assert "is empty" in said[1]
     assert "No such session" in said[2]
     panel.files.save_to(tmp_path / "nowhere" / "s.unpack")
     done(panel, qtbot)

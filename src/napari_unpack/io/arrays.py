@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.file_sizes import check_array, check_size, load_arrays
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
 from napari_unpack.io.scan import (
     Scan,
@@ -17,26 +17,25 @@ from napari_unpack.io.scan import (
     checked_spacing,
     checked_volume_array,
 )
+from napari_unpack.read_errors import read_errors_told
 
 
-def read_npz(path: Path) -> FileData:
+def read_npz(path: Path, large: bool = False) -> FileData:
     """Read what an .npz archive holds; without a voxel size it is 1 mm.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
 
     Raises
     ------
     ValueError
         If the file is broken or holds neither key.
     """
-    try:
-        # Never pickles: opening a file from others must run nothing.
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {
-                key: archive[key] for key in ("volume", "labels", "spacing") if key in archive
-            }
-            # For the message alone: who wrote `image` for `volume` sees it at once.
-            keys = list(archive)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise ValueError(f"{path} is not a readable .npz archive: {error}") from error
+    # The other keys for the message alone: who wrote `image` for `volume` sees it at once.
+    arrays, keys = load_arrays(path, ("volume", "labels", "spacing"), large)
     if not {"volume", "labels"} & arrays.keys():
         raise ValueError(f"{path} must hold an array 'volume' or 'labels', got {keys}")
     volume, labels = arrays.get("volume"), arrays.get("labels")
@@ -63,10 +62,10 @@ def read_names(path: Path) -> dict[int, str] | None:
         By ID, from an array `names` of text whose element k belongs to ID k; None where there
         is no such array.
     """
-    with np.load(path, allow_pickle=False) as archive:
-        names = archive["names"] if "names" in archive else np.zeros(0)
+    with read_errors_told(path):
+        names = load_arrays(path, ("names",))[0].get("names")
     # Other arrays called `names` are none of ours, and no reason to refuse the volume.
-    if names.dtype.kind != "U" or names.ndim != 1:
+    if names is None or names.dtype.kind != "U" or names.ndim != 1:
         return None
     return {i: str(name) for i, name in enumerate(names) if i and name}
 
@@ -92,16 +91,22 @@ def write_npz(path: Path, scan: Scan) -> None:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 
 
-def read_npy(path: Path) -> FileData:
+def read_npy(path: Path, large: bool = False) -> FileData:
     """Read a bare array, which says nothing of its voxels: 1 mm.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
 
     Raises
     ------
     ValueError
         If the file is broken.
     """
-    try:
-        array: NDArray[Any] = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise ValueError(f"{path} is not a readable .npy array: {error}") from error
+    stored = path.stat().st_size
+    with path.open("rb") as stream:
+        check_size(path, check_array(stream, path, stored), stored, large=large)
+    array: NDArray[Any] = np.load(path, allow_pickle=False)
     return FileData(checked_volume_array(array, path), assumed=(NO_VOXEL_SIZE,))

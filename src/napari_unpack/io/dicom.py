@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.file_sizes import check_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
@@ -82,13 +83,19 @@ class _Slice:
         )
 
 
-def read_dicom(path: Path) -> FileData:
+def read_dicom(path: Path, large: bool = False) -> FileData:
     """Read a CT volume from a folder of slices, one of its slices, or a multi-frame file.
 
     Of a folder with several series, or a series with images of several kinds, the one with the
     most slices is taken; of a series with several scans of one place all are, as axis t. The
     volume holds CT number (HU) + 1000, clipped to [0, 32000], as uint16; what is not CT is
     rescaled as the file says.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
 
     Raises
     ------
@@ -106,9 +113,12 @@ def read_dicom(path: Path) -> FileData:
     """
     pydicom = needed("pydicom", "pydicom", "reading DICOM and DICOS")
     assumed: list[str] = []
+    headers = _headers(pydicom, path, assumed)
+    # Before a list of all images is made: their number may be made up too.
+    check_size(path, *_sizes(headers), large)
     slices = [
         _Slice(file, frame, header)
-        for file, header in _headers(pydicom, path, assumed)
+        for file, header in headers
         for frame in range(int(header.get("NumberOfFrames") or 1))
     ]
     slices = _of_one_form(slices, path, assumed)
@@ -171,6 +181,18 @@ def _series(
             "open a file of another to have that"
         )
     return max(found.values(), key=len)
+
+
+def _sizes(headers: list[tuple[Path, Any]]) -> tuple[int, int, bool]:
+    """Return the bytes of all pixels and of all files, and whether any are compressed."""
+    needed, stored, packed = 0, 0, False
+    for file, header in headers:
+        pixels = int(header.Rows) * int(header.Columns) * int(header.get("NumberOfFrames") or 1)
+        bits = int(header.get("BitsAllocated") or 16) * int(header.get("SamplesPerPixel") or 1)
+        needed, stored = needed + pixels * bits // 8, stored + file.stat().st_size
+        syntax = header.file_meta.get("TransferSyntaxUID")
+        packed = packed or (syntax is not None and (syntax.is_compressed or syntax.is_deflated))
+    return needed, stored, packed
 
 
 def _of_one_form(slices: list[_Slice], source: Path, assumed: list[str]) -> list[_Slice]:
@@ -322,11 +344,30 @@ class _Pixels:
 
     def _read(self, path: Path) -> NDArray[Any]:
         data = self._pydicom.dcmread(path, force=True)
+        _check_codec(self._pydicom, data.file_meta.get("TransferSyntaxUID"), path)
         try:
             raw: NDArray[Any] = data.pixel_array
         except (AttributeError, ValueError, NotImplementedError, RuntimeError) as error:
             raise ValueError(f"the pixels of {path} cannot be read: {error}") from error
         return raw.reshape(-1, *raw.shape[-2:])
+
+
+def _check_codec(pydicom: Any, syntax: Any, path: Path) -> None:
+    """Say what to install where the codec of a compressed file is missing."""
+    if syntax is None or not syntax.is_compressed:
+        return
+    try:
+        decoder = pydicom.pixels.get_decoder(syntax)
+    except NotImplementedError:
+        raise ValueError(
+            f"{path} is compressed as {syntax.name}, which is no way to store a CT: save it "
+            "uncompressed, or as JPEG Lossless"
+        ) from None
+    if not decoder.is_available:
+        raise ImportError(
+            f"{path} is compressed as {syntax.name}, which needs python-gdcm; run: pip install "
+            "python-gdcm (or 'napari-unpack[dicom]')"
+        )
 
 
 def _density(raw: NDArray[Any], slope: float, intercept: float, is_ct: bool) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.file_sizes import check_size
 from napari_unpack.io.file_data import FileData
+from napari_unpack.io.itk_header import stored_as
 from napari_unpack.io.nifti import check_nifti
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
@@ -19,25 +22,40 @@ ORIENTATION = "LPI"
 as napari draws, nothing is mirrored, and the table is below."""
 
 
-def read_itk(path: Path) -> FileData:
+def read_itk(path: Path, large: bool = False) -> FileData:
     """Read a volume and its voxel size from .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr.
 
     The volume is as stored where the file gives no axis directions (the identity); else its axes
     are turned to `ORIENTATION` by flips and swaps, never by interpolation.
 
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
+
     Raises
     ------
     ValueError
-        If the file is broken or not a 3D volume of real numbers.
+        If the file is broken, not a 3D volume of real numbers, or keeps its voxels in a file
+        outside its folder.
     ImportError
         If SimpleITK is missing.
     """
     sitk = needed("SimpleITK", "SimpleITK", f"reading {path.suffix} files")
     # ITK prints to the terminal what the error below says in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    assumed = check_nifti(path) if path.name.lower().endswith((".nii", ".nii.gz")) else ()
+    # Before ITK sees it: a name that leads into a network would be opened by asking for it.
+    kind, stored, packed = stored_as(path)
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    # By name: of all that ITK knows, some formats follow links to other files.
+    reader.SetImageIO(kind)
     try:
-        image = sitk.ReadImage(str(path))
+        reader.ReadImageInformation()
+        check_size(path, _needed(sitk, reader), stored, packed, large)
+        assumed = check_nifti(path) if kind == "NiftiImageIO" else ()
+        image = reader.Execute()
     except RuntimeError as error:
         raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
     if image.GetNumberOfComponentsPerPixel() != 1:
@@ -113,6 +131,13 @@ def _check_written(sitk: Any, path: Path, array: NDArray[Any]) -> None:
         raise OSError("it cannot be read back: is the disk full?") from error
     if not whole:
         raise OSError("it is not whole: is the disk full?")
+
+
+def _needed(sitk: Any, reader: Any) -> int:
+    """Return the bytes that the voxels of a file take in memory, by its header."""
+    one = sitk.Image([1, 1], reader.GetPixelID(), reader.GetNumberOfComponents())
+    voxels = math.prod(reader.GetSize())
+    return int(voxels * one.GetNumberOfComponentsPerPixel() * one.GetSizeOfPixelComponent())
 
 
 def _last_line(error: RuntimeError) -> str:

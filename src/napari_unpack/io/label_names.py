@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from napari_unpack.io.read_errors import read_errors_told
+from napari_unpack.file_sizes import check_plain_file
+from napari_unpack.read_errors import read_errors_told
 
 # ITK-SNAP: index, red, green, blue, opacity, shown, in the mesh, and the name in quotes.
 SNAP_LINE = re.compile(r"\s*(\d+)" + r"\s+(\d+)" * 3 + r'\s+([\d.eE+-]+)\s+\d+\s+\d+\s+"(.*)"\s*$')
@@ -63,11 +64,14 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
         If no label is described in it.
     """
     file = Path(path).expanduser()
-    with read_errors_told(file):
+    with read_errors_told(file, "a list of labels"):
+        check_plain_file(file)
         if is_segmentation(file):
             found = _segments(_header(file))
         else:
-            text = file.read_text("utf-8-sig", errors="replace")
+            with file.open("rb") as stream:
+                # What is longer lists no labels; a volume chosen by mistake is not read as text.
+                text = stream.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace")
             found = dict(_table(text) if file.suffix.lower() == ".csv" else _lines(text))
         found.pop(0, None)
         if not found:

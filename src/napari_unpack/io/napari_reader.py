@@ -32,12 +32,18 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     return read_layers
 
 
-def read_layers(path: str | Sequence[str]) -> list[LayerData]:
+def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
     With `scale` and `units` in mm. Several channels or time points stay axes in front of z, y, x,
     from which the panel lets one be chosen. Names of objects become the labels' `features`. What
     had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`.
+
+    Parameters
+    ----------
+    path : str or sequence of str
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
@@ -49,7 +55,7 @@ def read_layers(path: str | Sequence[str]) -> list[LayerData]:
     from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
-    found, name = read_file(first).space_last(), stem_of(first)
+    found, name = read_file(first, large).space_last(), stem_of(first)
     if found.assumed:
         warnings.warn(f"{first.name}: {'; '.join(found.assumed)}", stacklevel=2)
     names = read_names(first) if found.volume is not None and suffix_of(first) == ".npz" else None
@@ -87,6 +93,9 @@ def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:
 def _keys(path: Path) -> set[str]:
     import zipfile
 
+    # A pipe would be waited for.
+    if not path.is_file():
+        return set()
     try:
         with zipfile.ZipFile(path) as archive:
             # The archive's table of contents: no array is read.

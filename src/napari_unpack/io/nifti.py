@@ -41,7 +41,7 @@ def check_nifti(path: Path) -> tuple[str, ...]:
     offset = int(struct.unpack_from(f"{order}f", head, 108)[0])
     axes = dims[0] if 0 < dims[0] < 8 else 0
     expected = offset + math.prod(max(n, 1) for n in dims[1 : axes + 1]) * bits // 8
-    found = _unpacked_size(path) if packed else path.stat().st_size
+    found = _unpacked_size(path, expected) if packed else path.stat().st_size
     if found < expected:
         raise ValueError(
             f"{path} is not whole: its header asks for {expected:,} bytes, but it holds {found:,}"
@@ -52,13 +52,13 @@ def check_nifti(path: Path) -> tuple[str, ...]:
     return ()
 
 
-def _unpacked_size(path: Path) -> int:
-    """Return the bytes in a gzip file as far as they can be read."""
+def _unpacked_size(path: Path, enough: int) -> int:
+    """Return the bytes in a gzip file as far as they can be read, and are needed."""
     # Read through and not by the length at its end: where the end is missing, so is that.
     size = 0
     try:
         with gzip.open(path) as stream:
-            while chunk := stream.read(_CHUNK):
+            while size < enough and (chunk := stream.read(_CHUNK)):
                 size += len(chunk)
     except (OSError, EOFError, zlib.error):
         # What was unpacked before still counts: bytes after the data are no matter.

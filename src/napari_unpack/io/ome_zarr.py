@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
@@ -18,10 +20,16 @@ from napari_unpack.io.scan import (
 )
 
 
-def read_zarr(path: Path) -> FileData:
+def read_zarr(path: Path, large: bool = False) -> FileData:
     """Read the finest level of a multiscale image, and its first label image if it has one.
 
     Labels of another shape than the volume's are left out.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
 
     Raises
     ------
@@ -37,10 +45,10 @@ def read_zarr(path: Path) -> FileData:
         # zarr raises many kinds of its own, which moved between its releases.
         raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
     if not hasattr(node, "keys"):
-        array = checked_volume_array(np.asarray(node[...]), path)
+        array = checked_volume_array(_voxels(node, path, large), path)
         return FileData(array, assumed=(NO_VOXEL_SIZE,))
-    found = _finest(node, path)
-    labels = _labels(node, path)
+    found = _finest(node, path, large)
+    labels = _labels(node, path, large)
     assert found.volume is not None, "it was read"
     lengths = dict(zip(found.axes, found.volume.shape, strict=True))
     # Labels of a coarser level cannot be laid over the volume.
@@ -56,14 +64,24 @@ def _attributes(node: Any) -> dict[str, Any]:
     return inner
 
 
-def _finest(node: Any, path: Path) -> FileData:
+def _voxels(array: Any, path: Path, large: bool) -> NDArray[Any]:
+    # A whole block is unpacked even where the array takes only a corner of it.
+    block = getattr(array, "shards", None) or array.chunks
+    voxels = max(math.prod(array.shape), math.prod(block))
+    check_size(path, voxels * np.dtype(array.dtype).itemsize, stored_size(path), large=large)
+    return np.asarray(array[...])
+
+
+def _finest(node: Any, path: Path, large: bool) -> FileData:
     scales = _attributes(node).get("multiscales")
     if not scales:
         raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing)")
     # The standard sorts them from fine to coarse.
     level = scales[0]["datasets"][0]
     try:
-        array = np.asarray(node[level["path"]][...])
+        array = _voxels(node[level["path"]], path, large)
+    except TooLargeError:
+        raise
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
     axes = _axes(scales[0], array.ndim, path)
@@ -98,7 +116,7 @@ def _axes(scale: dict[str, Any], count: int, path: Path) -> list[dict[str, str]]
     return named
 
 
-def _labels(node: Any, path: Path) -> NDArray[Any] | None:
+def _labels(node: Any, path: Path, large: bool) -> NDArray[Any] | None:
     if "labels" not in node:
         return None
     group = node["labels"]
@@ -106,7 +124,7 @@ def _labels(node: Any, path: Path) -> NDArray[Any] | None:
     if not names:
         return None
     # Labels have no channels; of several time points the first lies over the volume's first.
-    found = _finest(group[names[0]], path)
+    found = _finest(group[names[0]], path, large)
     first = found.one_volume({a: 0 for a in found.axes if a not in SPACE}, path).volume
     assert first is not None, "it was read"
     return checked_label_array(first, f"the labels of {path}")

@@ -6,6 +6,7 @@ Where a session lies: one zip file, or one folder, each with plain files and no 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import stat
 import zipfile
@@ -24,6 +25,7 @@ from napari_unpack.atomic import (
     recover_folder,
     written_atomically,
 )
+from napari_unpack.file_sizes import check_plain_file, check_size
 
 # 16 MB: progress moves and cancelling works, yet zlib has enough to work on.
 SLAB = 1 << 24
@@ -117,7 +119,9 @@ def write_array(stream: IO[bytes], array: NDArray[Any], told: Told) -> ArrayFact
     return ArrayFacts(array.shape, array.dtype.str, digest.hexdigest())
 
 
-def read_array(stream: IO[bytes], facts: ArrayFacts, name: str, told: Told) -> NDArray[Any]:
+def read_array(
+    stream: IO[bytes], facts: ArrayFacts, name: str, told: Told, stored: int | None = None
+) -> NDArray[Any]:
     """Read what `write_array` wrote.
 
     Parameters
@@ -130,11 +134,14 @@ def read_array(stream: IO[bytes], facts: ArrayFacts, name: str, told: Told) -> N
         For errors.
     told : callable
         Given the fraction read; raising in it cancels.
+    stored : int, optional
+        Bytes that hold it, see `check_size`; without it any amount of memory is taken.
 
     Raises
     ------
     ValueError
-        If it is another array. What zlib, zipfile and the system raise passes through.
+        If it is another array, or asks for too much. What zlib, zipfile and the system raise
+        passes through.
     """
     with zipfile.ZipFile(stream) as archive, archive.open("array.npy") as member:
         version = npy.read_magic(member)  # type: ignore[no-untyped-call]
@@ -150,10 +157,12 @@ def read_array(stream: IO[bytes], facts: ArrayFacts, name: str, told: Told) -> N
         # Object arrays hold pickles, which run code.
         if dtype.kind not in "biuf":
             raise ValueError(f"{name} must hold real numbers, got {dtype}")
-        array = np.empty(shape, dtype)
-        # Also before reading: a short member would leave part of the array unset.
-        if archive.getinfo("array.npy").file_size != member.tell() + array.nbytes:
+        # A short member would leave part of the array unset.
+        needed = math.prod(shape) * dtype.itemsize
+        if archive.getinfo("array.npy").file_size != member.tell() + needed:
             raise ValueError(f"{name} is not whole")
+        check_size(name, needed, stored or 0, large=stored is None)
+        array = np.empty(shape, dtype)
         digest, done = hashlib.sha256(), 0
         flat = memoryview(array.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
         while done < array.nbytes:
@@ -290,6 +299,7 @@ def opened_for_reading(path: Path) -> Iterator[Source]:
     if path.is_dir():
         yield _FolderSource(path)
         return
+    check_plain_file(path)
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path} is no session, or not whole: it is no zip file")
     with zipfile.ZipFile(path) as archive:
@@ -305,6 +315,8 @@ def holds_session(path: Path) -> bool:
         # A broken one is a session too: opening it says what is wrong.
         if path.suffix.lower() == ".unpack":
             return True
+        if not path.is_file():
+            return False
         with zipfile.ZipFile(path) as archive:
             return MANIFEST in archive.namelist()
     except (OSError, zipfile.BadZipFile):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.file_sizes import check_size, stored_size
 from napari_unpack.io.json_fields import Fields
-from napari_unpack.io.read_errors import read_errors_told
 from napari_unpack.io.session_archive import (
     MANIFEST,
     ArrayFacts,
@@ -22,6 +23,7 @@ from napari_unpack.io.session_archive import (
     read_array,
     write_array,
 )
+from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress, no_progress
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ FORMAT = "napari-unpack session"
 VERSION = 1
 # 256 MB: far above any table of objects, far below what would exhaust the memory.
 LARGEST_MANIFEST = 1 << 28
+# Bytes that a byte of JSON becomes at most: `[],` is a list of 56 and a pointer of 8.
+PARSED = 22
 PICTURE = (240, 320)
 
 
@@ -145,6 +149,7 @@ def open_session(
     volume: NDArray[Any] | None = None,
     labels: NDArray[Any] | None = None,
     progress: Progress | None = None,
+    large: bool = False,
 ) -> Session:
     """Open a session in exactly the state it was saved in, with nothing to undo.
 
@@ -156,6 +161,8 @@ def open_session(
         The arrays themselves, for a session that refers to files which are gone.
     progress : callable, optional
         Takes (fraction, text); raising `Cancelled` in it cancels.
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
@@ -170,9 +177,9 @@ def open_session(
     source = Path(path).expanduser()
     report = progress or no_progress
     report(0.0, "Opening the session")
-    with read_errors_told(source):
+    with read_errors_told(source, "a session"):
         with opened_for_reading(source) as store:
-            fields = _manifest(store, source)
+            fields = _manifest(store, source, large)
             given = {"volume": volume, "labels": labels}
             ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.8)}
             found = {
@@ -182,6 +189,7 @@ def open_session(
                     source,
                     name,
                     given[name],
+                    large,
                     _part(report, *ends[name], f"Reading the {name}"),
                 )
                 for name in ("volume", "labels")
@@ -203,8 +211,8 @@ def standing_of(path: str | Path) -> NDArray[np.float64] | None:
         If it is damaged, or no affine that can be inverted.
     """
     source = Path(path).expanduser()
-    with read_errors_told(source), opened_for_reading(source) as store:
-        fields = _manifest(store, source)
+    with read_errors_told(source, "a session"), opened_for_reading(source) as store:
+        fields = _manifest(store, source, large=True)
     if not fields.has("standing"):
         return None
     found = fields.array("standing", (4, 4))
@@ -217,7 +225,7 @@ def standing_of(path: str | Path) -> NDArray[np.float64] | None:
     return found
 
 
-def _manifest(store: Source, source: Path) -> Fields:
+def _manifest(store: Source, source: Path, large: bool) -> Fields:
     if MANIFEST not in store.names:
         raise ValueError(f"{source} is no session: it lacks {MANIFEST}")
     with store.open(MANIFEST) as stream:
@@ -225,6 +233,7 @@ def _manifest(store: Source, source: Path) -> Fields:
         text = stream.read(LARGEST_MANIFEST + 1)
     if len(text) > LARGEST_MANIFEST:
         raise ValueError(f"{source} is no session: its {MANIFEST} is too large")
+    check_size(f"{MANIFEST} of {source}", PARSED * len(text), stored_size(source), large=large)
     try:
         data = json.loads(text.decode(), parse_constant=_no_constant)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -246,7 +255,13 @@ def _no_constant(name: str) -> Any:
 
 
 def _array(
-    store: Source, fields: Fields, source: Path, name: str, given: NDArray[Any] | None, told: Told
+    store: Source,
+    fields: Fields,
+    source: Path,
+    name: str,
+    given: NDArray[Any] | None,
+    large: bool,
+    told: Told,
 ) -> NDArray[Any]:
     shape = tuple(int(n) for n in fields.array("shape", (3,)))
     facts = ArrayFacts(shape, fields.text("dtype"), fields.text("sha256"))
@@ -262,20 +277,31 @@ def _array(
             raise ValueError(f"{source} must keep its {name} as '{name}.npz', got {member!r}")
         if member not in store.names:
             raise ValueError(f"{source} is not whole: it lacks {member}")
+        stored = None if large else stored_size(source)
         with store.open(member) as stream:
-            return read_array(_seekable(stream), facts, f"{member} of {source}", told)
-    return _referred(fields.text("reference"), source, name, facts)
+            return read_array(_seekable(stream), facts, f"{member} of {source}", told, stored)
+    return _referred(fields.text("reference"), source, name, facts, large)
 
 
 def _seekable(stream: IO[bytes]) -> IO[bytes]:
     return stream if stream.seekable() else io.BytesIO(stream.read())
 
 
-def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDArray[Any]:
+def _referred(
+    reference: str, source: Path, name: str, facts: ArrayFacts, large: bool
+) -> NDArray[Any]:
     """Read an array from the file a session refers to."""
     # Both kinds of separators, wherever the session was made.
-    outside = ".." in (*PurePosixPath(reference).parts, *PureWindowsPath(reference).parts)
-    if outside or not reference:
+    windows, posix = PureWindowsPath(reference), PurePosixPath(reference)
+    # Windows logs in to whatever computer is named, so that to ask whether a file is there tells it
+    # who the user is, and a hash of the password.
+    remote = reference.replace("/", "\\").startswith("\\\\")
+    if remote and windows.drive != PureWindowsPath(source.absolute()).drive:
+        raise ValueError(
+            f"{source} refers to its {name} on another computer, {reference!r}: open that file "
+            f"yourself and pass {name}= to open_session"
+        )
+    if ".." in (*posix.parts, *windows.parts) or not reference:
         raise ValueError(
             f"{source} refers to its {name} by a path that leaves its folder: {reference!r}"
         )
@@ -287,7 +313,7 @@ def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDA
             f"{source} refers to its {name} in {file}, which is not there: put it back, or pass "
             f"{name}= to open_session"
         )
-    array = _loaded(file, name)
+    array = _loaded(file, name, large)
     facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
     return array.astype(facts.dtype, copy=False)
 
@@ -295,18 +321,23 @@ def _referred(reference: str, source: Path, name: str, facts: ArrayFacts) -> NDA
 def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:
     """Return how a session refers to a file, which must hold the array."""
     # Read back at once: a reference to another volume would be found only on opening.
-    file = file.expanduser().resolve()
-    array = _loaded(file, name)
+    file = file.expanduser()
+    array = _loaded(file, name, large=True)
     facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
-    home = target.absolute().parent.resolve()
-    # Relative where it can be, so that a folder can be moved with its session.
-    return file.relative_to(home).as_posix() if file.is_relative_to(home) else str(file)
+    home, real = target.absolute().parent.resolve(), file.resolve()
+    # Relative where it can be, so that a folder can be moved with its session. Elsewhere not
+    # resolved: that would make a computer's name of a drive's letter, which is refused on opening.
+    if real.is_relative_to(home):
+        return real.relative_to(home).as_posix()
+    return os.path.abspath(file)
 
 
-def _loaded(file: Path, name: str) -> NDArray[Any]:
+def _loaded(file: Path, name: str, large: bool) -> NDArray[Any]:
     from napari_unpack.io.volumes import load_labels, load_volume
 
-    return load_volume(file).volume if name == "volume" else load_labels(file)[0]
+    if name == "volume":
+        return load_volume(file, large=large).volume
+    return load_labels(file, large)[0]
 
 
 def _picture(scene: Scene, camera: Camera) -> bytes:

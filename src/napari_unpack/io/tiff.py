@@ -11,15 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.file_sizes import check_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData, in_millimetres
+from napari_unpack.io.itk_header import check_beside
 from napari_unpack.io.scan import Spacing, checked_spacing
 
 # Distances that image editors write without having measured anything, pixels an inch.
 _SCREEN_RESOLUTIONS = (1.0, 72.0, 96.0, 300.0)
 
 
-def read_tiff(path: Path) -> FileData:
+def read_tiff(path: Path, large: bool = False) -> FileData:
     """Read a stack with its axes and voxel size.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `check_size`.
 
     Raises
     ------
@@ -29,16 +37,15 @@ def read_tiff(path: Path) -> FileData:
     import tifffile
 
     assumed: list[str] = []
-    try:
-        with tifffile.TiffFile(path) as file:
-            if len(file.series) > 1:
-                assumed.append(f"it holds {len(file.series)} images: the first was taken")
-            image = file.series[0]
-            array = image.asarray()
-            axes = _axes(image.axes)
-            spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
-    except (tifffile.TiffFileError, OSError, ValueError, IndexError, KeyError) as error:
-        raise ValueError(f"{path} is not a readable TIFF stack: {error}") from error
+    with tifffile.TiffFile(path) as file:
+        _check_inside(file, path)
+        if len(file.series) > 1:
+            assumed.append(f"it holds {len(file.series)} images: the first was taken")
+        image = file.series[0]
+        check_size(path, *_size(image, path), large)
+        array = image.asarray()
+        axes = _axes(image.axes)
+        spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
     return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
 
 
@@ -49,6 +56,21 @@ def _axes(letters: str) -> str:
         if "z" not in named:
             named = named.replace(page, "z", 1)
     return named
+
+
+def _check_inside(file: Any, path: Path) -> None:
+    # OME spreads an image over files by their names, which tifffile opens wherever they lie.
+    for name in re.findall(r'FileName="([^"]*)"', file.ome_metadata or ""):
+        check_beside(html.unescape(name), path)
+
+
+def _size(image: Any, path: Path) -> tuple[int, int, bool]:
+    """Return the bytes of an image in memory and on the disk, and whether it is compressed."""
+    page = image.keyframe
+    files = {part.parent.filehandle.path for part in image.pages if part is not None} or {path}
+    # Numbers of 12 bits become 16 without any compression.
+    packed = page.compression != 1 or page.bitspersample != 8 * page.dtype.itemsize
+    return image.nbytes, sum(Path(name).stat().st_size for name in files), packed
 
 
 def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import check_space, check_writable
+from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
-from napari_unpack.io.read_errors import read_errors_told
 from napari_unpack.io.scan import Scan, Spacing, checked_label_array
+from napari_unpack.read_errors import read_errors_told
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
 ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
@@ -35,7 +36,7 @@ def stem_of(path: Path) -> str:
     return path.name[: len(path.name) - len(suffix_of(path))]
 
 
-def load_volume(path: str | Path, at: Mapping[str, int] | None = None) -> Scan:
+def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bool = False) -> Scan:
     """Open a volume.
 
     Parameters
@@ -45,6 +46,8 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None) -> Scan:
         NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
     at : mapping of str to int, optional
         Which channel or time point, such as ``{"c": 1, "t": 0}``, where a file has several.
+    large : bool
+        Read it even where it asks for more memory than is free, or for far more than it holds.
 
     Raises
     ------
@@ -52,11 +55,11 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None) -> Scan:
         If there is no such file.
     ValueError
         If the format is unknown, the file is broken, what it holds is not a volume, or it holds
-        several and none is chosen.
+        several and none is chosen. A `TooLargeError` where it is refused without `large`.
     ImportError
         If the format needs a package that is not installed; the message says which.
     """
-    found = read_file(path).one_volume(at or {}, path)
+    found = read_file(path, large).one_volume(at or {}, path)
     if found.volume is None:
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
     file = Path(path).expanduser()
@@ -64,20 +67,22 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None) -> Scan:
     return Scan(found.volume, found.spacing, found.labels, stem_of(file), names, found.assumed)
 
 
-def load_labels(path: str | Path) -> tuple[NDArray[Any], Spacing]:
+def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Spacing]:
     """Open a (Z, Y, X) label volume and its voxel size, mm z y x.
 
     Parameters
     ----------
     path : str or Path
         As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken.
+    large : bool
+        As for `load_volume`.
 
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
         As for `load_volume`, and if it holds no whole numbers.
     """
-    found = read_file(path)
+    found = read_file(path, large)
     array = found.labels if found.labels is not None else found.one_volume({}, path).volume
     assert array is not None, "every reader gives one of them"
     return checked_label_array(array, path), found.spacing
@@ -175,8 +180,12 @@ def save_scan_somewhere(scan: Scan, path: str | Path) -> tuple[list[Path], OSErr
         return save_scan(scan, fallback), error
 
 
-def read_file(path: str | Path) -> FileData:
+def read_file(path: str | Path, large: bool = False) -> FileData:
     """Read all that a file holds, whatever its axes.
+
+    Parameters
+    ----------
+    path, large : see `load_volume`
 
     Raises
     ------
@@ -184,16 +193,13 @@ def read_file(path: str | Path) -> FileData:
         As for `load_volume`.
     """
     file = Path(path).expanduser()
-    if not file.exists():
-        raise FileNotFoundError(f"no such file: {path}")
-    # Every reader would say something else about an empty file.
-    if file.is_file() and file.stat().st_size == 0:
-        raise ValueError(f"{file} is empty")
-    with read_errors_told(file):
-        return _reader(file)(file)
+    with read_errors_told(file, f"a readable {suffix_of(file) or 'DICOM'} file"):
+        if not file.is_dir():
+            check_plain_file(file)
+        return _reader(file)(file, large)
 
 
-def _reader(file: Path) -> Callable[[Path], FileData]:
+def _reader(file: Path) -> Callable[[Path, bool], FileData]:
     # Imported late: each loads a package that other formats do not need.
     suffix = suffix_of(file)
     if file.is_dir() and (
@@ -202,6 +208,8 @@ def _reader(file: Path) -> Callable[[Path], FileData]:
         from napari_unpack.io.ome_zarr import read_zarr
 
         return read_zarr
+    if file.is_dir() and suffix in set(READABLE) - set(DICOM_SUFFIXES):
+        raise ValueError(f"{file} is a folder, and a {suffix} file is wanted")
     if suffix == ".npz":
         return read_npz
     if suffix == ".npy":

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
+from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.file_names import FileNames
+from napari_unpack.widgets.large_files import ask_about_size
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.task_progress import TaskProgress
@@ -169,13 +171,13 @@ class _Opened:
     shown_range: tuple[float, float]
 
 
-def _opened(path: Path, progress: Progress) -> _Opened:
+def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
     from napari_unpack.io import open_session
     from napari_unpack.io.scan import display_range
     from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
 
-    session = open_session(path, progress=progress)
+    session = open_session(path, progress=progress, large=large)
     labels = given_labels(session)
     color_labels(labels.dtype)
     shown = display_range(session.volume, session.labels)
@@ -198,6 +200,7 @@ class FilesSection(Section):
         unsaved.save = self._ask_save_all
         self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
+        self._again: Callable[[], None] = lambda: None
         self.open = button("Open session…", "Continue a saved session.")
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
@@ -325,9 +328,12 @@ class FilesSection(Section):
         )
 
     def _read(self, path: Path, name: str, then: Callable[[_Opened], None]) -> None:
+        def begin(large: bool) -> None:
+            self._begin(partial(_opened, path, large), then)
+            self._again = partial(begin, True)
+
         # Before it is read, so that nobody waits to be asked; and after, for changes meanwhile.
-        work = partial(_opened, path)
-        self._unsaved.ask(f"Opening {name} ends it.", lambda: self._begin(work, then))
+        self._unsaved.ask(f"Opening {name} ends it.", partial(begin, False))
 
     def _replace(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
         self._unsaved.ask(f"Opening {name} ends it.", lambda: self._show(found, name, then))
@@ -396,7 +402,9 @@ class FilesSection(Section):
         self._refresh()
         if outcome.error is not None:
             self._unsaved.take_back()
-        if not outcome.cancelled:
+        if isinstance(outcome.error, TooLargeError):
+            ask_about_size(self.window(), outcome.error, self._again)
+        elif not outcome.cancelled:
             # A format may need a package that is not installed.
             with notifications.errors_shown(ImportError):
                 self._then(outcome.get())

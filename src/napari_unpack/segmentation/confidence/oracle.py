@@ -7,8 +7,6 @@ components, and their density is modelled by a mixture of Gaussians. Regions kno
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -18,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.file_sizes import load_arrays
+from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture, fit_mixture, pooled
@@ -132,16 +132,8 @@ class Oracle:
         FileNotFoundError
             If there is none.
         """
-        try:
-            with np.load(path) as file:
-                found = {name: file[name] for name in file.files}
-        # It is an OSError too, but says another thing than a damaged file.
-        except FileNotFoundError:
-            raise
-        except (*_UNREADABLE, zipfile.BadZipFile, zlib.error) as error:
-            raise ValueError(
-                f"{path} is not an oracle, or is damaged: {str(error)[:300]}"
-            ) from error
+        with read_errors_told(Path(path), "an oracle"):
+            found, _ = load_arrays(path)
         if str(found.get("format")) != FORMAT or tuple(found.get("features", ())) != FEATURES:
             raise ValueError(
                 f"{path} is not an oracle of this version ({FORMAT}, {len(FEATURES)} features); "
@@ -162,7 +154,6 @@ class Oracle:
         return oracle
 
 
-_UNREADABLE = (ValueError, EOFError, OSError, AttributeError, KeyError, NotImplementedError)
 _ARRAYS = ("center", "scale", "axes", "quantiles", "logistic")
 _MIXTURE = ("weights", "means", "covariances")
 

@@ -19,7 +19,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
+from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
 from napari_unpack.segmentation.common.validation import Spacing
 
@@ -275,10 +277,10 @@ class PairClassifier:
         Raises
         ------
         ValueError
-            If the file was made for other features.
+            If the file was made for other features, or is damaged.
         """
-        with np.load(path) as file:
-            found = {name: file[name] for name in file.files}
+        with read_errors_told(Path(path), "a classifier"):
+            found, _ = load_arrays(path)
         if tuple(found.get("features", ())) != features:
             raise ValueError(f"{path} is not a classifier of this version; train it again")
         count = sum(name.startswith("weight") for name in found)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.tasks import Cancelled
 
 _LONGEST = 400
@@ -13,20 +14,32 @@ _LONGEST = 400
 
 
 @contextmanager
-def read_errors_told(file: Path) -> Iterator[None]:
+def read_errors_told(file: Path, wanted: str = "a file of this format") -> Iterator[None]:
     """Turn whatever a damaged file has a library raise into one sentence.
+
+    Parameters
+    ----------
+    file : Path
+    wanted : str
+        What it should be, with its article.
 
     Raises
     ------
     ValueError
         Naming the file, and what was found in it.
-    FileNotFoundError, PermissionError, ImportError, Cancelled
+    PermissionError
+        If it may not be read.
+    FileNotFoundError, ImportError, TooLargeError, Cancelled
         As they are: these say already what is to be done.
     """
     try:
         yield
-    except (FileNotFoundError, PermissionError, ImportError, Cancelled):
+    except (FileNotFoundError, ImportError, TooLargeError, Cancelled):
         raise
+    except PermissionError as error:
+        raise PermissionError(
+            f"{error.filename or file} may not be read by you: change who may, or copy it"
+        ) from error
     except ValueError as error:
         # Some quote what they found, which may be pages of bytes.
         sentence = " ".join(str(error).split())[:_LONGEST]
@@ -40,5 +53,5 @@ def read_errors_told(file: Path) -> Iterator[None]:
         # Whatever a damaged file may hold: each library has errors of its own for it.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(
-            f"{file} is damaged or not whole, or of another format ({reason[:_LONGEST]})"
+            f"{file} is damaged, not whole, or not {wanted} ({reason[:_LONGEST]})"
         ) from error
