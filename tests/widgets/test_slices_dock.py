@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, QPointF, Qt
-from qtpy.QtGui import QWheelEvent
+from qtpy.QtGui import QImage, QWheelEvent
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QToolTip
 
@@ -18,6 +18,7 @@ from napari_unpack.appearance import tints_of
 from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
 from napari_unpack.viewer.linked_slices import OUTSIDE
+from napari_unpack.viewer.ruler_drawing import FAINT
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.slices_button import OPEN, SlicesButton
 from opened_panel import CENTERS, at_rest, press, rest
@@ -203,6 +204,64 @@ def test_clicks_select_the_wheel_and_the_keys_go_through_the_slices(
     session.select([])
     qtbot.keyClick(view, Qt.Key.Key_Return)
     assert session.selected == frozenset({6})
+
+
+def test_tools_take_their_points_from_slices_too(slices: Any, qtbot: QtBot) -> None:
+    linked, session, panel, view = slices.linked, slices.session, slices.panel, slices.z
+    linked.point_at(CENTERS[0])
+    drawn(slices.dock, qtbot)
+
+    def click(voxel: tuple[int, int, int]) -> None:
+        move(view, spot(view, voxel))
+        QTest.mouseClick(view, LEFT, PLAIN, spot(view, voxel))
+
+    def yellow() -> np.ndarray:
+        image = view.grab().toImage().convertToFormat(QImage.Format.Format_RGB888)
+        rows = np.frombuffer(image.constBits().asarray(image.sizeInBytes()), np.uint8)
+        rgb = rows.reshape(image.height(), image.bytesPerLine())[:, : 3 * image.width()]
+        r, g, b = np.moveaxis(rgb.reshape(image.height(), image.width(), 3).astype(int), -1, 0)
+        return (r > 200) & (g > 180) & (b < 140)
+
+    panel.measure.ruler.click()
+    assert "3D view or in slices" in panel.measure.ruler.toolTip()
+    click((14, 34, 14))
+    assert "measure to" in panel.measure.next_click.text()
+    assert not session.selected
+    # The second by the keyboard alone: the crosshair's voxel.
+    move(view, spot(view, (14, 34, 34)))
+    before = yellow()
+    qtbot.keyClick(view, Qt.Key.Key_Return)
+    (made,) = session.measurements
+    assert [point.object_id for point in made.points] == [1, 2]
+    # A click is exact to the pixel, the key to the voxel.
+    np.testing.assert_allclose(made.points[1].at, np.array((14, 34, 34)) * session.spacing)
+    assert made.lengths[0] == pytest.approx(20, abs=0.5)
+    qtbot.wait(5)
+    move(view, spot(view, (14, 10, 10)))
+    middle = view.place_of((14, 34, 24))
+    line = np.s_[int(middle.y()) - 2 : int(middle.y()) + 3, int(middle.x()) - 9 : int(middle.x())]
+    assert not before[line].any()
+    assert yellow()[line].any(axis=0).all()
+    # Through another slice it is faint, and beside one it is not drawn at all.
+    assert [one.strength for one in linked.rulers_in(ALONG_X)] == []
+    linked.point_at((14, 34, 34))
+    assert [one.strength for one in linked.rulers_in(ALONG_X)] == [FAINT]
+    session.undo()
+    assert linked.rulers_in(ALONG_Z) == []
+
+    # One tool at a time: Split calls the angle off, and Escape calls Split off.
+    panel.measure.angle.click()
+    press(qtbot, panel.objects.split)
+    assert not panel.measure.angle.isChecked()
+    click((14, 34, 14))
+    assert "other part" in panel.objects.next_click.text()
+    qtbot.keyClick(view, Qt.Key.Key_Escape)
+    assert not panel.objects.split.isChecked()
+    press(qtbot, panel.objects.split)
+    click((14, 34, 10))
+    click((14, 34, 18))
+    qtbot.waitUntil(lambda: len(session.ids) == 7, timeout=10000)
+    assert session.labels[14, 34, 10] != session.labels[14, 34, 18]
 
 
 def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtBot) -> None:

@@ -99,6 +99,26 @@ def painted(
     image = QImage(width, height, QImage.Format.Format_RGBA8888_Premultiplied)
     image.fill(0)
     painter = QPainter(image)
+    # Qt's pixels begin at whole numbers, where ours have their centres.
+    draw_lines(painter, lines, 0.5 - low, scale)
+    painter.end()
+    return ImageTexture(bytes_of(image)), (int(low[0]), int(low[1]))
+
+
+def draw_lines(
+    painter: QPainter, lines: Sequence[Line], shift: NDArray[np.float64], scale: float
+) -> None:
+    """Draw lines with a dark rim.
+
+    Parameters
+    ----------
+    painter : QPainter
+    lines : sequence of Line
+    shift : (2,) ndarray of float64
+        From their rows and columns to the painter's.
+    scale : float
+        Of the painter's pixels in a logical pixel.
+    """
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     # All dark rims first, so that none lies over another line.
     for under in (True, False):
@@ -109,8 +129,5 @@ def painted(
             pen.setCapStyle(Qt.PenCapStyle.RoundCap)
             pen.setJoinStyle(Qt.PenJoinStyle.RoundJoin)
             painter.setPen(pen)
-            # Qt's pixels begin at whole numbers, where ours have their centres.
-            shifted = line.points - low + 0.5
+            shifted = line.points + shift
             painter.drawPolyline(QPolygonF([QPointF(float(x), float(y)) for y, x in shifted]))
-    painter.end()
-    return ImageTexture(bytes_of(image)), (int(low[0]), int(low[1]))

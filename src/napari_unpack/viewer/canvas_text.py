@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from qtpy.QtCore import Qt
+from qtpy.QtCore import QPointF, Qt
 from qtpy.QtGui import QColor, QFontMetrics, QGuiApplication, QImage, QPainter, QPainterPath, QPen
 
 from napari_unpack.layers.rendered_image import FRONT
@@ -80,18 +80,38 @@ def written(words: str, on_light: bool, longest: float, scale: float) -> ImageTe
     height = int(np.ceil(measured.height() + rim))
     image = QImage(width, height, QImage.Format.Format_RGBA8888_Premultiplied)
     image.fill(0)
+    painter = QPainter(image)
+    painter.setFont(font)
+    draw_words(painter, QPointF(rim, rim / 2 + measured.ascent()), words, on_light, rim)
+    painter.end()
+    return ImageTexture(bytes_of(image))
+
+
+def draw_words(
+    painter: QPainter, at: QPointF, words: str, on_light: bool = False, rim: float = RIM
+) -> None:
+    """Draw words with a rim, in the painter's font.
+
+    Parameters
+    ----------
+    painter : QPainter
+    at : QPointF
+        Where their baseline begins.
+    words : str
+    on_light : bool
+        Whether they are to be dark.
+    rim : float
+        The painter's pixels.
+    """
     path = QPainterPath()
-    path.addText(rim, rim / 2 + measured.ascent(), font, words)
+    path.addText(at, painter.font(), words)
     ink, around = (DARK, LIGHT) if on_light else (LIGHT, DARK)
     faint = QColor(around)
     faint.setAlphaF(0.75)
-    painter = QPainter(image)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     joined = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin
     painter.strokePath(path, QPen(faint, rim, *joined))
     painter.fillPath(path, ink)
-    painter.end()
-    return ImageTexture(bytes_of(image))
 
 
 def bytes_of(image: QImage) -> NDArray[np.uint8]:

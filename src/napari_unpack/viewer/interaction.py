@@ -47,7 +47,7 @@ class Interaction:
     drawing : bool
         Whether the next drag in the 3D view draws the direction in which objects leave.
     tool : ClickTool or None
-        What takes clicks in place of selecting.
+        What takes clicks in place of selecting; another one calls it off.
 
     Notes
     -----
@@ -57,7 +57,7 @@ class Interaction:
 
     def __init__(self, target: PointerTarget) -> None:
         self.drawing = False
-        self.tool: ClickTool | None = None
+        self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
@@ -85,6 +85,18 @@ class Interaction:
     def pointed(self) -> int:
         """The object the mouse is on, 0 for none."""
         return self._pointed
+
+    @property
+    def tool(self) -> ClickTool | None:
+        """What takes clicks in place of selecting."""
+        return self._tool
+
+    @tool.setter
+    def tool(self, tool: ClickTool | None) -> None:
+        """Have another tool take the clicks; the one before is called off."""
+        if tool is not None and self._tool is not None:
+            self._tool.cancel()
+        self._tool = tool
 
     # What is under a pixel.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from napari_unpack.tasks import Task
 from napari_unpack.viewer.layer_tables import hint
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
+from napari_unpack.viewer.ruler_drawing import numbers_of
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.viewer.surface_points import pivot_from_scan, surface_point
 
@@ -44,12 +46,33 @@ class SliceEvents(SignalGroup):
     """What linked slices tell.
 
     crosshair: the voxel that all three slices go through. drawn: a plane and the image of its
-    slice, (H, W, 4) uint8. window: the densities shown black and white.
+    slice, (H, W, 4) uint8. window: the densities shown black and white. rulers: other
+    measurements than before.
     """
 
     crosshair = Signal(tuple)
     drawn = Signal(object, object)
     window = Signal(tuple)
+    rulers = Signal()
+
+
+@dataclass(frozen=True, eq=False)
+class RulerInSlice:
+    """A measurement as a slice shows it.
+
+    Parameters
+    ----------
+    voxels : (N, 3) ndarray of float64
+        Its points, z y x with fractions.
+    numbers : tuple of str
+        Its lengths and angle in words; none while it is being made.
+    strength : float
+        Opacity: less where a point lies beside the slice.
+    """
+
+    voxels: NDArray[np.float64]
+    numbers: tuple[str, ...]
+    strength: float
 
 
 class LinkedSlices:
@@ -118,7 +141,13 @@ class LinkedSlices:
     def _heard(self) -> list[tuple[Event, Callable[..., None]]]:
         events = self._session.events
         changes = (events.labels, events.states, events.hues)
-        return [*((event, self._redraw) for event in changes), (events.selected, self._follow)]
+        # The unit of lengths is among the surroundings.
+        measured = (events.measurements, events.surroundings, self._controller.rulers.picked)
+        return [
+            *((event, self._redraw) for event in changes),
+            *((event, self._measured) for event in measured),
+            (events.selected, self._follow),
+        ]
 
     # What is where.
 
@@ -158,16 +187,30 @@ class LinkedSlices:
         """Follow a pointer that has left the slices: it is on no object any more."""
         self._controller.interaction.point_at(0)
 
-    def select_at(self, voxel: Voxel, modifiers: Collection[str] = ()) -> None:
-        """Select the object of a voxel, none where there is none.
+    def click_at(self, there: ArrayLike, modifiers: Collection[str] = ()) -> None:
+        """Select the object at a voxel, none where there is none; or hand a tool its point.
 
         Parameters
         ----------
-        voxel : (int, int, int)
+        there : (3,) array_like
+            The voxel z y x, with fractions.
         modifiers : collection of str
             Keys held, as in the 3D view.
         """
-        self._controller.interaction.select(self.object_at(voxel), modifiers)
+        interaction = self._controller.interaction
+        if interaction.tool is not None:
+            interaction.tool.click_voxel(np.asarray(there, dtype=np.float64))
+        else:
+            interaction.select(self.object_at(self._voxel(there)), modifiers)
+
+    def rulers_in(self, plane: Plane) -> list[RulerInSlice]:
+        """Return what was measured in the slice of a plane, or through it."""
+        near = self._controller.rulers.near_slice(plane.normal, self.crosshair[plane.normal])
+        unit = self._session.length_unit
+        return [
+            RulerInSlice(voxels, () if one is None else tuple(numbers_of(one, unit)), strength)
+            for voxels, one, strength in near
+        ]
 
     def center(self) -> None:
         """Move the crosshair into the selected object, or into the middle of the bag."""
@@ -238,6 +281,9 @@ class LinkedSlices:
             Worker.SLICE,
             partial(self.events.drawn.emit, plane),
         )
+
+    def _measured(self, *_: object) -> None:
+        self._controller.scheduler.soon(self.events.rulers.emit)
 
     def _redraw(self, *_: object) -> None:
         # Sessions tell from whichever thread changed them.

@@ -71,6 +71,15 @@ class ClickTool(Protocol):
             In napari's world, for slices.
         """
 
+    def click_voxel(self, voxel: NDArray[np.float64]) -> None:
+        """Take a click on the linked slices.
+
+        Parameters
+        ----------
+        voxel : (3,) ndarray of float64
+            Of the session's volume, z y x with fractions; inside it.
+        """
+
     def cancel(self) -> None:
         """Take no more."""
 

@@ -7,8 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from psygnal import Signal
 
 from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.placement import data_to_world, units_of
 from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
@@ -42,7 +44,14 @@ class RulerDrawing:
         Returns the device pixels of a logical pixel.
     repaint : callable
         Has the canvas drawn again.
+
+    Attributes
+    ----------
+    picked : Signal
+        The points clicked for the next measurement, whenever there is another.
     """
+
+    picked = Signal(tuple)
 
     def __init__(
         self,
@@ -64,6 +73,7 @@ class RulerDrawing:
     def pending(self, points: tuple[SurfacePoint, ...]) -> None:
         self._pending = points
         self._repaint()
+        self.picked.emit(points)
 
     def changed(self, _measurements: tuple[Measurement, ...] = ()) -> None:
         """Draw what there is now."""
@@ -85,15 +95,31 @@ class RulerDrawing:
         world_from_data = data_to_world(target.layers[0], units_of(target.viewer))
         slice_at = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
         across = ({0, 1, 2} - set(frame.axes)).pop()
-        drawn = []
+        drawn = self.near_slice(across, float(slice_at[across]))
+        seen = [(frame.pixels(voxels), one, strength) for voxels, one, strength in drawn]
+        return self._quads(seen, frame.size)
+
+    def near_slice(self, axis: int, index: float) -> Iterator[Drawn]:
+        """Return what is in a slice or goes through it: points, measurement, and how strong.
+
+        Parameters
+        ----------
+        axis : int
+            Across the slice.
+        index : float
+            Voxel along it.
+
+        Returns
+        -------
+        iterator of ((N, 3) ndarray of float64, Measurement or None, float)
+            Voxels z y x; None for one that is being made.
+        """
         for points, measurement in self._all():
-            voxels = np.array([point.at for point in points]) / target.session.spacing
-            beside = voxels[:, across] - slice_at[across]
+            voxels = np.array([point.at for point in points]) / self._target.session.spacing
+            beside = voxels[:, axis] - index
             near = np.abs(beside) <= IN_SLICE
             if near.any() or np.ptp(np.sign(beside)) > 1:
-                strength = 1.0 if near.all() else FAINT
-                drawn.append((frame.pixels(voxels), measurement, strength))
-        return self._quads(drawn, frame.size)
+                yield voxels, measurement, 1.0 if near.all() else FAINT
 
     def _all(self) -> Iterator[tuple[tuple[SurfacePoint, ...], Measurement | None]]:
         for measurement in self._target.session.measurements:
@@ -132,10 +158,7 @@ class RulerDrawing:
     ) -> list[Quad]:
         quads, scale = [], self._pixel_scale()
         on_light = self._target.session.decorations.background.is_light
-        unit = self._target.session.length_unit
-        words = [length_words(mm, unit) for mm in measured.lengths]
-        if measured.angle is not None:
-            words.append(angle_words(measured.angle))
+        words = numbers_of(measured, self._target.session.length_unit)
         for text, (spot, way) in zip(words, number_spots(pixels, scale), strict=True):
             image = self._text.image(text, on_light)
             half = np.array(image.size) / 2
@@ -145,6 +168,18 @@ class RulerDrawing:
             row, col = np.clip(corner, 0, np.maximum(np.array(size) - image.size, 0))
             quads.append(text_quad(image, row, col, size, opacity))
         return quads
+
+
+def numbers_of(measured: Measurement, unit: LengthUnit) -> list[str]:
+    """Return the words at the places of `number_spots`: each length, then the angle.
+
+    Parameters
+    ----------
+    measured : Measurement
+    unit : LengthUnit
+    """
+    words = [length_words(mm, unit) for mm in measured.lengths]
+    return words if measured.angle is None else [*words, angle_words(measured.angle)]
 
 
 def lines_of(pixels: Pixels, opacity: float, scale: float) -> list[Line]:

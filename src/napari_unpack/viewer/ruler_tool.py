@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from napari_unpack.layers.placement import data_to_world, units_of
 from napari_unpack.session.measurements import SurfacePoint
@@ -71,8 +72,31 @@ class RulerTool:
         position : sequence of float
             In the viewer's world, for slices.
         """
-        flat = self._controller.viewer.dims.ndisplay == 2
-        point = self._in_slice(position) if flat else surface_point(self._controller, pixel)
+        if self._controller.viewer.dims.ndisplay == 2:
+            world_from_data = data_to_world(
+                self._controller.packed, units_of(self._controller.viewer)
+            )
+            there = np.asarray(position, dtype=np.float64)[-3:]
+            self.click_voxel(np.linalg.solve(world_from_data, np.append(there, 1.0))[:3])
+        else:
+            self._take(surface_point(self._controller, pixel))
+
+    def click_voxel(self, voxel: NDArray[np.float64]) -> None:
+        """Take a point of a slice.
+
+        Parameters
+        ----------
+        voxel : (3,) ndarray of float64
+            z y x, with fractions.
+        """
+        session, spot = self._controller.session, np.rint(voxel).astype(np.int64)
+        if (spot < 0).any() or (spot >= session.labels.shape).any():
+            self._take(None)
+            return
+        z, y, x = (float(v) for v in voxel * session.spacing)
+        self._take(SurfacePoint(int(session.labels[tuple(spot)]), (z, y, x)))
+
+    def _take(self, point: SurfacePoint | None) -> None:
         if point is None:
             self._message("There is nothing there to measure: click on an object.")
         # The same place twice, a double click say, has no length.
@@ -88,14 +112,3 @@ class RulerTool:
         self._controller.interaction.tool = None
         self._controller.rulers.pending = ()
         self._done(points)
-
-    def _in_slice(self, position: Sequence[float]) -> SurfacePoint | None:
-        controller, session = self._controller, self._controller.session
-        world_from_data = data_to_world(controller.packed, units_of(controller.viewer))
-        there = np.asarray(position, dtype=np.float64)[-3:]
-        voxel = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
-        spot = np.rint(voxel).astype(np.int64)
-        if (spot < 0).any() or (spot >= session.labels.shape).any():
-            return None
-        z, y, x = (float(v) for v in voxel * session.spacing)
-        return SurfacePoint(int(session.labels[tuple(spot)]), (z, y, x))

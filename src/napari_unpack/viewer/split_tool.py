@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +12,9 @@ from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.rendering.casting import rays_for
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.viewer.interaction import CLICK_PIXELS
-from napari_unpack.viewer.protocols import MouseEvent
+from napari_unpack.viewer.protocols import Pixel
 
 if TYPE_CHECKING:
-    import napari
-
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
 
@@ -28,48 +25,71 @@ Voxel = tuple[int, int, int]
 
 
 class SplitTool:
-    """Follows the viewer's mouse until two voxels of one object were clicked.
+    """Takes the viewer's clicks until two voxels of one object were clicked.
 
     Parameters
     ----------
     controller : SessionController
         An open one.
     message : callable
-        Given a sentence on what to click next.
+        Given a sentence on what to click next, empty at the end.
     done : callable
-        Given the object and both voxels (z, y, x); not called where `close` came first.
+        Given the object and both voxels (z, y, x); None where they were called off.
     """
 
     def __init__(
         self,
         controller: SessionController,
         message: Callable[[str], None],
-        done: Callable[[int, Voxel, Voxel], None],
+        done: Callable[[tuple[int, Voxel, Voxel] | None], None],
     ) -> None:
         self._controller, self._message, self._done = controller, message, done
         self._first: tuple[int, Voxel] | None = None
-        controller.viewer.mouse_drag_callbacks.append(self._drag)
+        controller.interaction.tool = self
         message("Click the object to split, on the part that should stay.")
 
-    def close(self) -> None:
-        """Give the mouse back."""
-        if self._drag in self._controller.viewer.mouse_drag_callbacks:
-            self._controller.viewer.mouse_drag_callbacks.remove(self._drag)
+    def cancel(self) -> None:
+        """Give the clicks back; nothing is split."""
+        self._end(None)
 
-    def _drag(self, viewer: napari.Viewer, event: MouseEvent) -> Generator[None, None, None]:
-        if event.button != 1:
+    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
+        """Take a voxel.
+
+        Parameters
+        ----------
+        pixel : (2,) ndarray of float64
+            Of the canvas.
+        position : sequence of float
+            In the viewer's world, for slices.
+        """
+        viewer = self._controller.viewer
+        if viewer.dims.ndisplay == 2:
+            there = np.asarray(position, dtype=np.float64)
+            voxel = voxel_at(self._controller.packed, there, units_of(viewer))
+            self.click_voxel(voxel.astype(np.float64))
+        else:
+            self._take(self._in_3d(pixel))
+
+    def click_voxel(self, voxel: NDArray[np.float64]) -> None:
+        """Take a voxel of a slice.
+
+        Parameters
+        ----------
+        voxel : (3,) ndarray of float64
+            z y x, with fractions.
+        """
+        session, spot = self._controller.session, np.rint(voxel).astype(np.int64)
+        if (spot < 0).any() or (spot >= session.labels.shape).any():
+            self._take(None)
             return
-        start = np.asarray(event.pos[:2], dtype=np.float64)
-        position = np.asarray(event.position, dtype=np.float64)
-        yield
-        while event.type == "mouse_move":
-            # The user turns the bag to see the other part.
-            if float(np.abs(np.asarray(event.pos[:2]) - start).max()) > CLICK_PIXELS:
-                return
-            yield
-        flat = viewer.dims.ndisplay == 2
-        found = self._in_slice(position) if flat else self._in_3d(start[::-1])
-        self._take(found)
+        label = int(session.labels[tuple(spot)])
+        packed = session.states.get(label) is ObjectState.PACKED
+        self._take((label, _voxel(spot)) if packed else None)
+
+    def _end(self, found: tuple[int, Voxel, Voxel] | None) -> None:
+        self._controller.interaction.tool = None
+        self._message("")
+        self._done(found)
 
     def _take(self, found: tuple[int, Voxel] | None) -> None:
         session = self._controller.session
@@ -85,8 +105,7 @@ class SplitTool:
             self._message(f"That is another object; now click the other part of {name}.")
         # The same voxel twice, a double click say, tells no two parts apart.
         elif found[1] != self._first[1]:
-            self.close()
-            self._done(found[0], self._first[1], found[1])
+            self._end((found[0], self._first[1], found[1]))
 
     def _in_3d(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
         there = self._controller.interaction.packed_at(pixel)
@@ -98,15 +117,6 @@ class SplitTool:
             wanted = self._first[0]
         voxel = surface_voxel(self._controller, pixel, wanted)
         return None if voxel is None else (wanted, voxel)
-
-    def _in_slice(self, position: NDArray[np.float64]) -> tuple[int, Voxel] | None:
-        layer, session = self._controller.packed, self._controller.session
-        spot = voxel_at(layer, position, units_of(self._controller.viewer))
-        if (spot < 0).any() or (spot >= session.labels.shape).any():
-            return None
-        label = int(session.labels[tuple(spot)])
-        packed = session.states.get(label) is ObjectState.PACKED
-        return (label, _voxel(spot)) if packed else None
 
 
 def surface_voxel(

@@ -23,21 +23,17 @@ AWAY = "Between objects that stand apart now it is drawn again when they are bac
 class MeasureBox(Collapsible):
     """Tools that measure on surfaces, and the list of what was measured.
 
-    Signals: `begun` when clicks are waited for.
-
     Parameters
     ----------
     workspace : Workspace
     """
-
-    begun = Signal()
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__("Measure", "Lengths and angles between points on surfaces.")
         self._workspace = workspace
         self._tool: RulerTool | None = None
         self.ruler = button(
-            "Ruler", "Measure a length: click two points, in the 3D view or in a 2D slice (M)."
+            "Ruler", "Measure a length: click two points, in the 3D view or in slices (M)."
         )
         self.angle = button(
             "Angle", "Measure an angle: click three points; it is taken at the second (A)."
@@ -71,9 +67,6 @@ class MeasureBox(Collapsible):
         self.cancel()
         if controller is None or same:
             return
-        self.begun.emit()
-        if controller.interaction.tool is not None:
-            controller.interaction.tool.cancel()
         # The keys begin it too, while the box is folded.
         self.toggle.setChecked(True)
         self._tool = RulerTool(controller, count, self._show_next_click, self._take)
@@ -83,11 +76,6 @@ class MeasureBox(Collapsible):
         """Wait for clicks no longer."""
         if self._tool is not None:
             self._tool.cancel()
-
-    def make_way(self, sentence: str) -> None:
-        """Wait no longer where another tool asks for clicks with a sentence."""
-        if sentence:
-            self.cancel()
 
     def _take(self, points: list[SurfacePoint]) -> None:
         self._tool = None

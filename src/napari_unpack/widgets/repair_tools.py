@@ -54,11 +54,6 @@ class RepairTools(QObject):
             self._label_sync is not None and self._label_sync.pending
         )
 
-    @property
-    def awaits_clicks(self) -> bool:
-        """Whether the next clicks say where to split an object."""
-        return self._split_tool is not None
-
     def split_by_clicks(self) -> None:
         """Wait for two clicks on one object; a second call stops waiting."""
         from napari_unpack.viewer.split_tool import SplitTool
@@ -74,9 +69,7 @@ class RepairTools(QObject):
     def cancel(self) -> None:
         """Wait for clicks no longer."""
         if self._split_tool is not None:
-            self._split_tool.close()
-            self._split_tool = None
-            self.splitting.emit("")
+            self._split_tool.cancel()
 
     def can_delete(self, ids: Collection[int]) -> bool:
         """Return whether objects can be deleted now: none is outside, and some are left."""
@@ -107,9 +100,10 @@ class RepairTools(QObject):
         """Make background of objects."""
         self._put(lambda editor: editor.delete_task(ids))
 
-    def _split_between(self, object_id: int, a: Voxel, b: Voxel) -> None:
-        self.cancel()
-        self._put(lambda editor: editor.split_task(object_id, a, b))
+    def _split_between(self, found: tuple[int, Voxel, Voxel] | None) -> None:
+        self._split_tool = None
+        if found is not None:
+            self._put(lambda editor: editor.split_task(*found))
 
     def _put(self, task_of: Callable[[LabelEditor], Task[Any]]) -> None:
         session = self._workspace.session

@@ -65,7 +65,7 @@ class Shortcuts:
     planner : RevealPlanner
         Its plan is dismissed by Escape.
     repair : RepairTools
-        It deletes; its waiting for clicks is ended by Escape.
+        It deletes.
     others : mapping of str to callable
         Further keys, as napari writes them, and what each does.
     """
@@ -79,7 +79,7 @@ class Shortcuts:
         others: Mapping[str, Callable[[], None]],
     ) -> None:
         self._workspace, self._commands = workspace, commands
-        self._planner, self._repair = planner, repair
+        self._planner = planner
         self._bound: list[tuple[napari.Viewer | Layer, str, KeyAction | None]] = []
         self._actions: dict[str, Callable[[], None]] = {
             "N": commands.unpack,
@@ -135,8 +135,6 @@ class Shortcuts:
             controller.events.direction_drawn.emit()
         elif controller.interaction.tool is not None:
             controller.interaction.tool.cancel()
-        elif self._repair.awaits_clicks:
-            self._repair.cancel()
         elif objects_in(controller.session, ObjectState.INSPECTED):
             self._commands.leave()
         elif self._planner.plan is not None:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from qtpy.QtCore import QEvent, QLineF, QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QImage, QPainter, QPen
 from qtpy.QtWidgets import QToolTip, QWidget
 
 from napari_unpack.rendering.slice_image import Plane
+from napari_unpack.viewer.canvas_lines import draw_lines
+from napari_unpack.viewer.canvas_text import draw_words
+from napari_unpack.viewer.ruler_drawing import AWAY, lines_of, number_spots
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent, QWheelEvent
 
-    from napari_unpack.viewer.linked_slices import Voxel
+    from napari_unpack.viewer.linked_slices import RulerInSlice, Voxel
 
 AXES = "zyx"
 # Of the crosshair's lines, by the axis of the slices they stand for; told apart on any tint.
@@ -37,9 +41,10 @@ VOXELS_SEEN = 3.0
 
 HELP = (
     "Move the mouse: the other slices and the 3D view follow. The wheel goes through the slices, "
-    "with Ctrl it zooms; a click selects, a double click moves that point into the middle; drag "
-    "with the right button for contrast (sideways) and brightness (up and down), with the middle "
-    "one to move the image. Keys: arrows, Page up and Page down, + and -, Home, Enter."
+    "with Ctrl it zooms; a click selects, or sets the point that Ruler, Angle or Split waits for; "
+    "a double click moves what is there into the middle; drag with the right button for contrast "
+    "(sideways) and brightness (up and down), with the middle one to move the image. "
+    "Keys: arrows, Page up and Page down, + and -, Home, Enter."
 )
 
 
@@ -47,8 +52,8 @@ class SliceView(QWidget):
     """A slice, and the crosshair in it.
 
     Signals: `pointed` (voxel under the mouse or where the keys moved to), `left` (the mouse left),
-    `clicked` (voxel, names of the keys held), `contrasted` (change of width and of level,
-    as shares of the window).
+    `clicked` (voxel with fractions, names of the keys held), `contrasted` (change of width and of
+    level, as shares of the window).
 
     Parameters
     ----------
@@ -68,6 +73,7 @@ class SliceView(QWidget):
         self._shape, self._spacing = (1, 1, 1), np.ones(3)
         self._crosshair: Voxel | None = None
         self._pixels: NDArray[np.uint8] | None = None
+        self._rulers: Sequence[RulerInSlice] = ()
         self._image = QImage()
         self._zoom = 1.0
         self._middle = np.zeros(2)
@@ -98,6 +104,7 @@ class SliceView(QWidget):
         """
         self._shape, self._spacing = shape or (1, 1, 1), np.asarray(spacing, dtype=np.float64)
         self._crosshair, self._pixels, self._image = None, None, QImage()
+        self._rulers = ()
         self.fit()
 
     def show_image(self, pixels: NDArray[np.uint8]) -> None:
@@ -111,6 +118,11 @@ class SliceView(QWidget):
     def show_crosshair(self, voxel: Voxel) -> None:
         """Show where the three slices meet, z y x."""
         self._crosshair = voxel
+        self.update()
+
+    def show_rulers(self, rulers: Sequence[RulerInSlice]) -> None:
+        """Show what was measured here."""
+        self._rulers = rulers
         self.update()
 
     def fit(self) -> None:
@@ -151,9 +163,9 @@ class SliceView(QWidget):
         mm: NDArray[np.float64] = self._middle + away / self._scale()
         return mm
 
-    def place_of(self, voxel: Voxel) -> QPointF:
+    def place_of(self, voxel: ArrayLike) -> QPointF:
         """Return where the middle of a voxel is painted, pixels of the widget."""
-        return self._place(self._in_plane((np.array(voxel) + 0.5) * self._spacing))
+        return self._place(self._in_plane((np.asarray(voxel) + 0.5) * self._spacing))
 
     def voxel_at(self, place: QPointF) -> Voxel | None:
         """Return the voxel of the slice under a place of the widget; None beside the slice."""
@@ -194,7 +206,10 @@ class SliceView(QWidget):
         if event.button() != Qt.MouseButton.LeftButton or pressed is None or voxel is None:
             return
         if QLineF(pressed, event.position()).length() <= CLICK_PIXELS:
-            self.clicked.emit(voxel, _names(event.modifiers()))
+            there = np.array(voxel, dtype=np.float64)
+            in_plane = self._mm_at(pressed) / self._in_plane(self._spacing) - 0.5
+            there[[self.plane.rows, self.plane.cols]] = in_plane
+            self.clicked.emit(tuple(there), _names(event.modifiers()))
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Move what is there into the middle."""
@@ -303,6 +318,10 @@ class SliceView(QWidget):
             )
         if self._crosshair is not None:
             self._draw_crosshair(painter, self.place_of(self._crosshair))
+            for ruler in self._rulers:
+                places = [self.place_of(voxel) for voxel in ruler.voxels]
+                pixels = np.array([[place.y(), place.x()] for place in places])
+                _draw_ruler(painter, ruler, pixels, np.array([self.height(), self.width()]))
             self._draw_words(painter, self._crosshair)
         painter.setPen(QPen(INKS[self.plane.normal], 2.0 if self.hasFocus() else 0.6))
         painter.drawRect(QRectF(self.rect()).adjusted(0.5, 0.5, -0.5, -0.5))
@@ -330,6 +349,22 @@ class SliceView(QWidget):
             for ink, away in ((QColor(0, 0, 0, 190), 1.0), (INKS[axis], 0.0)):
                 painter.setPen(ink)
                 painter.drawText(inside.translated(away, away), corner, text)
+
+
+def _draw_ruler(
+    painter: QPainter, ruler: RulerInSlice, pixels: NDArray[np.float64], size: NDArray[np.int64]
+) -> None:
+    draw_lines(painter, lines_of(pixels, ruler.strength, 1.0), np.zeros(2), 1.0)
+    if not ruler.numbers:
+        return
+    painter.setOpacity(ruler.strength)
+    font = painter.fontMetrics()
+    for words, (spot, way) in zip(ruler.numbers, number_spots(pixels, 1.0), strict=True):
+        half = np.array([font.height(), font.horizontalAdvance(words)]) / 2
+        # A number outside the slice could not be read.
+        row, col = np.clip(spot + way * (AWAY + half) - half, 0, size - 2 * half)
+        draw_words(painter, QPointF(float(col), float(row) + font.ascent()), words)
+    painter.setOpacity(1.0)
 
 
 def _names(held: Qt.KeyboardModifier) -> set[str]:

@@ -122,7 +122,7 @@ class SlicesDock(DockContents):
         for view in self.views.values():
             view.pointed.connect(self._point)
             view.left.connect(self._leave)
-            view.clicked.connect(self._select)
+            view.clicked.connect(self._click)
             view.contrasted.connect(self._contrast)
         self.overlay.valueChanged.connect(self._set_overlay)
         for box in (self.black, self.white):
@@ -166,6 +166,7 @@ class SlicesDock(DockContents):
         linked.events.crosshair.connect(self._show_crosshair)
         linked.events.drawn.connect(self._show_image)
         linked.events.window.connect(self._show_window)
+        linked.events.rulers.connect(self._show_rulers)
         for view in self.views.values():
             view.show_volume(linked.shape, linked.spacing)
         self._show_window(linked.window)
@@ -183,6 +184,12 @@ class SlicesDock(DockContents):
             name = self._linked.name_at(voxel) or "No object"
             place = ", ".join(f"{axis} {n}" for axis, n in zip(AXES, voxel, strict=True))
             self.where.setText(f"{name}\n{place}; density {self._linked.density_at(voxel):.5g}")
+            self._show_rulers()
+
+    def _show_rulers(self) -> None:
+        if self._linked is not None:
+            for plane, view in self.views.items():
+                view.show_rulers(self._linked.rulers_in(plane))
 
     def _show_window(self, window: tuple[float, float]) -> None:
         for box, density in zip((self.black, self.white), window, strict=True):
@@ -202,9 +209,9 @@ class SlicesDock(DockContents):
         if self._linked is not None:
             self._linked.leave()
 
-    def _select(self, voxel: Voxel, held: set[str]) -> None:
+    def _click(self, there: tuple[float, float, float], held: set[str]) -> None:
         if self._linked is not None:
-            self._linked.select_at(voxel, held)
+            self._linked.click_at(there, held)
 
     def _contrast(self, wider: float, brighter: float) -> None:
         """Widen the window and move it, by shares of itself."""

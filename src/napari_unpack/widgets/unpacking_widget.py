@@ -94,9 +94,6 @@ class UnpackingWidget(QWidget):
         self.color.contents.addWidget(self.clipping)
         self.measure = MeasureBox(self.workspace)
         self.objects.contents.addWidget(self.measure)
-        # One tool at a time takes the clicks.
-        self.measure.begun.connect(self.objects.repair.cancel)
-        self.objects.repair.splitting.connect(self.measure.make_way)
         keys = {
             "T": self.color.background.names.toggle,
             "M": lambda: self.measure.measure(2),
