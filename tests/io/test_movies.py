@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import polar
 
+from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie
 from napari_unpack.io.headless import copy_session, frame_bag, unpack_in_order
@@ -18,6 +19,7 @@ from napari_unpack.io.movies import movie_writer, turned
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import Session
 from napari_unpack.session.framing import contained, fitted
+from napari_unpack.session.measurements import SurfacePoint
 
 
 @pytest.fixture
@@ -115,6 +117,58 @@ def test_a_twin_takes_over_what_is_seen_but_has_everything_packed(session: Any) 
     assert other.hues == session.hues
     assert other.direction == (0.0, 1.0, 0.0)
     assert other.volume is session.volume
+
+
+def test_pictures_and_films_show_what_was_measured_where_it_is_now(session: Any) -> None:
+    """On the object it is of, wherever that is, and nowhere between objects that stand apart."""
+    session.view = View((1.0, 0.0, 0.0))
+    session.apply_hues({1: 0.0, 2: 0.65, 3: 0.65})
+    camera = frame_bag(session, (360, 480))
+    # Along the front of the second box, and from there to the third.
+    inside = [SurfacePoint(2, (4.0, 6.0, 18.0)), SurfacePoint(2, (4.0, 15.0, 24.0))]
+    session.measurements.add(inside)
+    session.measurements.add([SurfacePoint(2, (4.0, 8.0, 18.0)), SurfacePoint(3, (4.0, 8.0, 32.0))])
+
+    def yellow(shown: Any, time: float | None = None, at: Any = camera) -> np.ndarray:
+        rgb = scene_image(shown.scene(), at, (360, 480), time, "cpu")[..., :3]
+        return (rgb[..., 0] > 0.8) & (rgb[..., 1] > 0.7) & (rgb[..., 2] < 0.65)
+
+    def drawn(points: np.ndarray, lit: np.ndarray) -> bool:
+        spots = np.rint(np.linspace(points[0], points[1], 9)).astype(int)
+        # Numbers may lie over a part of it.
+        return bool(lit[tuple(spots.T)].mean() > 0.7)
+
+    first, second = (camera.project(m.ends, (360, 480)) for m in session.measurements)
+    lit = yellow(session)
+    assert drawn(first, lit)
+    assert drawn(second, lit)
+    # A film of the session begins with the same, and a switch leaves it out of both.
+    film = copy_session(session)
+    film.look(camera)
+    assert drawn(first, yellow(film))
+    session.measurements.shown = False
+    assert not yellow(session).any()
+    assert not yellow(copy_session(session, packed=False)).any()
+    session.measurements.shown = True
+
+    film.animated = True
+    film.unpack([2])
+    (flight,) = film.flights.values()
+    half = flight.start + flight.seconds / 2
+    pose = flight.pose(half, camera).pivot_from_world(film.boxes.center(2, film.spacing))
+    flying = camera.pixels(transform_points(pose, first_ends(session)), (360, 480))
+    assert np.abs(flying - first).max() > 5
+    lit = yellow(film, half)
+    assert drawn(flying, lit)
+    assert not drawn(second, lit)
+    film.land(2)
+    film.hide([2])
+    assert not yellow(film).any()
+
+
+def first_ends(session: Any) -> np.ndarray:
+    """Return the points of the first measurement, mm."""
+    return next(iter(session.measurements)).ends
 
 
 def test_unpacking_in_order_takes_the_front_first(session: Any) -> None:

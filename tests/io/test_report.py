@@ -9,10 +9,12 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+import pandas as pd
 import pytest
 
 import napari_unpack as nu
-from napari_unpack.io import save_objects_page
+from napari_unpack.io import save_measurements_csv, save_objects_page
+from napari_unpack.session.measurements import SurfacePoint
 
 
 class Cells(HTMLParser):
@@ -48,7 +50,7 @@ class Cells(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory) -> tuple[str, Cells]:
+def page(tmp_path_factory) -> tuple[str, Cells, nu.Session]:
     labels = np.zeros((20, 22, 40), np.uint16)
     for i in (1, 2, 3):
         labels[4:16, 4:18, 12 * i - 8 : 12 * i + 2] = i
@@ -59,17 +61,22 @@ def page(tmp_path_factory) -> tuple[str, Cells]:
     session.hide([3])
     session.annotations.set_flag(2, "suspicious")
     session.annotations.set_note(2, "<i>ask</i>")
+    corner = SurfacePoint(2, (4.0, 4.0, 32.0))
+    session.measurements.add([corner, SurfacePoint(1, (4.0, 4.0, 42.0))])
+    session.measurements.add(
+        [SurfacePoint(0, (7.0, 4.0, 32.0)), corner, SurfacePoint(2, (4, 8, 32))]
+    )
     before = dict(session.states)
     path = save_objects_page(session, tmp_path_factory.mktemp("p") / "bag.html", "A <bag>")
     assert session.states == before
     text = Path(path).read_text(encoding="utf-8")
     cells = Cells()
     cells.feed(text)
-    return text, cells
+    return text, cells, session
 
 
 def test_it_needs_nothing_from_elsewhere(page):
-    text, cells = page
+    text, cells, _ = page
     assert "http" not in text
     assert "@import" not in text
     assert cells.sources
@@ -79,9 +86,13 @@ def test_it_needs_nothing_from_elsewhere(page):
 
 
 def test_it_says_what_the_table_says(page):
-    _, cells = page
-    assert len(cells.rows) == 4
-    first, second, third = cells.rows[1:]
+    _, cells, _ = page
+    assert cells.rows[4:] == [
+        ["Measured", "On"],
+        ["10.0 mm", "Object 1, <b>a & b</b>"],
+        ["90.0° (3.00 mm, 4.00 mm)", "<b>a & b</b>"],
+    ]
+    first, second, third = cells.rows[1:4]
     assert first[1:5] == ["1", "Object 1", "taken out", "1"]
     assert second[1:5] == ["2", "<b>a & b</b>", "in the bag", ""]
     assert third[3] == "hidden"
@@ -94,8 +105,23 @@ def test_it_says_what_the_table_says(page):
     assert "b" not in cells.tags
 
 
+def test_measurements_have_a_table_of_their_own(page, tmp_path):
+    session = page[2]
+    path = save_measurements_csv(session, tmp_path / "measured.csv")
+    table = pd.read_csv(path, index_col="measurement")
+    assert table.kind.to_list() == ["length", "angle"]
+    assert table.length_mm.to_list() == [10, 3]
+    assert table.loc[2, ["second_length_mm", "angle_degrees"]].to_list() == [4, 90]
+    assert table.loc[1, ["z1_mm", "y1_mm", "x1_mm"]].to_list() == [4, 4, 32]
+    assert table.objects.to_list() == ["Object 1, <b>a & b</b>", "<b>a & b</b>"]
+    session.length_unit = "µm"
+    table = pd.read_csv(save_measurements_csv(session, path))
+    assert table.length_um.to_list() == [10, 3]
+    session.length_unit = "mm"
+
+
 def test_every_picture_shows_its_object(page):
-    _, cells = page
+    _, cells, _ = page
     pictures = [
         iio.imread(io.BytesIO(base64.b64decode(source.partition(",")[2])))
         for source in cells.sources

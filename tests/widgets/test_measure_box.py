@@ -49,7 +49,6 @@ def test_rulers_and_angles_between_points_of_surfaces(
 
     seen = {i: controller.interaction.packed_at(pixel(i))[:1] for i in session.ids}
     a, b, c = [i for i in session.ids if seen[i] == [i]][:3]
-    before = canvas(viewer)
     qtbot.keyClick(widget, Qt.Key.Key_M)
     assert box.ruler.isChecked()
     assert "from" in box.next_click.text()
@@ -75,7 +74,17 @@ def test_rulers_and_angles_between_points_of_surfaces(
     # The line is drawn between both places.
     middle = np.round((pixel(a) + pixel(b)) / 2).astype(int)
     near = np.s_[middle[0] - 6 : middle[0] + 7, middle[1] - 6 : middle[1] + 7]
-    assert np.abs(canvas(viewer) - before)[near].max() > 60
+
+    # It is exported, and drawn only while it is to be.
+    panel.files.menu.aboutToShow.emit()
+    (export,) = [one for one in panel.files.menu.actions() if one.text() == "Measurements…"]
+    assert export.isEnabled()
+    box.show_all.click()
+    rest(panel, qtbot)
+    plain = canvas(viewer)
+    box.show_all.click()
+    rest(panel, qtbot)
+    assert np.abs(canvas(viewer) - plain)[near].max() > 60
 
     qtbot.keyClick(widget, Qt.Key.Key_A)
     for object_id in (a, b, c):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,12 +45,15 @@ class Decorations:
         A scale bar, true in the plane of the camera's centre.
     unit : LengthUnit
         Of the scale bar, and of all lengths and volumes that are told.
+    measurements : bool
+        Lengths and angles that a person measured.
     """
 
     background: Background
     box: bool = False
     scale: bool = False
     unit: LengthUnit = MM
+    measurements: bool = True
 
     @classmethod
     def of(cls, background: object = "dark", decorations: Iterable[str] = ()) -> Decorations:
@@ -142,6 +146,27 @@ def draw_edges(
     return alpha[..., None] * color, depth
 
 
+def stroke_cover(
+    lines: Iterable[NDArray[np.float64]], size: tuple[int, int], half: float
+) -> NDArray[np.float32]:
+    """Return how much of each pixel lines cover, (H, W) float32.
+
+    Parameters
+    ----------
+    lines : iterable of (N, 2) ndarray of float64
+        Row and column of the ends of their pieces.
+    size : (int, int)
+        Height and width of the image, pixels.
+    half : float
+        Half of their width, pixels.
+    """
+    cover, depth = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
+    for line in lines:
+        for (r0, c0), (r1, c1) in pairwise(line):
+            _stroke(cover, depth, r0, c0, 0.0, r1, c1, 0.0, half, np.inf)
+    return cover
+
+
 def draw_scale(
     camera: Camera, size: tuple[int, int], ink: Color, unit: LengthUnit = MM
 ) -> NDArray[np.float32]:
@@ -194,24 +219,45 @@ def scale_mark(
     assert isinstance(font, ImageFont.FreeTypeFont), "a size was asked for"
     # Beside a short bar the words end where the bar ends, or the edge would cut them off.
     middle = min(right - pixels / 2, right + edge - 4 - font.getlength(words) / 2)
-    _write(pen, middle, bottom - thick - round(6 * zoom), words, font)
+    write(pen, middle, bottom - thick - round(6 * zoom), words, font)
     alpha = np.asarray(canvas, np.float32)[..., None] / np.float32(255)
     color = np.array([*ink[:3], 1.0], np.float32) * np.float32(min(1.0, ink[3] + 0.2))
     drawn: NDArray[np.float32] = alpha * color
     return drawn, size[0] - height, size[1] - width
 
 
-def _write(
-    pen: ImageDraw.ImageDraw, middle: float, baseline: float, words: str, font: FreeTypeFont
+def write(
+    pen: ImageDraw.ImageDraw,
+    middle: float,
+    baseline: float,
+    words: str,
+    font: FreeTypeFont,
+    rim: int = 0,
 ) -> None:
+    """Write words into a mask.
+
+    Parameters
+    ----------
+    pen : ImageDraw
+    middle, baseline : float
+        Column and row.
+    words : str
+    font : FreeTypeFont
+        Pillow's own.
+    rim : int
+        So many pixels thicker on all sides.
+    """
     # Pillow's own font has no µ: it is written as a u with a longer stem.
     plain = words.replace("\N{MICRO SIGN}", "u")
-    pen.text((middle, baseline), plain, fill=255, font=font, anchor="ms")
+    pen.text((middle, baseline), plain, fill=255, font=font, anchor="ms", stroke_width=rim)
     if MICRO in words:
         start = middle - font.getlength(plain) / 2 + font.getlength(plain[: words.index(MICRO)])
         left = round(start + font.getbbox("u", anchor="ls")[0])
         stem, below = max(1, round(font.size / 11)), round(font.size / 5)
-        pen.rectangle((left, baseline - below, left + stem - 1, baseline + below), fill=255)
+        corners = (left, baseline - below, left + stem - 1, baseline + below)
+        pen.rectangle(
+            tuple(v + way * rim for v, way in zip(corners, (-1, -1, 1, 1), strict=True)), fill=255
+        )
 
 
 def round_length(longest: float, unit: LengthUnit = MM) -> tuple[float, str]:

@@ -1,6 +1,6 @@
 from .images import save_png
 from .movies import movie
-from .report import save_objects_csv, save_objects_page
+from .report import save_measurements_csv, save_objects_csv, save_objects_page
 from .scan import Scan
 from .sessions import open_session, save_session
 from .surfaces import save_surfaces
@@ -12,6 +12,7 @@ __all__ = [
     "load_volume",
     "movie",
     "open_session",
+    "save_measurements_csv",
     "save_objects_csv",
     "save_objects_page",
     "save_png",

@@ -112,6 +112,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
             direction=now.direction,
             styles=now.styles,
             colors=now.colors,
+            measurements=now.measurements,
         )
         # Names of now; no trace of edits, as the copy has nothing to undo.
         data = replace(data, facts=session.objects, edit=None, previous=None)
@@ -169,7 +170,7 @@ def decorated(
         around.background if background is None else background,
         shown if decorations is None else decorations,
     )
-    return replace(made, unit=around.unit)
+    return replace(made, unit=around.unit, measurements=around.measurements)
 
 
 def packed_count(session: Session) -> int:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import check_writable, checked_target, written_atomically
-from napari_unpack.geometry.length_unit import MM, LengthUnit, VolumeUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from napari_unpack.session import Session
+    from napari_unpack.session.measurements import Measurement
 
 STYLE = """
 :root { color-scheme: light dark; --ground: #fbfbfc; --raised: #ffffff; --ink: #1c2128;
@@ -40,6 +41,7 @@ STYLE = """
 body { margin: 0 auto; max-width: 1080px; padding: 32px 20px 48px; background: var(--ground);
   color: var(--ink); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }
 h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em; }
+h2 { font-size: 18px; margin: 28px 0 10px; }
 p, footer { color: var(--faint); margin: 0; }
 figure { margin: 20px 0; }
 figure img { display: block; width: 100%; height: auto; border-radius: 10px; }
@@ -208,11 +210,31 @@ def _page(title: str, session: Session, bag: str, rows: str) -> str:
 {rows}
 </tbody>
 </table></div>
-<footer>Made with napari-unpack.</footer>
+{_measured(session)}<footer>Made with napari-unpack.</footer>
 <script>{SCRIPT}</script>
 </body>
 </html>
 """
+
+
+def _measured(session: Session) -> str:
+    told = ((m.words_in(session.length_unit), _names_on(session, m)) for m in session.measurements)
+    rows = "\n".join(f"<tr><td>{words}</td><td>{escape(on)}</td></tr>" for words, on in told)
+    if not rows:
+        return ""
+    return f"""<h2>Measurements</h2>
+<div class="wide"><table>
+<thead><tr><th scope="col">Measured</th><th scope="col">On</th></tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table></div>
+"""
+
+
+def _names_on(session: Session, measured: Measurement) -> str:
+    names = session.objects["name"]
+    return ", ".join(str(names[i]) for i in sorted(measured.objects) if i in names.index)
 
 
 def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
@@ -291,9 +313,50 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
     target = Path(path)
     objects = _in_unit(objects, unit).map(_not_a_formula)
     with written_atomically(target) as temporary:
-        # Six digits are more than any measure has; one line end on every system.
-        objects.to_csv(temporary, index_label="id", float_format="%.6g", lineterminator="\n")
+        _write_csv(objects, temporary, "id")
     return target
+
+
+def save_measurements_csv(session: Session, path: str | Path) -> Path:
+    """Write what was measured, one row a measurement, in the session's unit of lengths.
+
+    Parameters
+    ----------
+    session : Session
+        Its rulers and angles.
+    path : str or Path
+        The file; its folder must exist.
+    """
+    import pandas as pd
+
+    unit = session.length_unit
+    # As columns of other tables are called.
+    suffix = "um" if unit.name == MICRO else unit.name
+    rows = []
+    for one in session.measurements:
+        lengths = [mm * unit.per_mm for mm in one.lengths]
+        row = {
+            "kind": "length" if one.angle is None else "angle",
+            f"length_{suffix}": lengths[0],
+            f"second_length_{suffix}": lengths[1] if len(lengths) > 1 else None,
+            "angle_degrees": one.angle,
+            "objects": _names_on(session, one),
+        }
+        for k, end in enumerate(one.ends * unit.per_mm, 1):
+            row |= {f"{axis}{k}_{suffix}": v for axis, v in zip("zyx", end, strict=True)}
+        rows.append(row)
+    ends = [f"{axis}{k}_{suffix}" for k in (1, 2, 3) for axis in "zyx"]
+    told = [f"length_{suffix}", f"second_length_{suffix}", "angle_degrees", "objects", *ends]
+    table = pd.DataFrame(rows, index=range(1, len(rows) + 1), columns=["kind", *told])
+    target = Path(path)
+    with written_atomically(target) as temporary:
+        _write_csv(table.map(_not_a_formula), temporary, "measurement")
+    return target
+
+
+def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
+    # Six digits are more than any measure has; one line end on every system.
+    table.to_csv(path, index_label=index, float_format="%.6g", lineterminator="\n")
 
 
 def _not_a_formula(value: Any) -> Any:

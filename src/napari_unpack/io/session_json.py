@@ -403,6 +403,7 @@ def decorations_record(around: Decorations) -> dict[str, Any]:
         "picture": None if ground.image is None else _encoded(ground.image),
         "box": around.box,
         "scale": around.scale,
+        "measurements": around.measurements,
         "unit": {"name": around.unit.name, "per_mm": around.unit.per_mm},
     }
 
@@ -431,7 +432,9 @@ def decorations_from(fields: Fields) -> Decorations:
     if fields.has("unit"):
         told = fields.part("unit")
         unit = LengthUnit(told.text("name"), told.positive("per_mm"))
-    return Decorations(ground, fields.flag("box"), fields.flag("scale"), unit)
+    # Files of before always drew what was measured.
+    measured = fields.flag("measurements") if fields.has("measurements") else True
+    return Decorations(ground, fields.flag("box"), fields.flag("scale"), unit, measured)
 
 
 def _encoded(picture: Any) -> str:

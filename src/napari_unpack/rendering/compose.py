@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from napari_unpack.appearance import Decorations
-from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
@@ -19,6 +19,7 @@ from napari_unpack.memory import check_picture
 from napari_unpack.rendering.decorated_image import box_patch, on_background
 from napari_unpack.rendering.image_patch import Image, ImagePatch, Window, compose, nothing
 from napari_unpack.rendering.object_casting import cast_subvolume
+from napari_unpack.rendering.rulers import Pixels, ruler_pixels, with_rulers
 from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
 from napari_unpack.rendering.upsampling import upsampled
 
@@ -235,8 +236,10 @@ def scene_image(
         for i, flight in scene.flights.items():
             pose = flight.pose(time, camera)
             patches.append(object_image(scene, i, pose, camera, size, 1.0, backend, shading))
+    drawn = _rulers_drawn(scene, camera, size, time)
     if not inspected:
-        return on_background(compose(size, patches), camera, around)
+        whole = on_background(compose(size, patches), camera, around)
+        return with_rulers(whole, drawn, around.background.is_light)
     dimmed = ImagePatch(
         DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
     )
@@ -246,7 +249,39 @@ def scene_image(
         object_image(scene, i, pose, camera, size, fine, backend, shading, smooth=True)
         for i, pose in zip(inspected, posed, strict=True)
     ]
-    return on_background(compose(size, [dimmed, *alone]), camera, around)
+    whole = on_background(compose(size, [dimmed, *alone]), camera, around)
+    return with_rulers(whole, drawn, around.background.is_light)
+
+
+def _rulers_drawn(
+    scene: Scene, camera: Camera, size: tuple[int, int], time: float | None
+) -> list[tuple[Pixels, tuple[str, ...]]]:
+    """Return points and numbers of the rulers that can be drawn now."""
+
+    def pivot_from_scan(object_id: int) -> Matrix | None:
+        if object_id in scene.inspected:
+            pose = _inspected_pose(scene, object_id, camera, size)
+        elif object_id in scene.flights:
+            if time is None:
+                return None
+            pose = scene.flights[object_id].pose(time, camera)
+        elif object_id in scene.poses:
+            pose = scene.poses[object_id]
+        else:
+            apart = object_id in scene.mean_densities and object_id not in scene.packed
+            return None if apart else camera.pivot_from_world()
+        return pose.pivot_from_world(scene.boxes.center(object_id, scene.spacing))
+
+    found = []
+    for ruler in scene.rulers:
+        # Objects deleted since belong to the bag as such.
+        owners = frozenset(i if i in scene.mean_densities else 0 for i in ruler.owners)
+        # The inspected object stands before all others, and before what was measured on them.
+        if not scene.inspected or owners == frozenset(scene.inspected):
+            pixels = ruler_pixels(owners, ruler.points, pivot_from_scan, camera, size)
+            if pixels is not None:
+                found.append((pixels, ruler.numbers))
+    return found
 
 
 def _inspected_pose(scene: Scene, object_id: int, camera: Camera, size: tuple[int, int]) -> Pose:

@@ -18,6 +18,7 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_casting import Appearance
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.subvolumes import RenderCache, Subvolume, SubvolumeCache
 from napari_unpack.rendering.upsampling import appearance_at
 from napari_unpack.unpacking import Flight
@@ -106,6 +107,8 @@ class Scene:
         Planes (point, normal) that cut what is packed, voxels z y x.
     decorations : Decorations
         Background, box and scale bar.
+    rulers : tuple of Ruler
+        What was measured and is shown.
     largest_id : int
         Of the tables by ID; at least the largest of the labels.
     cache : RenderCache
@@ -133,6 +136,7 @@ class Scene:
     mean_densities: Mapping[int, float] = field(default_factory=dict)
     clipping: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
     decorations: Decorations = field(default_factory=Decorations.of)
+    rulers: tuple[Ruler, ...] = ()
     largest_id: int = 0
     cache: RenderCache = field(default_factory=RenderCache)
 

@@ -270,8 +270,9 @@ class Document:
             self.events.transfer_function.emit(self.state.transfer_function)
 
     def decorate(self, decorations: Decorations) -> None:
-        """Take another background, box and scale bar; the unit of lengths stays."""
-        kept = replace(decorations, unit=self.view_state.decorations.unit)
+        """Take another background, box and scale bar; what is told of lengths stays."""
+        before = self.view_state.decorations
+        kept = replace(decorations, unit=before.unit, measurements=before.measurements)
         self.see(decorations=kept)
         self.events.surroundings.emit(kept)
 
@@ -283,6 +284,11 @@ class Document:
         if unit != around.unit:
             self.see(decorations=replace(around, unit=unit))
             self.events.surroundings.emit(self.view_state.decorations)
+
+    def show_measurements(self, shown: bool) -> None:
+        """Draw what was measured, or not; told as surroundings."""
+        self.see(decorations=replace(self.view_state.decorations, measurements=shown))
+        self.events.surroundings.emit(self.view_state.decorations)
 
     def set_tints(self, mode: Mode) -> None:
         """Make tints of hues another way; told as a change of hues."""

@@ -90,10 +90,15 @@ class Measurement:
         """What was measured, for people: "34.2 mm", or "90.0° (12.0 mm, 34.2 mm)"."""
         return self.words_in(MM)
 
+    def numbers_in(self, unit: LengthUnit) -> tuple[str, ...]:
+        """Return each length in a unit, then the angle, in words."""
+        lengths = tuple(length_words(mm, unit) for mm in self.lengths)
+        return lengths if self.angle is None else (*lengths, angle_words(self.angle))
+
     def words_in(self, unit: LengthUnit) -> str:
         """Say what was measured in a unit of lengths."""
-        lengths = ", ".join(length_words(mm, unit) for mm in self.lengths)
-        return lengths if self.angle is None else f"{angle_words(self.angle)} ({lengths})"
+        numbers = self.numbers_in(unit)
+        return numbers[0] if len(numbers) == 1 else f"{numbers[2]} ({numbers[0]}, {numbers[1]})"
 
 
 class Measurements:
@@ -112,6 +117,15 @@ class Measurements:
 
     def __len__(self) -> int:
         return len(self._doc.state.measurements)
+
+    @property
+    def shown(self) -> bool:
+        """Whether they are drawn: in the 3D view and in slices, in pictures and films."""
+        return self._doc.view_state.decorations.measurements
+
+    @shown.setter
+    def shown(self, shown: bool) -> None:
+        self._doc.show_measurements(bool(shown))
 
     def add(self, points: Iterable[SurfacePoint]) -> Measurement:
         """Add a measurement, which can be undone; return it."""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from napari_unpack.appearance import Decorations
+from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import RenderCache
 from napari_unpack.session.labels import LabelData
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.state import SessionState
 
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
@@ -51,6 +54,7 @@ class SceneDescription:
             mean_densities=self._mean_densities(data),
             clipping=view.clipping,
             decorations=view.decorations,
+            rulers=_rulers(state, view.decorations),
             largest_id=data.largest_id,
             cache=self._cache,
         )
@@ -60,6 +64,12 @@ class SceneDescription:
         if known is None or known[0] is not data.facts:
             known = self._densities = data.facts, data.facts["mean_density"].to_dict()
         return known[1]
+
+
+def _rulers(state: SessionState, around: Decorations) -> tuple[Ruler, ...]:
+    if not around.measurements:
+        return ()
+    return tuple(Ruler(m.objects, m.ends, m.numbers_in(around.unit)) for m in state.measurements)
 
 
 def _parts(session: Session) -> tuple[Any, ...]:

@@ -21,7 +21,6 @@ from napari_unpack.tasks import Task
 from napari_unpack.viewer.layer_tables import hint
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
-from napari_unpack.viewer.ruler_drawing import numbers_of
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.viewer.surface_points import pivot_from_scan, surface_point
 
@@ -46,8 +45,8 @@ class SliceEvents(SignalGroup):
     """What linked slices tell.
 
     crosshair: the voxel that all three slices go through. drawn: a plane and the image of its
-    slice, (H, W, 4) uint8. window: the densities shown black and white. rulers: other
-    measurements than before.
+    slice, (H, W, 4) uint8. window: the densities shown black and white. rulers: measurements may
+    be others.
     """
 
     crosshair = Signal(tuple)
@@ -143,11 +142,8 @@ class LinkedSlices:
         changes = (events.labels, events.states, events.hues)
         # The unit of lengths is among the surroundings.
         measured = (events.measurements, events.surroundings, self._controller.rulers.picked)
-        return [
-            *((event, self._redraw) for event in changes),
-            *((event, self._measured) for event in measured),
-            (events.selected, self._follow),
-        ]
+        followed = [(event, self._redraw) for event in (*changes, *measured)]
+        return [*followed, (events.selected, self._follow)]
 
     # What is where.
 
@@ -208,7 +204,7 @@ class LinkedSlices:
         near = self._controller.rulers.near_slice(plane.normal, self.crosshair[plane.normal])
         unit = self._session.length_unit
         return [
-            RulerInSlice(voxels, () if one is None else tuple(numbers_of(one, unit)), strength)
+            RulerInSlice(voxels, () if one is None else one.numbers_in(unit), strength)
             for voxels, one, strength in near
         ]
 
@@ -266,6 +262,7 @@ class LinkedSlices:
     def draw(self) -> None:
         """Have all three slices drawn."""
         if self._open:
+            self.events.rulers.emit()
             tints = self.tints()
             for plane in PLANES:
                 self._draw(plane, tints)
@@ -281,9 +278,6 @@ class LinkedSlices:
             Worker.SLICE,
             partial(self.events.drawn.emit, plane),
         )
-
-    def _measured(self, *_: object) -> None:
-        self._controller.scheduler.soon(self.events.rulers.emit)
 
     def _redraw(self, *_: object) -> None:
         # Sessions tell from whichever thread changed them.
@@ -341,11 +335,9 @@ class LinkedSlices:
     def _mark(self, marked: bool) -> None:
         """Show the crosshair's point in the 3D view, or not."""
         if marked or self._marked:
-            self._controller.scheduler.throttle(self.marker, MARK_MS, self._repaint)
+            repaint = self._controller.renderer.transition.repaint
+            self._controller.scheduler.throttle(self.marker, MARK_MS, repaint)
         self._marked = marked
-
-    def _repaint(self) -> None:
-        self._controller.renderer.transition.repaint()
 
     def _marker_point(self, frame: Frame) -> Vector | None:
         renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)

@@ -3,34 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from psygnal import Signal
 
-from napari_unpack.geometry.axes import transform_points
-from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.placement import data_to_world, units_of
 from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
+from napari_unpack.rendering.rulers import (
+    AWAY,
+    INK,
+    Pixels,
+    number_spots,
+    ruler_pixels,
+    strokes_of,
+)
 from napari_unpack.session.measurements import Measurement, SurfacePoint
-from napari_unpack.session.quantities import angle_words, length_words
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
 from napari_unpack.viewer.protocols import PointerTarget
 from napari_unpack.viewer.surface_points import pivot_from_scan
 
-INK = (1.0, 0.9, 0.35)
-
-# Logical pixels: half a cross at each end, an angle's arc, and a number's way from its line.
-CROSS, ARC, AWAY = 4.0, 26.0, 4.0
-ARC_LINES = 12
 # Voxels from the slice within which a point counts as in it, and how faint a line is that is not.
 IN_SLICE, FAINT = 1.0, 0.35
 
-Pixels = NDArray[np.float64]
 Drawn = tuple[Pixels, Measurement | None, float]
 
 
@@ -122,7 +120,8 @@ class RulerDrawing:
                 yield voxels, measurement, 1.0 if near.all() else FAINT
 
     def _all(self) -> Iterator[tuple[tuple[SurfacePoint, ...], Measurement | None]]:
-        for measurement in self._target.session.measurements:
+        measurements = self._target.session.measurements
+        for measurement in measurements if measurements.shown else ():
             yield measurement.points, measurement
         if self._pending:
             yield self._pending, None
@@ -134,15 +133,9 @@ class RulerDrawing:
         # The inspected object stands before all others, and before what was measured on them.
         if inspected and owners != {inspected}:
             return None
-        maps = [pivot_from_scan(self._target, i, frame) for i in owners]
-        first = maps[0]
-        # Between objects that stand apart now the line would be of another length than it says.
-        if first is None or any(m is None or not np.allclose(m, first) for m in maps):
-            return None
-        pivot = transform_points(first, np.array([point.at for point in points]))
-        if (pivot[:, 0] >= 0.98 * frame.camera.distance).any():
-            return None
-        return frame.camera.pixels(pivot, frame.size)
+        ends = np.array([point.at for point in points])
+        where = partial(pivot_from_scan, self._target, frame=frame)
+        return ruler_pixels(frozenset(owners), ends, where, frame.camera, frame.size)
 
     def _quads(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:
         scale = self._pixel_scale()
@@ -158,7 +151,7 @@ class RulerDrawing:
     ) -> list[Quad]:
         quads, scale = [], self._pixel_scale()
         on_light = self._target.session.decorations.background.is_light
-        words = numbers_of(measured, self._target.session.length_unit)
+        words = measured.numbers_in(self._target.session.length_unit)
         for text, (spot, way) in zip(words, number_spots(pixels, scale), strict=True):
             image = self._text.image(text, on_light)
             half = np.array(image.size) / 2
@@ -170,20 +163,8 @@ class RulerDrawing:
         return quads
 
 
-def numbers_of(measured: Measurement, unit: LengthUnit) -> list[str]:
-    """Return the words at the places of `number_spots`: each length, then the angle.
-
-    Parameters
-    ----------
-    measured : Measurement
-    unit : LengthUnit
-    """
-    words = [length_words(mm, unit) for mm in measured.lengths]
-    return words if measured.angle is None else [*words, angle_words(measured.angle)]
-
-
 def lines_of(pixels: Pixels, opacity: float, scale: float) -> list[Line]:
-    """Return the lines of a measurement: its sides, a cross at each point, an angle's arc.
+    """Return the lines of a measurement.
 
     Parameters
     ----------
@@ -193,58 +174,4 @@ def lines_of(pixels: Pixels, opacity: float, scale: float) -> list[Line]:
     scale : float
         Device pixels of a logical pixel.
     """
-    ink = (*INK, opacity)
-    cross = CROSS * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
-    lines = [Line(pixel + arm, ink) for pixel in pixels for arm in cross]
-    if len(pixels) > 1:
-        lines.append(Line(pixels, ink))
-    if len(pixels) == 3:
-        lines.append(Line(arc(pixels, ARC * scale), ink))
-    return lines
-
-
-def number_spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels]]:
-    """Return where numbers stand: for each side, then an angle's, a point and the way from it.
-
-    Parameters
-    ----------
-    pixels : (N, 2) ndarray of float64
-        Points of a measurement.
-    scale : float
-        Device pixels of a logical pixel.
-    """
-    middles = [(a + b) / 2 for a, b in pairwise(pixels)]
-    if len(pixels) == 2:
-        return [(middles[0], np.ones(2))]
-    sides = pixels[[0, 2]] - pixels[1]
-    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-9)
-    inwards = sides.sum(axis=0)
-    if np.linalg.norm(inwards) < 1e-3:
-        # Of a straight angle both sides are inside.
-        inwards = np.array([sides[0, 1], -sides[0, 0]])
-    inwards /= np.linalg.norm(inwards)
-    # Lengths stand outside, where the angle's number is not.
-    return [
-        *((middle, -inwards) for middle in middles),
-        (pixels[1] + ARC * scale * inwards, inwards),
-    ]
-
-
-def arc(pixels: Pixels, radius: float) -> Pixels:
-    """Return an arc about the middle one of three points, (N, 2).
-
-    Parameters
-    ----------
-    pixels : (3, 2) ndarray of float64
-    radius : float
-        Not longer than half of either side.
-    """
-    sides = pixels[[0, 2]] - pixels[1]
-    lengths = np.linalg.norm(sides, axis=1)
-    radius = min(radius, 0.5 * float(lengths.min()))
-    first, last = np.arctan2(sides[:, 0], sides[:, 1])
-    # The short way round.
-    turn = (last - first + np.pi) % (2 * np.pi) - np.pi
-    angles = first + turn * np.linspace(0.0, 1.0, ARC_LINES + 1)
-    points: Pixels = pixels[1] + radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
-    return points
+    return [Line(line, (*INK, opacity)) for line in strokes_of(pixels, scale)]

@@ -70,15 +70,15 @@ class Export:
         Of its files, the usual one first.
     write : callable
         (session, path, options, progress) -> path; runs in a worker and changes no session.
-    of_selected : bool
-        Whether it needs objects to be selected.
+    there : callable, optional
+        Tells whether a session has something to be written.
     """
 
     title: str
     word: str
     suffixes: tuple[str, ...]
     write: Callable[[Session, Path, ExportOptions, Progress], Path]
-    of_selected: bool = False
+    there: Callable[[Session], bool] = lambda session: True
 
 
 # Workers have no GL context of the viewer's, so exports are drawn by the processor.
@@ -131,6 +131,13 @@ def _table(session: Session, path: Path, options: ExportOptions, progress: Progr
     return save_objects_csv(session.objects, path, session.length_unit)
 
 
+def _measurements(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
+    from napari_unpack.io import save_measurements_csv
+
+    progress(0.0, "Writing the measurements")
+    return save_measurements_csv(session, path)
+
+
 def _surfaces(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io.surfaces import save_surfaces
 
@@ -153,8 +160,17 @@ EXPORTS = (
     Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
     Export("Web page", "objects", (".html",), _report),
     Export("Table", "objects", (".csv",), _table),
+    Export(
+        "Measurements", "measurements", (".csv",), _measurements, lambda s: len(s.measurements) > 0
+    ),
     Export("Surfaces of all objects", "surfaces", MESHES, _surfaces),
-    Export("Surfaces of the selected objects", "selected surfaces", MESHES, _some_surfaces, True),
+    Export(
+        "Surfaces of the selected objects",
+        "selected surfaces",
+        MESHES,
+        _some_surfaces,
+        lambda s: bool(s.selected),
+    ),
 )
 
 WHOLE = "Session with its volume (*.unpack)"
@@ -217,8 +233,7 @@ class FilesSection(Section):
         for kind in EXPORTS:
             action = self.menu.addAction(f"{kind.title}…")
             action.triggered.connect(partial(self._ask, kind))
-            if kind.of_selected:
-                self.menu.aboutToShow.connect(partial(self._enable, action))
+            self.menu.aboutToShow.connect(partial(self._enable, action, kind))
         self.export.setMenu(self.menu)
         self.width_px, self.height_px = _pixels(1280), _pixels(960)
         self.fps = QSpinBox()
@@ -245,9 +260,9 @@ class FilesSection(Section):
         self.contents.addWidget(more)
         self.contents.addWidget(self.progress)
 
-    def _enable(self, action: QAction) -> None:
+    def _enable(self, action: QAction, kind: Export) -> None:
         session = self._workspace.session
-        action.setEnabled(session is not None and bool(session.selected))
+        action.setEnabled(session is not None and kind.there(session))
 
     def _refresh(self) -> None:
         idle = not self.progress.running

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from qtpy.QtCore import Qt, Signal
+from qtpy.QtCore import QSignalBlocker, Qt, Signal
 from qtpy.QtGui import QKeyEvent
-from qtpy.QtWidgets import QListWidget, QListWidgetItem
+from qtpy.QtWidgets import QCheckBox, QListWidget, QListWidgetItem
 
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.ruler_tool import RulerTool
@@ -39,6 +39,12 @@ class MeasureBox(Collapsible):
             "Angle", "Measure an angle: click three points; it is taken at the second (A)."
         )
         self.remove = button("Remove", "Remove the measurement selected in the list (Del).")
+        self.show_all = QCheckBox("Show")
+        self.show_all.setToolTip(
+            "Draw what was measured: in the 3D view and in slices, in pictures, movies and the web "
+            "page."
+        )
+        self.show_all.setChecked(True)
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
         self.list = _List()
@@ -48,12 +54,13 @@ class MeasureBox(Collapsible):
         self.list.hide()
         for tool in (self.ruler, self.angle):
             tool.setCheckable(True)
-        self.contents.addLayout(row(self.ruler, self.angle, self.remove))
+        self.contents.addLayout(row(self.ruler, self.angle, self.remove, self.show_all))
         self.contents.addWidget(self.next_click)
         self.contents.addWidget(self.list)
         self.ruler.clicked.connect(lambda: self.measure(2))
         self.angle.clicked.connect(lambda: self.measure(3))
         self.remove.clicked.connect(self._remove_chosen)
+        self.show_all.toggled.connect(self._show_measurements)
         self.list.delete_pressed.connect(self._remove_chosen)
         self.list.itemSelectionChanged.connect(self._enable)
         workspace.switched.connect(self._follow)
@@ -86,6 +93,10 @@ class MeasureBox(Collapsible):
             with errors_shown():
                 session.measurements.add(points)
 
+    def _show_measurements(self, shown: bool) -> None:
+        if (session := self._workspace.session) is not None:
+            session.measurements.shown = shown
+
     def _show_next_click(self, sentence: str) -> None:
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
@@ -101,7 +112,7 @@ class MeasureBox(Collapsible):
         self._show_next_click("")
         self._show_tool()
         session = self._workspace.session
-        for tool in (self.ruler, self.angle):
+        for tool in (self.ruler, self.angle, self.show_all):
             tool.setEnabled(session is not None)
         self._fill()
 
@@ -113,6 +124,8 @@ class MeasureBox(Collapsible):
     def _fill(self) -> None:
         session = self._workspace.session
         measurements = () if session is None else tuple(session.measurements)
+        with QSignalBlocker(self.show_all):
+            self.show_all.setChecked(session is None or session.measurements.shown)
         if not measurements and not self.list.count():
             return
         chosen = self.list.currentRow()

@@ -11,10 +11,11 @@ from qtpy.QtCore import QEvent, QLineF, QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QImage, QPainter, QPen
 from qtpy.QtWidgets import QToolTip, QWidget
 
+from napari_unpack.rendering.rulers import AWAY, number_spots
 from napari_unpack.rendering.slice_image import Plane
 from napari_unpack.viewer.canvas_lines import draw_lines
 from napari_unpack.viewer.canvas_text import draw_words
-from napari_unpack.viewer.ruler_drawing import AWAY, lines_of, number_spots
+from napari_unpack.viewer.ruler_drawing import lines_of
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent, QWheelEvent
@@ -230,7 +231,7 @@ class SliceView(QWidget):
             self._enlarge(ZOOM_STEP**notches, event.position())
         elif notches and self._crosshair is not None:
             axis = self.plane.normal
-            self._go(self._moved(self._crosshair, {axis: self._crosshair[axis] - notches}))
+            self.pointed.emit(self._moved(self._crosshair, {axis: self._crosshair[axis] - notches}))
 
     def leaveEvent(self, event: QEvent) -> None:
         """Tell that the mouse is on no object any more."""
@@ -249,13 +250,10 @@ class SliceView(QWidget):
             self.name = ""
             self.left.emit()
         else:
-            self._go(voxel)
+            self.pointed.emit(voxel)
         if self.name != before:
             # At once: names are read while the mouse moves on.
             QToolTip.showText(self.mapToGlobal(place.toPoint()), self.name, self)
-
-    def _go(self, voxel: Voxel) -> None:
-        self.pointed.emit(voxel)
 
     def _enlarge(self, factor: float, around: QPointF | None = None) -> None:
         """Zoom; what is under the mouse stays there, or else the crosshair."""
@@ -293,7 +291,7 @@ class SliceView(QWidget):
             super().keyPressEvent(event)
         elif event.key() in ways:
             axis, way = ways[event.key()]
-            self._go(self._moved(known, {axis: known[axis] + way}))
+            self.pointed.emit(self._moved(known, {axis: known[axis] + way}))
         elif event.key() in zooms:
             self._enlarge(zooms[event.key()])
         elif event.key() == Qt.Key.Key_Home:

@@ -1,0 +1,193 @@
+"""Measurements in pictures: their lines, an angle's arc, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.appearance.decorations import stroke_cover, write
+from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.view import Camera
+from napari_unpack.rendering.image_patch import Image
+
+INK = (1.0, 0.9, 0.35)
+# Dark on each side of a line, or it would be lost on bright objects.
+HALO, RIM = (0.0, 0.0, 0.0, 0.55), 1.0
+LIGHT, DARK = (0.96, 0.97, 0.99), (0.09, 0.09, 0.12)
+# Of the rim around numbers, which keeps them legible on anything.
+FAINT = 0.75
+
+# Logical pixels: a line, half a cross at each end, an angle's arc, a number's way from its line,
+# and its letters.
+WIDTH, CROSS, ARC, AWAY, LETTERS = 2.0, 4.0, 26.0, 4.0, 14
+ARC_LINES = 12
+
+Pixels = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Ruler:
+    """A length or an angle as pictures show it.
+
+    Parameters
+    ----------
+    owners : frozenset of int
+        The objects that its points go along with, 0 for none.
+    points : (N, 3) ndarray of float64
+        Two, or three for an angle; mm of the scan.
+    numbers : tuple of str
+        Its lengths, then its angle, in words.
+    """
+
+    owners: frozenset[int]
+    points: NDArray[np.float64]
+    numbers: tuple[str, ...]
+
+
+def ruler_pixels(
+    owners: frozenset[int],
+    points: NDArray[np.float64],
+    pivot_from_scan: Callable[[int], Matrix | None],
+    camera: Camera,
+    size: tuple[int, int],
+) -> Pixels | None:
+    """Return the pixels of points that were measured; None where they cannot be shown.
+
+    Parameters
+    ----------
+    owners : frozenset of int
+        Whose points they are, 0 for none.
+    points : (N, 3) ndarray of float64
+        mm of the scan.
+    pivot_from_scan : callable
+        Returns where an object is now, None where it is not seen.
+    camera : Camera
+    size : (int, int)
+        Height and width of the image, pixels.
+    """
+    maps = [pivot_from_scan(i) for i in owners]
+    first = maps[0]
+    # Between objects that stand apart now the line would be of another length than it says.
+    if first is None or any(m is None or not np.allclose(m, first) for m in maps):
+        return None
+    pivot = transform_points(first, points)
+    if (pivot[:, 0] >= 0.98 * camera.distance).any():
+        return None
+    return camera.pixels(pivot, size)
+
+
+def strokes_of(pixels: Pixels, scale: float) -> list[Pixels]:
+    """Return the lines of a measurement: its sides, a cross at each point, an angle's arc.
+
+    Parameters
+    ----------
+    pixels : (N, 2) ndarray of float64
+        Its points.
+    scale : float
+        Pixels of a logical pixel.
+    """
+    cross = CROSS * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
+    lines = [pixel + arm for pixel in pixels for arm in cross]
+    if len(pixels) > 1:
+        lines.append(pixels)
+    if len(pixels) == 3:
+        lines.append(arc(pixels, ARC * scale))
+    return lines
+
+
+def with_rulers(image: Image, drawn: Sequence[tuple[Pixels, Sequence[str]]], light: bool) -> Image:
+    """Draw measurements over a premultiplied image.
+
+    Parameters
+    ----------
+    image : (H, W, 4) ndarray of float32
+    drawn : sequence of ((N, 2) ndarray of float64, sequence of str)
+        Points and numbers of each.
+    light : bool
+        Whether the background is.
+    """
+    from PIL import Image as Pillow
+    from PIL import ImageDraw, ImageFont
+
+    if not drawn:
+        return image
+    size = image.shape[0], image.shape[1]
+    # Sizes are those of an image 720 pixels high, as the scale bar's are.
+    scale = max(min(size) / 720, 0.6)
+    strokes = [line for pixels, _ in drawn for line in strokes_of(pixels, scale)]
+    for half, ink in ((WIDTH / 2 + RIM, HALO), (WIDTH / 2, (*INK, 1.0))):
+        image = _over(image, stroke_cover(strokes, size, half * scale), ink)
+    font = ImageFont.load_default(size=max(9, round(LETTERS * scale)))
+    assert isinstance(font, ImageFont.FreeTypeFont), "a size was asked for"
+    inks = (LIGHT, DARK) if light else (DARK, LIGHT)
+    for rim, ink in ((max(1, round(scale)), (*inks[0], FAINT)), (0, (*inks[1], 1.0))):
+        canvas = Pillow.new("L", (size[1], size[0]))
+        pen = ImageDraw.Draw(canvas)
+        for pixels, numbers in drawn:
+            for words, (spot, way) in zip(numbers, number_spots(pixels, scale), strict=True):
+                half_size = np.array([font.size, font.getlength(words)]) / 2
+                row, col = spot + way * (AWAY * scale + half_size)
+                # A number outside the picture could not be read.
+                row, col = np.clip((row, col), half_size, np.array(size) - half_size)
+                write(pen, float(col), float(row) + font.size / 3, words, font, rim)
+        image = _over(image, np.asarray(canvas, np.float32) / np.float32(255), ink)
+    return image
+
+
+def _over(
+    image: Image, cover: NDArray[np.float32], ink: tuple[float, float, float, float]
+) -> Image:
+    alpha = cover[..., None] * np.float32(ink[3])
+    laid: Image = alpha * np.array([*ink[:3], 1.0], np.float32) + (1 - alpha) * image
+    return laid
+
+
+def number_spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels]]:
+    """Return where numbers stand: for each side, then an angle's, a point and the way from it.
+
+    Parameters
+    ----------
+    pixels : (N, 2) ndarray of float64
+        Points of a measurement.
+    scale : float
+        Device pixels of a logical pixel.
+    """
+    middles = [(a + b) / 2 for a, b in pairwise(pixels)]
+    if len(pixels) == 2:
+        return [(middles[0], np.ones(2))]
+    sides = pixels[[0, 2]] - pixels[1]
+    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-9)
+    inwards = sides.sum(axis=0)
+    if np.linalg.norm(inwards) < 1e-3:
+        # Of a straight angle both sides are inside.
+        inwards = np.array([sides[0, 1], -sides[0, 0]])
+    inwards /= np.linalg.norm(inwards)
+    # Lengths stand outside, where the angle's number is not.
+    return [
+        *((middle, -inwards) for middle in middles),
+        (pixels[1] + ARC * scale * inwards, inwards),
+    ]
+
+
+def arc(pixels: Pixels, radius: float) -> Pixels:
+    """Return an arc about the middle one of three points, (N, 2).
+
+    Parameters
+    ----------
+    pixels : (3, 2) ndarray of float64
+    radius : float
+        Not longer than half of either side.
+    """
+    sides = pixels[[0, 2]] - pixels[1]
+    lengths = np.linalg.norm(sides, axis=1)
+    radius = min(radius, 0.5 * float(lengths.min()))
+    first, last = np.arctan2(sides[:, 0], sides[:, 1])
+    # The short way round.
+    turn = (last - first + np.pi) % (2 * np.pi) - np.pi
+    angles = first + turn * np.linspace(0.0, 1.0, ARC_LINES + 1)
+    points: Pixels = pixels[1] + radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    return points
