@@ -20,6 +20,14 @@ from napari_unpack.layers.transition_layer import TransitionLayer
 BOX = np.array([[0, 0, 0], [9, 19, 29]], dtype=float)
 
 
+class TwoPoints:
+    def points(self) -> np.ndarray:
+        return np.array([[4.0, 5, 6], [1, 2, 3]])
+
+    def state(self) -> dict[str, float]:
+        return {"size": 2.0}
+
+
 def three_layers():
     layers = [
         PackedLayer("Packed", (2, 1, 1), BOX),
@@ -27,7 +35,7 @@ def three_layers():
         SpriteLayer("Sprites", (2, 1, 1)),
     ]
     for layer in layers:
-        layer.set_table(np.array([[4.0, 5, 6], [1, 2, 3]]), size=2.0)
+        layer.table = TwoPoints()
     return layers
 
 

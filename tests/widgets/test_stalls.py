@@ -15,7 +15,7 @@ from numba import njit
 from pytestqt.qtbot import QtBot
 
 from napari_unpack import io
-from napari_unpack.session import containers
+from napari_unpack.session import containers, placement
 from napari_unpack.viewer import warm_up
 from napari_unpack.viewer.compiling import PREPARING, compiling_told
 from napari_unpack.widgets import contributions, segment_section
@@ -49,7 +49,9 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> dict[str, threading.Thread]:
         work: Callable[..., Any] = getattr(owner, name)
 
         def noting(*args: Any, **kwargs: Any) -> Any:
-            seen[name] = threading.current_thread()
+            # Once on the main thread is too often.
+            if seen.get(name) is not threading.main_thread():
+                seen[name] = threading.current_thread()
             return work(*args, **kwargs)
 
         monkeypatch.setattr(owner, name, noting)
@@ -60,6 +62,9 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> dict[str, threading.Thread]:
     noted(io, "save_session")
     noted(io, "open_session")
     noted(warm_up, "_warm_up")
+    # Of every object that leaves, and of the bag for its first view.
+    noted(placement, "oriented_box")
+    noted(placement, "hull_vertices")
     return seen
 
 
@@ -90,12 +95,14 @@ def test_a_story_stalls_for_less_than_three_times_the_goal(
     assert workspace.is_inside
     commands.leave_container()
     assert workspace.controller.settle(60)
+    commands.unpack(9)
     worst = max(watch.stalls, key=lambda stall: stall.ours_cpu)
     assert worst.ours_cpu < MOST_SECONDS, f"{worst.where} in {worst.phase}"
     panel.end()
     main = threading.main_thread()
     assert [name for name, thread in threads.items() if thread is main] == []
     done = {"open_container", "build", "save_session", "open_session", "_warm_up"}
+    done |= {"oriented_box", "hull_vertices"}
     assert done <= set(threads)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 from weakref import ref
 
 import numpy as np
@@ -321,6 +321,16 @@ class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
         return None
 
 
+class Table(Protocol):
+    """A Points layer of objects, worked out when napari asks."""
+
+    def points(self) -> NDArray[np.float64]:
+        """Return (N, 3) centres, voxels z y x."""
+
+    def state(self) -> dict[str, Any]:
+        """Return what else the layer is told."""
+
+
 class PictureLayer(Layer):
     """A napari layer that is an image of a session: nothing to slice, nothing to pick by voxel.
 
@@ -341,6 +351,11 @@ class PictureLayer(Layer):
     To napari's writers and to **Duplicate** it is the table of its objects: a Points layer with
     one point at each object's centre. Of napari's layer types that is the one no action of the
     layer list tries to convert, project or split.
+
+    Attributes
+    ----------
+    table : Table or None
+        None is the table of no objects.
     """
 
     frame_changed = Signal(object)
@@ -360,8 +375,7 @@ class PictureLayer(Layer):
         self._frame: Frame | None = None
         self._drawing = False
         self._box = np.full((2, 3), np.nan) if box is None else np.asarray(box, dtype=float)
-        self._points = np.zeros((0, 3))
-        self._point_state: dict[str, Any] = {}
+        self.table: Table | None = None
         # What napari calls while it makes a layer reads the fields above.
         super().__init__(None, 3, name=name, **{"scale": self.spacing, **placement})
         self._thumbnail_source: NDArray[np.float32] | None = None
@@ -396,7 +410,7 @@ class PictureLayer(Layer):
     @property
     def data(self) -> NDArray[np.float64]:
         """(N, 3) centres of this layer's objects, voxels z y x."""
-        return self._points
+        return np.zeros((0, 3)) if self.table is None else self.table.points()
 
     @data.setter
     def data(self, data: NDArray[np.float64]) -> None:
@@ -408,18 +422,6 @@ class PictureLayer(Layer):
             The layer follows its session.
         """
         raise AttributeError("this layer follows its session and cannot be given data")
-
-    def set_table(self, points: NDArray[np.float64], **state: Any) -> None:
-        """Set what the layer is as a Points layer.
-
-        Parameters
-        ----------
-        points : (N, 3) ndarray of float64
-            Centres, voxels z y x.
-        **state
-            Arguments of a Points layer.
-        """
-        self._points, self._point_state = np.asarray(points, dtype=float), state
 
     def set_picture(self, rgba: NDArray[np.float32] | None) -> None:
         """Set the image whose small copy stands in the layer list, premultiplied (H, W, 4)."""
@@ -465,7 +467,7 @@ class PictureLayer(Layer):
         state = self._get_base_state()
         state.update(
             # Our blending is for premultiplied colours, and our layers may be hidden when saved.
-            self._point_state,
+            {} if self.table is None else self.table.state(),
             projection_mode="none",
             visible=True,
             blending="translucent",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.session.framing import fitted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -290,5 +291,7 @@ class OpenedBefore:
         # Repaired labels are other arrays: what was inside may be so no more.
         if known is None or known[0]() is not session.labels:
             bag = open_container(session, object_id, rotation)
+            # In the worker that opens it: its hull is found for the first view.
+            fitted(bag)
             known = bags[object_id] = ref(session.labels), bag
         return known[1]

@@ -149,6 +149,18 @@ class Bag:
             ways.append(clearance(low, high, self.lower, self.upper, direction))
         return max(ways)
 
+    def unmeasured(self, ids: Iterable[int], stretch: Matrix) -> list[int]:
+        """Return the objects whose tightest box in a stretched world is not known yet.
+
+        Parameters
+        ----------
+        ids : iterable of int
+        stretch : (3, 3) ndarray of float64
+            As for `oriented`.
+        """
+        way = _upright(stretch).tobytes()
+        return [i for i in ids if (i, way) not in self._oriented]
+
     def oriented(self, object_id: int, stretch: Matrix = UNSTRETCHED) -> OrientedBox:
         """Return an object's tightest box; a tenth of a second the first time, on any thread.
 
@@ -158,8 +170,7 @@ class Bag:
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`); the box is one of the stretched world.
         """
-        # A mirrored box lies as it did.
-        upright = stretch * np.sign(np.linalg.det(stretch))
+        upright = _upright(stretch)
         key = object_id, upright.tobytes()
         if key not in self._oriented:
             thickness = np.abs(upright) @ self.spacing
@@ -205,6 +216,12 @@ class Bag:
         rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
         picture = image_extent(points, rotation @ camera.stretch, self.spacing)
         return Placement(slot, rotation, picture, direction, tuple(group))
+
+
+def _upright(stretch: Matrix) -> Matrix:
+    # A mirrored box lies as it did.
+    upright: Matrix = stretch * np.sign(np.linalg.det(stretch))
+    return upright
 
 
 def launch(

@@ -29,7 +29,7 @@ from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.cut_handle import CutHandle
 from napari_unpack.viewer.framing import Framing
 from napari_unpack.viewer.interaction import Interaction
-from napari_unpack.viewer.modal_queries import find_unpackable, run_to, travel
+from napari_unpack.viewer.modal_queries import find_unpackable, measure_next, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
@@ -306,6 +306,7 @@ class SessionController:
         # A window closed in the wait would freeze: the session would cast all rays at once.
         if not find_unpackable(self.session, self.scheduler, wanted, searching):
             return ()
+        measure_next(self.session, self.scheduler, wanted)
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:

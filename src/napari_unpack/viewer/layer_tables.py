@@ -2,47 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from napari_unpack.appearance import tints_of
-from napari_unpack.layers.compat import PictureLayer
 from napari_unpack.session.quantities import volume_words
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
 
-def set_table(layer: PictureLayer, session: Session, ids: Iterable[int]) -> None:
-    """Make a layer the table of some objects.
+@dataclass(frozen=True, eq=False)
+class ObjectTable:
+    """Some objects as points at their centres, in their hues, with `session.objects` as features.
 
     Parameters
     ----------
-    layer : PictureLayer
-        Becomes a Points layer of their centres when it is duplicated or saved: in their hues,
-        with `session.objects` as features.
     session : Session
-    ids : iterable of int
-        Which, those unknown to the session's boxes left out.
+    ids : callable
+        Returns which, those unknown to the session's boxes left out.
     """
-    # States may still name an object that a repair has just removed.
-    known = sorted(set(ids) & set(session.boxes.ids.tolist()))
-    rows = [session.boxes.index(i) for i in known]
-    low, high = session.boxes.lower[rows], session.boxes.upper[rows]
-    edges = (high - low).max(axis=1) if rows else np.zeros(0)
-    own = session.annotations.colors
-    tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode, colors=own)
-    layer.set_table(
-        (low + high - 1) / 2,
-        features=_features(session.objects, known),
-        face_color=tints[known, :3],
-        border_color="transparent",
-        # Points to be seen, but that leave their neighbours visible.
-        size=np.maximum(edges / 6, 1.0),
-    )
+
+    session: Session
+    ids: Callable[[], Iterable[int]]
+
+    def points(self) -> NDArray[np.float64]:
+        """Return (N, 3) centres, voxels z y x."""
+        low, high = self._ends(self._known())
+        return (low + high - 1) / 2
+
+    def state(self) -> dict[str, Any]:
+        """Return what else a Points layer of them is told."""
+        session, known = self.session, self._known()
+        low, high = self._ends(known)
+        edges = (high - low).max(axis=1) if known else np.zeros(0)
+        own = session.annotations.colors
+        tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode, colors=own)
+        return {
+            "features": session.objects.reindex(known).rename_axis("id").reset_index(),
+            "face_color": tints[known, :3],
+            "border_color": "transparent",
+            # Points to be seen, but that leave their neighbours visible.
+            "size": np.maximum(edges / 6, 1.0),
+        }
+
+    def _known(self) -> list[int]:
+        # States may still name an object that a repair has just removed.
+        return sorted(set(self.ids()) & set(self.session.boxes.ids.tolist()))
+
+    def _ends(self, known: list[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        boxes = self.session.boxes
+        rows = [boxes.index(i) for i in known]
+        return boxes.lower[rows], boxes.upper[rows]
 
 
 def describe(session: Session, object_id: int) -> str:
@@ -69,9 +84,3 @@ def hint(session: Session, object_id: int) -> str:
     """
     row = session.objects.loc[object_id]
     return f"{row['name']}, {volume_words(float(row['volume_mm3']), session.length_unit)}"
-
-
-def _features(objects: pd.DataFrame | None, ids: list[int]) -> pd.DataFrame:
-    if objects is None:
-        return pd.DataFrame({"id": ids})
-    return objects.reindex(ids).rename_axis("id").reset_index()

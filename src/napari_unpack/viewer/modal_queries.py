@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Literal
 
 from napari_unpack.rendering.cpu import INTERACTIVE_PRIORITY
-from napari_unpack.tasks import no_progress
+from napari_unpack.tasks import Progress, Task, no_progress
 from napari_unpack.viewer.background_queries import OCCLUSION
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 
@@ -86,6 +87,44 @@ def _find(
         searching(False)
 
 
+def boxes_task(session: Session, ids: Iterable[int]) -> Task[None] | None:
+    """Return the task that finds how objects are held up: their tightest boxes; None if known.
+
+    Parameters
+    ----------
+    session : Session
+    ids : iterable of int
+        Of packed objects.
+    """
+    bag, stretch = session.bag, session.camera.stretch
+    wanted = bag.unmeasured(ids, stretch)
+
+    def run(progress: Progress) -> None:
+        for k, object_id in enumerate(wanted):
+            progress(k / len(wanted), "")
+            bag.oriented(object_id, stretch)
+
+    return Task(("boxes", *wanted), run) if wanted else None
+
+
+def measure_next(session: Session, scheduler: Scheduler, n_or_ids: int | Iterable[int]) -> None:
+    """Have a worker measure what is to leave, of which the window would feel every object.
+
+    Parameters
+    ----------
+    session : Session
+    scheduler : Scheduler
+    n_or_ids : int or iterable of int
+        See `Session.unpack`.
+    """
+    # What cannot leave is told by the command itself.
+    with suppress(ValueError):
+        task = boxes_task(session, session.queries.removal_plan(n_or_ids).ids)
+        if task is not None:
+            # The worker of flights: a query under way may take seconds.
+            scheduler.run_modal(task, Worker.MOTION)
+
+
 def travel(session: Session, scheduler: Scheduler, way: Literal["undo", "redo"]) -> str | None:
     """Go a step back or forth; labels that take a while are worked out first, drawing on.
 
@@ -135,6 +174,7 @@ def run_to(
         one_more = step == session.step + 1
         if not find_unpackable(session, scheduler, 1 if one_more else None, searching):
             return session.step
+        measure_next(session, scheduler, step - session.step)
     animated = session.animated
     session.animated = animated and flying
     try:

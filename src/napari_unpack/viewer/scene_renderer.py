@@ -18,7 +18,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.animation import Animator, Glides
 from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.held_objects import HeldObjects
-from napari_unpack.viewer.layer_tables import set_table
+from napari_unpack.viewer.layer_tables import ObjectTable
 from napari_unpack.viewer.packed_renderer import PackedRenderer
 from napari_unpack.viewer.picking import ScenePicker
 from napari_unpack.viewer.scheduler import Scheduler
@@ -104,6 +104,9 @@ class SceneRenderer:
     ) -> None:
         self.session = session
         self.packed, self.transition, self.sprites = packed, transition, sprites
+        packed.table = ObjectTable(session, lambda: session.scene().packed)
+        transition.table = ObjectTable(session, lambda: session.flights)
+        sprites.table = ObjectTable(session, lambda: session.poses)
         self.frame: Frame | None = None
         self._drawn, self._landed = drawn, landed
         self._ticked = -1.0
@@ -200,7 +203,6 @@ class SceneRenderer:
         self.draw_moving()
         self.packed_renderer.set_scene(self.session.scene())
         self.show_sprites()
-        self._set_tables()
         if self.animator.active(self.flight_animation.now()):
             self.flight_animation.start()
 
@@ -209,13 +211,11 @@ class SceneRenderer:
         scene = self.session.scene()
         self.packed_renderer.set_scene(scene)
         self._upload.make_ready(scene, relabelled=True)
-        self._set_tables()
 
     def hues_changed(self) -> None:
         """Follow the session's hues."""
         self.packed_renderer.set_scene(self.session.scene())
         self.show_sprites()
-        self._set_tables()
 
     def transfer_function_changed(self) -> None:
         """Follow the session's transfer function."""
@@ -286,7 +286,9 @@ class SceneRenderer:
         self._upload.close()
         self.packed_renderer.close()
         self.canvas_backend.close()
-        # Who still holds the layer would hold its image on the graphics card too.
+        # Who still holds a layer would hold the session, and its image on the graphics card too.
+        for layer in (self.packed, self.transition, self.sprites):
+            layer.table = None
         self.packed.show(None, with_thumbnail=False)
         self.frame = None
 
@@ -377,12 +379,6 @@ class SceneRenderer:
             moving |= {self.animator.inspection.object_id}
         shown = waiting - (moving & frozenset(self.transition.images))
         self.sprite_renderer.want(poses, shown, frame.size[0] / frame.camera.height)
-
-    def _set_tables(self) -> None:
-        session = self.session
-        set_table(self.packed, session, session.scene().packed)
-        set_table(self.transition, session, session.flights)
-        set_table(self.sprites, session, session.poses)
 
 
 def backdrop_of(session: Session) -> Backdrop:

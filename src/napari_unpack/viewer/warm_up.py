@@ -20,6 +20,7 @@ MODULES = (
     "napari_unpack.segmentation.pipeline",
     "napari_unpack.segmentation.learned.method",
     "napari_unpack.io.sessions",
+    "napari_unpack.io.session_json",
 )
 # Of the labels that Segment finds.
 FOUND = np.dtype(np.int32)

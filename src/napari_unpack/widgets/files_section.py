@@ -192,10 +192,14 @@ def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
     from napari_unpack.io.scan import display_range
     from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
+    from napari_unpack.session.framing import fitted
 
     session = open_session(path, progress=progress, large=large)
     labels = given_labels(session)
     color_labels(labels.dtype)
+    # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
+    session.own_labels([labels])
+    fitted(session)
     shown = display_range(session.volume, session.labels)
     return _Opened(session, labels, standing_of(path), shown)
 

@@ -64,7 +64,7 @@ class LayerInput(QComboBox):
         self.setMinimumContentsLength(8)
         events = viewer.layers.events
         for event in (events.inserted, events.removed, events.reordered):
-            event.connect(self.refresh)
+            event.connect(self._relist)
         self.currentIndexChanged.connect(lambda _: self.chosen.emit())
         self.refresh()
 
@@ -85,11 +85,19 @@ class LayerInput(QComboBox):
             # -1 is how Qt says that nothing is chosen.
             self.setCurrentIndex(-1 if self._none is None else 0)
 
+    def _relist(self, _event: Event) -> None:
+        # Opening and closing a session moves a dozen layers that are none of these.
+        if self._accepted() != self._layers:
+            self.refresh()
+
+    def _accepted(self) -> list[Layer]:
+        return [unwrap(layer) for layer in self._viewer.layers if self._accepts(layer)]
+
     def refresh(self, _event: Event | None = None) -> None:
         """List the viewer's layers anew, keeping the choice where it is still there."""
         kept = self.layer
         self._unlink()
-        self._layers = [unwrap(layer) for layer in self._viewer.layers if self._accepts(layer)]
+        self._layers = self._accepted()
         reasons = {} if self._refusal is None else {x: self._refusal(x) for x in self._layers}
         self._refused = {layer: why for layer, why in reasons.items() if why}
         blocked = self.blockSignals(True)
@@ -127,7 +135,7 @@ class LayerInput(QComboBox):
         self._unlink()
         events = self._viewer.layers.events
         for event in (events.inserted, events.removed, events.reordered):
-            event.disconnect(self.refresh)
+            event.disconnect(self._relist)
 
     def _unlink(self) -> None:
         for event in self._followed():

@@ -137,7 +137,15 @@ class RevealPlanner(QObject):
         show_error(error)
 
     def _show(self, plan: RevealPlan) -> None:
+        # It loads the kernels, which the panel's opening must not wait for.
+        from napari_unpack.viewer.modal_queries import boxes_task
+
         self.plan = plan
+        session = self._workspace.session
+        task = None if session is None else boxes_task(session, plan.ids)
+        if task is not None:
+            # While the sentence is read.
+            self._workspace.scheduler.submit(task, Worker.LONG, lambda _: None)
         self._outline(plan.target, plan.first)
         self.found.emit(plan)
 

@@ -112,11 +112,15 @@ def _build(
         )
     from napari_unpack.geometry.view import FROM_ABOVE, View
     from napari_unpack.session import Session
+    from napari_unpack.session.framing import fitted
 
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
     session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
     color_labels(ids.dtype)
+    # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
+    session.own_labels([ids])
+    fitted(session)
     progress(1.0, "Opening the 3D view")
     return BuiltSession(session, found)
 

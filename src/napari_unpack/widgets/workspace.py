@@ -108,7 +108,6 @@ class Workspace(QObject):
         seconds: float | None = None,
         backend: str | None = None,
         recolor_at_rest: bool = True,
-        outer_session: Session | None = None,
     ) -> None:
         """Show a session in the 3D view, in place of the one shown before.
 
@@ -125,33 +124,44 @@ class Workspace(QObject):
             What draws; by default what the session says.
         recolor_at_rest : bool
             Recolour whenever the camera comes to rest.
-        outer_session : Session, optional
-            For an opened object: the session of the whole bag, which slices go on showing.
 
         Raises
         ------
         RuntimeError
             If this napari cannot show the plugin's layers.
         """
+        self._open(session, sources, (), camera, seconds, backend, recolor_at_rest)
+
+    def _open(
+        self,
+        session: Session,
+        sources: Sequence[Layer],
+        outer: Sequence[_OuterBag],
+        camera: Camera | None,
+        seconds: float | None,
+        backend: str | None,
+        recolor_at_rest: bool,
+    ) -> None:
         from napari_unpack.viewer.controller import SessionController
 
         # Two sessions would fight for the camera and the layers of one viewer.
-        self.close()
-        controller = SessionController(self.viewer, session, tuple(sources), self.scheduler)
-        if seconds is not None:
-            controller.seconds = seconds
-        if backend is not None:
-            controller.backend = backend
-        controller.recolor_at_rest = recolor_at_rest
-        controller.outer_session = outer_session
-        self.controller = controller
-        # Before it opens, which already changes the view.
-        self._listen(controller)
+        self._take_down()
         try:
+            controller = SessionController(self.viewer, session, tuple(sources), self.scheduler)
+            if seconds is not None:
+                controller.seconds = seconds
+            if backend is not None:
+                controller.backend = backend
+            controller.recolor_at_rest = recolor_at_rest
+            controller.outer_session = outer[0].session if outer else None
+            self.controller, self._outer = controller, list(outer)
+            # Before it opens, which already changes the view.
+            self._listen(controller)
             controller.open()
         except BaseException:
             # Half a session would take the place of one that can be shown.
-            self.close()
+            self._take_down()
+            self.switched.emit()
             raise
         if camera is not None:
             controller.look_from(camera)
@@ -217,34 +227,37 @@ class Workspace(QObject):
         before = self.controller
         if before is None:
             return
-        self.open(
+        self._open(
             session,
             before.sources if sources is None else sources,
-            seconds=before.seconds,
-            backend=before.backend,
-            recolor_at_rest=before.recolor_at_rest,
-            outer_session=outer[0].session if outer else None,
+            outer,
+            None,
+            before.seconds,
+            before.backend,
+            before.recolor_at_rest,
         )
-        # Closing the bag before has emptied the stack.
-        self._outer = outer
-        self.switched.emit()
 
     def close(self) -> None:
         """Show no session; the user's layers become as they were."""
-        if self.controller is not None:
-            controller = self.controller
-            # Before it closes, whose last changes are of no interest any more.
-            self._forget()
-            controller.close()
+        if self._take_down():
+            self.switched.emit()
 
     def end(self) -> None:
         """Close the session for good; nothing runs or is delivered after."""
         self.close()
         self.scheduler.close()
 
+    def _take_down(self) -> bool:
+        """Close the session shown, untold: the panel is loaded once for the one that follows."""
+        controller = self.controller
+        if controller is None:
+            return False
+        # Before it closes, whose last changes are of no interest any more.
+        self._forget()
+        controller.close()
+        return True
+
     def _forget(self) -> None:
-        if self.controller is None:
-            return
         for signal, slot in self._connections:
             signal.disconnect(slot, missing_ok=True)
         self._connections.clear()
@@ -253,7 +266,6 @@ class Workspace(QObject):
         self.controller = None
         self._outer = []
         self.unpackable.emit(None)
-        self.switched.emit()
 
     def _listen(self, controller: SessionController) -> None:
         events = controller.session.events
@@ -273,7 +285,11 @@ class Workspace(QObject):
         self._connect(events.message, self._message.emit)
         self._connect(controller.events.message, self._message.emit)
         self._connect(controller.events.unpackable, self.unpackable.emit)
-        self._connect(controller.events.closed, lambda *_: self._forget())
+        self._connect(controller.events.closed, self._on_closed)
+
+    def _on_closed(self) -> None:
+        self._forget()
+        self.switched.emit()
 
     def _connect(self, signal: SignalInstance, slot: Callable[..., None]) -> None:
         signal.connect(slot)
