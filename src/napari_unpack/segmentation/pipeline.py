@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.segmentation.common.array_source import source_of
+from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
 from napari_unpack.segmentation.common.region import (
     MIN_OBJECT_VOXELS,
@@ -41,6 +42,7 @@ from napari_unpack.segmentation.postprocessing.cables import gather_cables
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_suspended
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
+from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 from napari_unpack.tasks import Progress, no_progress
 
@@ -61,10 +63,14 @@ class Segmentation:
     objects : pandas.DataFrame
         Indexed by id: voxels, volume_mm3, mean_density, z, y, x (centroid, mm),
         isoperimetric_ratio (surface over volume, 1/mm), confidence in [0, 1].
+    evidence : Evidence, optional
+        What a person's review starts from; None for method "cuts", and where the volume was
+        larger than `working`.
     """
 
     labels: Any
     objects: pd.DataFrame
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
@@ -196,14 +202,16 @@ def segment(
         progress(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
     density = checked_volume(np.asarray(source.array))
-    labels = find(density, size, progress)
+    noted = Steps()
+    labels = find(density, size, progress, noted=noted)
     progress(0.95, "Measuring objects")
+    evidence = gather(labels, noted)
     table = object_table(labels, density, size, oracle)
     if out is not None:
         out[...] = labels
         labels = out
     progress(1.0, f"{len(table)} objects")
-    return Segmentation(labels, table)
+    return Segmentation(labels, table, evidence)
 
 
 def _check_sizes(smallest: float | None, step: float, working: int) -> None:
@@ -219,7 +227,11 @@ def _check_sizes(smallest: float | None, step: float, working: int) -> None:
 
 
 def _segment_grid(
-    density: NDArray[np.generic], spacing: Spacing, progress: Progress, options: SegmentOptions
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    progress: Progress,
+    options: SegmentOptions,
+    noted: Steps | None = None,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume small enough to be segmented whole, named by size."""
     density, level = in_common_range(density, options.foreground.method)
@@ -237,7 +249,13 @@ def _segment_grid(
     else:
         # Haze removal leaves no densities to compare.
         labels = find_objects(
-            density, spacing, progress, foreground, smallest=options.smallest, steps=not noisy
+            density,
+            spacing,
+            progress,
+            foreground,
+            smallest=options.smallest,
+            steps=not noisy,
+            noted=noted,
         )
         if not noisy:
             labels = gather_cables(labels, density)

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes, differing_box
 from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
+from napari_unpack.segmentation.review.doubts import Doubt, Said
+from napari_unpack.segmentation.review.evidence import Evidence
 
 Labels = NDArray[np.integer[Any]]
 Box = tuple[slice, slice, slice]
@@ -138,6 +140,37 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
         raise ValueError("ids must leave at least one object, got all of them")
     box = _around(boxes, chosen)
     return _relabel(labels, box, np.isin(labels[box], chosen), 0)
+
+
+def edit_of_answer(
+    doubt: Doubt, said: Said, evidence: Evidence, labels: Labels, boxes: LabelBoxes, new_id: int
+) -> LabelEdit | None:
+    """Return what an answer changes; None where the labels say so already.
+
+    Parameters
+    ----------
+    doubt : Doubt
+    said : {"same", "different", "nothing", "skip"}
+        "nothing" makes background of the first side.
+    evidence : Evidence
+        Whose pieces the sides are made of.
+    labels : (Z, Y, X) ndarray of int
+    boxes : LabelBoxes
+    new_id : int
+        Of the first side, where it becomes an object of its own.
+    """
+    one, two = doubt.objects
+    if said == "same" and doubt.kind == "border":
+        return merge_objects(labels, boxes, doubt.objects)
+    if said == "nothing" and doubt.kind != "join":
+        return delete_objects(labels, boxes, [one])
+    if doubt.kind != "join" or said not in ("different", "nothing"):
+        return None
+    box = boxes.slices(one)
+    side = np.zeros(len(evidence.sums), np.bool_)
+    side[doubt.side] = True
+    mask = side[evidence.pieces[box]] & (labels[box] == two)
+    return _relabel(labels, box, mask, new_id if said == "different" else 0)
 
 
 def difference(labels: Labels, wanted: Labels) -> LabelEdit | None:

@@ -9,7 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities
+
+# How the excess of a mean affinity over its threshold becomes a probability; see `chance_of`.
+CHANCE = (12.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ def mean_affinity_linkage(
     sizes: NDArray[np.integer],
     threshold: LinkageThreshold,
     weights: NDArray[np.float64],
+    log: JoinLog | None = None,
 ) -> NDArray[np.int64]:
     """Merge the pair that exceeds the threshold by most, again and again; return (count,) owners.
 
@@ -53,6 +58,8 @@ def mean_affinity_linkage(
     threshold : LinkageThreshold
     weights : (K,) ndarray of float64
         Of the reaches in the mean.
+    log : JoinLog, optional
+        Where merges are noted.
 
     Notes
     -----
@@ -86,7 +93,7 @@ def mean_affinity_linkage(
         near[a][b] = near[b][a] = [total, number, faces]
         consider(a, b)
     while heap:
-        _, a, b, number, both = heapq.heappop(heap)
+        lacking, a, b, number, both = heapq.heappop(heap)
         entry = near[a].get(b)
         # Entries of the heap are not updated; one that a merge has changed is out of date.
         if entry is None or entry[1] != number or cells[a] + cells[b] != both:
@@ -95,6 +102,8 @@ def mean_affinity_linkage(
         if len(near[a]) < len(near[b]):
             a, b = b, a
         owner[b] = a
+        if log is not None:
+            log.joined.append((a, b, chance_of(-lacking)))
         cells[a] += cells[b]
         _inherit(near, a, b)
         for c in near[a]:
@@ -105,6 +114,11 @@ def mean_affinity_linkage(
             root = int(owner[root])
         owner[k] = root
     return owner
+
+
+def chance_of(excess: float) -> float:
+    """Return the probability that two fragments of this excess of affinity are one object."""
+    return 1 / (1 + math.exp(-CHANCE[0] * excess - CHANCE[1]))
 
 
 def _inherit(near: list[dict[int, list[float]]], a: int, b: int) -> None:

@@ -7,7 +7,7 @@ borders are drawn, each decided by a trained classifier.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cc3d
 import edt
@@ -17,6 +17,7 @@ from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
@@ -43,6 +44,7 @@ from napari_unpack.segmentation.learned.fragments import (
     find_fragments,
     measure_affinities,
 )
+from napari_unpack.segmentation.learned.pair_classifier import Parts
 from napari_unpack.segmentation.learned.part_merging import (
     PredictedParts,
     measure_predicted_parts,
@@ -126,6 +128,7 @@ def oversegment(
     foreground: ForegroundOptions | None = None,
     network: BoundaryNetwork | None = None,
     thresholds: PredictionThresholds | None = None,
+    noted: Steps | None = None,
 ) -> Oversegmentation:
     """Split a volume by the network's affinities, a little too far.
 
@@ -139,6 +142,8 @@ def oversegment(
     network : BoundaryNetwork, optional
         By default the one that ships with the package.
     thresholds : PredictionThresholds, optional
+    noted : Steps, optional
+        Where linkage is noted.
     """
     options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
     progress(0.0, "Finding the foreground")
@@ -165,9 +170,16 @@ def oversegment(
     progress(0.75, "Linking fragments")
     affinities = measure_affinities(fragments, prediction.far)
     weights, cells = np.array(limits.weights), np.bincount(fragments.reshape(-1))
-    owner = mean_affinity_linkage(affinities, cells, limits.together, weights)
+    log = JoinLog()
+    owner = mean_affinity_linkage(affinities, cells, limits.together, weights, log)
     progress(0.85, "Drawing borders")
     parts = assign_labels(owner.astype(np.int32)[fragments], mask, prediction.next)
+    if noted is not None:
+        linked = Level.of(log, fragments, affinities.pairs, affinities.touching)
+        noted.seen = Seen(density, scale, prediction.foreground)
+        noted.levels.append(
+            replace(linked, names=assign_labels(linked.names, mask, prediction.next))
+        )
     parts = _above_mean(parts, prediction.foreground, 255 * limits.object)
     noise = noise_deviation(density)
     plain = np.greater(density, levels.air + NOISE_DEVIATIONS * noise)
@@ -193,6 +205,7 @@ def find_objects(
     *,
     smallest: float = 0.0,
     steps: bool = True,
+    noted: Steps | None = None,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume by the learned method; 0 is background.
 
@@ -206,18 +219,23 @@ def find_objects(
         As for `pipeline.segment`, mm^3.
     steps : bool
         Split objects at density steps, draw borders there and keep small metal.
+    noted : Steps, optional
+        Where what is joined and what is left apart is noted, step by step.
     """
-    found = oversegment(density, spacing, progress, foreground)
+    found = oversegment(density, spacing, progress, foreground, noted=noted)
     if not found.parts.any():
         return found.parts
     progress(0.9, "Merging parts")
     voxel = float(np.prod(spacing))
     least = max(smallest, MIN_OBJECT_VOXELS * voxel)
     if not steps:
-        return absorb_small(merge_parts(found.parts, found.measured), spacing, least)
-    pieces, measured = split_at_density_steps(density, spacing, found)
+        return absorb_small(_merged_parts(found, noted), spacing, least)
+    pieces, measured = split_at_density_steps(density, spacing, found, noted)
     progress(0.93, "Merging pieces")
-    labels = merge_pieces(pieces, measured, found.scale)
+    log, touching = JoinLog(), _touching(measured)
+    labels = merge_pieces(pieces, measured, found.scale, log=log)
+    if noted is not None:
+        noted.levels.append(Level.of(log, pieces, *touching))
     labels = sharpened(labels, density, found)
     progress(0.94, "Drawing fine borders")
     evidence = BorderEvidence.of(labels, density, found.scale, found.prediction.next, found.noise)
@@ -237,8 +255,25 @@ def _metal(
     return np.asarray((counts >= least) & (sums >= np.log1p(METAL) * counts))
 
 
+def _touching(measured: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the pairs of parts that touch and their areas, before a merge uses them up."""
+    pairs = np.argwhere(np.triu(measured.area, 1) > 0)
+    return pairs, measured.area[pairs[:, 0], pairs[:, 1]]
+
+
+def _merged_parts(found: Oversegmentation, noted: Steps | None) -> NDArray[np.int32]:
+    log, touching = JoinLog(), _touching(found.measured)
+    merged = merge_parts(found.parts, found.measured, log=log)
+    if noted is not None:
+        noted.levels.append(Level.of(log, found.parts, *touching))
+    return merged
+
+
 def split_at_density_steps(
-    density: NDArray[np.generic], spacing: Spacing, found: Oversegmentation
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    found: Oversegmentation,
+    noted: Steps | None = None,
 ) -> tuple[NDArray[np.int32], Pieces]:
     """Merge parts, and split what becomes of them at its density steps.
 
@@ -248,6 +283,8 @@ def split_at_density_steps(
     spacing : (float, float, float) of mm, z y x
     found : Oversegmentation
         Its measurements are used up.
+    noted : Steps, optional
+        Where merges of parts are noted.
 
     Returns
     -------
@@ -257,7 +294,7 @@ def split_at_density_steps(
         Of them, for `merge_pieces`.
     """
     # The classifier of pieces learned from borders that were not smoothed yet.
-    labels = sharpened(merge_parts(found.parts, found.measured), density, found, smoothing=0)
+    labels = sharpened(_merged_parts(found, noted), density, found, smoothing=0)
     return split_and_measure(
         labels, density, spacing, found.scale, found.prediction.far, found.weights
     )

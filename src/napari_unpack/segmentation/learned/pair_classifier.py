@@ -23,6 +23,7 @@ from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
+from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Stored with the weights and compared with them: the names must stay as they were trained.
@@ -297,7 +298,11 @@ PairProbability = Callable[[int, int, NDArray[np.float64]], float]
 
 
 def agglomerate(
-    parts: Parts, classifier: PairProbability, least: float = 0.5, touching: float = 0.015
+    parts: Parts,
+    classifier: PairProbability,
+    least: float = 0.5,
+    touching: float = 0.015,
+    log: JoinLog | None = None,
 ) -> NDArray[np.int64]:
     """Merge touching parts while any two are more likely one object; return (M,) owners.
 
@@ -312,6 +317,8 @@ def agglomerate(
     touching : float
         Pairs that touch over a smaller share of the smaller surface are not classified: a corner
         against a corner merges nothing, and most pairs are such.
+    log : JoinLog, optional
+        Where merges are noted, and what was not merged.
     """
     # Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
     # millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
@@ -325,18 +332,22 @@ def agglomerate(
         chance = classifier(one, two, pair_features(parts, one, two))
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
+        elif log is not None:
+            log.apart[one, two] = chance
 
     surface = parts.area.sum(axis=1) + parts.sums[:, 4]
     near = parts.area > touching * np.minimum.outer(surface, surface)
     for one, two in np.argwhere(np.triu(near, 1)).tolist():
         consider(one, two)
     while heap:
-        _, one, two, first, second = heapq.heappop(heap)
+        lacking, one, two, first, second = heapq.heappop(heap)
         # Entries of the heap are not removed; one of a part that has changed is out of date.
         if version[one] != first or version[two] != second:
             continue
         parts.join(one, two)
         owner[owner == two] = one
+        if log is not None:
+            log.joined.append((one, two, -lacking))
         version[one] += 1
         version[two] = -1
         surface[one] = parts.area[one].sum() + parts.sums[one, 4]

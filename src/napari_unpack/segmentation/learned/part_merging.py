@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
+from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
@@ -166,7 +167,10 @@ def measure_predicted_parts(
 
 
 def merge_parts(
-    labels: NDArray[np.int32], measured: PredictedParts, classifier: PairClassifier | None = None
+    labels: NDArray[np.int32],
+    measured: PredictedParts,
+    classifier: PairClassifier | None = None,
+    log: JoinLog | None = None,
 ) -> NDArray[np.int32]:
     """Merge parts that the classifier takes for one object, the surest first.
 
@@ -178,6 +182,8 @@ def merge_parts(
         Of them; used up.
     classifier : PairClassifier, optional
         Over `FEATURES`; by default the one that ships with the package.
+    log : JoinLog, optional
+        Where merges are noted.
     """
     trained, usual = classifier or default_merging_classifier(), LinkageThreshold()
 
@@ -190,7 +196,7 @@ def merge_parts(
         by_affinity = 0.5 + min(beyond, 0.5) if beyond > 0 else 0.0
         return max(float(trained.probability(row[None])[0]), by_affinity)
 
-    return agglomerate(measured, chance).astype(np.int32)[labels]
+    return agglomerate(measured, chance, log=log).astype(np.int32)[labels]
 
 
 @cache

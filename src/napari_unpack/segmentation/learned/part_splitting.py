@@ -21,6 +21,7 @@ from napari_unpack.segmentation.common.density_regions import (
     intersected_labels,
     log_density,
 )
+from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
@@ -179,6 +180,7 @@ def merge_pieces(
     measured: Pieces,
     scale: DensityScale,
     classifier: PairClassifier | None = None,
+    log: JoinLog | None = None,
 ) -> NDArray[np.int32]:
     """Merge the pieces of objects that the classifier takes for one, the surest first.
 
@@ -192,18 +194,27 @@ def merge_pieces(
         How densities were compared.
     classifier : PairClassifier, optional
         Over `PIECE_FEATURES`; by default the one that ships with the package.
+    log : JoinLog, optional
+        Where merges are noted.
     """
     trained = classifier or default_splitting_classifier()
 
+    said: dict[tuple[int, int], float] = {}
+
     def probability(one: int, two: int, row: NDArray[np.float64]) -> float:
         chance = float(trained.probability(measured.features(one, two, row)[None])[0])
+        said[one, two] = chance
         return (
             chance
             if measured.host[one] == measured.host[two]
             else chance - MERGE_ACROSS + MERGE_WITHIN
         )
 
-    own = agglomerate(measured, probability, MERGE_WITHIN)
+    noted = JoinLog() if log is None else log
+    own = agglomerate(measured, probability, MERGE_WITHIN, log=noted)
+    # What the classifier said, not what was compared.
+    noted.joined[:] = [(one, two, said[one, two]) for one, two, _ in noted.joined]
+    noted.apart.update({pair: said[pair] for pair in noted.apart})
     voxels = np.maximum(measured.sums[:, 0], 1)
     main = 2 * measured.sums[:, 0] >= measured.whole
     dense = measured.sums[:, 1] / voxels >= np.log1p(METAL)

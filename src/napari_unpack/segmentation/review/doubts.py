@@ -1,0 +1,293 @@
+"""Doubts: decisions behind the labels that may be wrong, the one that would change most first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from napari_unpack.segmentation.review.evidence import Evidence
+from napari_unpack.segmentation.review.rescoring import FEATURES, Rescoring
+
+Kind = Literal["join", "border", "object"]
+Said = Literal["same", "different", "nothing", "skip"]
+SAID: tuple[Said, ...] = ("same", "different", "nothing", "skip")
+
+# Decisions less likely to be wrong are not asked about, and no more than so many at once.
+LEAST_DOUBT, MOST_DOUBTS = 0.05, 60
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a person said of a decision.
+
+    Parameters
+    ----------
+    kind : {"join", "border", "object"}
+    pieces : (int, int)
+        Of the evidence, by which the decision is known; the second is 0 for an object.
+    said : {"same", "different", "nothing", "skip"}
+        Whether both sides are one object, or the first side is no object at all.
+    chance : float
+        Probability that both are one object, as the method had it.
+    row : tuple of float
+        What was measured, in the order of `rescoring.FEATURES`.
+    """
+
+    kind: Kind
+    pieces: tuple[int, int]
+    said: Said
+    chance: float
+    row: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """A decision that may be wrong.
+
+    Parameters
+    ----------
+    kind : {"join", "border", "object"}
+        Two sides joined to one object, two objects left apart, or one object that may be none.
+    pieces : (int, int)
+        See `Answer`.
+    objects : (int, int)
+        Of the two sides; the same for a join, the second 0 for an object.
+    side : (K,) ndarray of int64
+        The pieces of the first side, which has fewer voxels.
+    chance : float
+        Probability that both are one object (or that it is one), by the answers so far.
+    shipped : float
+        The same before any answer.
+    worth : float
+        Bits by which labels would be better, times how likely they are wrong.
+    row : (F,) ndarray of float64
+    """
+
+    kind: Kind
+    pieces: tuple[int, int]
+    objects: tuple[int, int]
+    side: NDArray[np.int64]
+    chance: float
+    shipped: float
+    worth: float
+    row: NDArray[np.float64]
+
+    @property
+    def doubt(self) -> float:
+        """How likely the decision is wrong."""
+        return self.chance if self.kind == "border" else 1 - self.chance
+
+    def answered(self, said: Said) -> Answer:
+        """Return the record of an answer to it."""
+        row = tuple(float(v) for v in self.row)
+        return Answer(self.kind, self.pieces, said, self.shipped, row)
+
+
+def doubts(
+    evidence: Evidence,
+    labels: NDArray[np.integer[Any]],
+    answers: Sequence[Answer] = (),
+    least: float = LEAST_DOUBT,
+    most: int = MOST_DOUBTS,
+) -> list[Doubt]:
+    """Return what is left to review, the most worthwhile first.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    labels : (Z, Y, X) ndarray of int
+        As they are now, whoever changed them.
+    answers : sequence of Answer
+        Given so far.
+    least : float
+        How likely a decision is wrong that is asked about.
+    most : int
+        Doubts returned.
+    """
+    objects = objects_of(evidence, labels)
+    found = [*_joins(evidence, objects, answers), *_borders(evidence, objects, answers)]
+    found += _specks(evidence, objects, answers)
+    if not found:
+        return []
+    model = Rescoring.of(
+        np.array([a.row for a in answers if a.said in ("same", "different")]),
+        np.array([a.said == "same" for a in answers if a.said in ("same", "different")]),
+        np.array([a.chance for a in answers if a.said in ("same", "different")]),
+    )
+    chances = model.chances(np.array([d.row for d in found]), np.array([d.shipped for d in found]))
+    total = float(evidence.sums[:, 0].sum())
+    made = [_weighed(d, float(c), total) for d, c in zip(found, chances, strict=True)]
+    made = [d for d in made if d.doubt >= least]
+    return sorted(made, key=lambda d: (-d.worth, d.pieces))[:most]
+
+
+def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    """Return the object that most of each piece belongs to now, (M,).
+
+    Parameters
+    ----------
+    evidence : Evidence
+    labels : (Z, Y, X) ndarray of int
+    """
+    pieces = evidence.pieces
+    inside = pieces > 0
+    top = int(labels.max(initial=0)) + 1
+    keys, counts = np.unique(
+        pieces[inside].astype(np.int64) * top + labels[inside], return_counts=True
+    )
+    owner = np.zeros(len(evidence.sums), np.int64)
+    order = np.argsort(counts, kind="stable")
+    # The last one written is the most frequent.
+    owner[keys[order] // top] = keys[order] % top
+    return owner
+
+
+def _joins(
+    evidence: Evidence, objects: NDArray[np.int64], answers: Sequence[Answer]
+) -> list[Doubt]:
+    """Return every join that holds an object together."""
+    ends = objects[evidence.pairs]
+    held = (ends[:, 0] == ends[:, 1]) & (ends[:, 0] > 0)
+    wanted = {a.pieces for a in answers if a.said == "same"}
+    # What a person called the same holds as well, and is asked no more.
+    linked = np.array([tuple(p) in wanted for p in evidence.pairs.tolist()], np.bool_)
+    tree = np.flatnonzero(held & (evidence.tree | linked))
+    order, first, last = _subtrees(evidence.pairs[tree], len(objects))
+    known = {a.pieces for a in answers}
+    members = {int(i): np.flatnonzero(objects == i) for i in np.unique(ends[held])}
+    found = []
+    for k, low, high in zip(tree.tolist(), first.tolist(), last.tolist(), strict=True):
+        one, two = (int(n) for n in evidence.pairs[k])
+        if (one, two) in known or low == high:
+            continue
+        object_id = int(objects[one])
+        side = order[low:high]
+        rest = np.setdiff1d(members[object_id], side)
+        if evidence.sums[side, 0].sum() > evidence.sums[rest, 0].sum():
+            side, rest = rest, side
+        row = _measured(evidence, "join", side, rest)
+        chance = float(evidence.chance[k])
+        found.append(
+            Doubt("join", (one, two), (object_id, object_id), side, chance, chance, 0.0, row)
+        )
+    return found
+
+
+def _subtrees(
+    edges: NDArray[np.int64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return nodes so ordered that one side of each edge is a stretch of them, and its ends."""
+    near: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for k, (one, two) in enumerate(edges.tolist()):
+        near[one].append((two, k))
+        near[two].append((one, k))
+    order: list[int] = []
+    first, last = np.zeros(len(edges), np.int64), np.zeros(len(edges), np.int64)
+    seen = np.zeros(count, np.bool_)
+    for start in range(count):
+        if seen[start] or not near[start]:
+            continue
+        stack = [(start, -1, False)]
+        while stack:
+            node, edge, done = stack.pop()
+            if done:
+                last[edge] = len(order)
+                continue
+            # A pair that a person joined may close a ring: its far end has been here.
+            if seen[node]:
+                continue
+            seen[node] = True
+            if edge >= 0:
+                first[edge] = len(order)
+                stack.append((node, edge, True))
+            order.append(node)
+            stack.extend((other, k, False) for other, k in near[node] if not seen[other])
+    return np.array(order, np.int64), first, last
+
+
+def _borders(
+    evidence: Evidence, objects: NDArray[np.int64], answers: Sequence[Answer]
+) -> list[Doubt]:
+    """Return every two objects that touch, unless a person parted them."""
+    ends = np.sort(objects[evidence.pairs], axis=1)
+    apart = np.flatnonzero((ends[:, 0] != ends[:, 1]) & (ends[:, 0] > 0))
+    settled = {tuple(sorted(objects[list(a.pieces)].tolist())) for a in answers if a.pieces[1]}
+    area = evidence.contact[:, 0]
+    found = []
+    couples, place = np.unique(ends[apart], axis=0, return_inverse=True)
+    for n, couple in enumerate(couples.tolist()):
+        if tuple(couple) in settled:
+            continue
+        rows = apart[place.reshape(-1) == n]
+        chance = float(np.average(evidence.chance[rows], weights=area[rows]))
+        most = rows[area[rows].argmax()]
+        sides = [np.flatnonzero(objects == i) for i in couple]
+        small, large = sorted(sides, key=lambda side: float(evidence.sums[side, 0].sum()))
+        one, two = (int(p) for p in evidence.pairs[most])
+        row = _measured(evidence, "border", small, large)
+        names = int(objects[small[0]]), int(objects[large[0]])
+        found.append(Doubt("border", (one, two), names, small, chance, chance, 0.0, row))
+    return found
+
+
+def _specks(
+    evidence: Evidence, objects: NDArray[np.int64], answers: Sequence[Answer]
+) -> list[Doubt]:
+    """Return every object with how probable it is one."""
+    known = {int(objects[a.pieces[0]]) for a in answers if a.kind == "object"}
+    found = []
+    for object_id in np.unique(objects[objects > 0]).tolist():
+        if object_id in known:
+            continue
+        side = np.flatnonzero(objects == object_id)
+        sums = evidence.sums[side].sum(axis=0)
+        chance = float(sums[3] / sums[0])
+        most = int(side[evidence.sums[side, 0].argmax()])
+        row = _measured(evidence, "object", side, side[:0])
+        found.append(Doubt("object", (most, 0), (object_id, 0), side, chance, chance, 0.0, row))
+    return found
+
+
+def _measured(
+    evidence: Evidence, kind: Kind, side: NDArray[np.int64], rest: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return what tells how two sides meet, in the order of `rescoring.FEATURES`."""
+    small, large = evidence.sums[side].sum(axis=0), evidence.sums[rest].sum(axis=0)
+    row = np.zeros(len(FEATURES))
+    row[("join", "border", "object").index(kind)] = 1.0
+    row[3] = np.log10(small[0] / 1000)
+    mean = small[1] / small[0]
+    if not len(rest):
+        row[9:] = mean, small[4] / small[0]
+        return row
+    inside, beyond = (np.isin(evidence.pairs, which) for which in (side, rest))
+    across = (inside[:, 0] & beyond[:, 1]) | (inside[:, 1] & beyond[:, 0])
+    touching = (inside[:, 0] != inside[:, 1]).astype(float) @ evidence.contact[:, 0] + small[4]
+    contact = evidence.contact[across].sum(axis=0)
+    faces = max(float(contact[0]), 1.0)
+    other = large[1] / large[0]
+    row[4:9] = (
+        np.log10(large[0] / small[0]),
+        contact[0] / max(touching, 1.0),
+        abs(mean - other),
+        contact[2] / faces,
+        min(mean, other) - contact[1] / faces,
+    )
+    row[9] = max(mean, other)
+    return row
+
+
+def _weighed(doubt: Doubt, chance: float, total: float) -> Doubt:
+    """Return a doubt with its re-scored chance and what it is worth."""
+    new = replace(doubt, chance=chance)
+    small = 1000 * 10 ** float(doubt.row[3])
+    if doubt.kind == "object":
+        return replace(new, worth=new.doubt * small / total)
+    large = small * 10 ** float(doubt.row[4])
+    both = small + large
+    bits = small * np.log2(both / small) + large * np.log2(both / large)
+    return replace(new, worth=new.doubt * float(bits) / total)
