@@ -15,6 +15,8 @@ from napari_unpack.layers import compat
 from opened_panel import rest
 from viewer_fixtures import canvas
 
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
 
 def test_a_plane_and_a_box_cut_the_bag_open(
     panel: Any, piled: Any, viewer: Any, qtbot: QtBot, tmp_path: Path
@@ -64,6 +66,28 @@ def test_a_plane_and_a_box_cut_the_bag_open(
     assert box.across.currentText() == "Another way"
     assert viewer.scene.camera.angles == angles
 
+    # One step of undo takes one drag back, then the plane; the panel and the picture follow.
+    redo = CONTROL | Qt.KeyboardModifier.ShiftModifier
+    cut = canvas(viewer)
+    for key, normal_now in ((CONTROL, normal), (redo, turned), (CONTROL, normal)):
+        qtbot.keyClick(widget, Qt.Key.Key_Z, key)
+        rest(panel, qtbot)
+        assert session.cutting.plane[1] == pytest.approx(normal_now)
+    assert session.cutting.plane == pytest.approx(pushed)
+    assert np.abs(canvas(viewer) - cut).max(axis=-1).sum() > 1e4
+    qtbot.keyClick(widget, Qt.Key.Key_Z, CONTROL)
+    assert session.cutting.plane[0] == pytest.approx(point)
+    qtbot.keyClick(widget, Qt.Key.Key_Z, CONTROL)
+    rest(panel, qtbot)
+    assert session.cutting.plane is None
+    assert not box.plane.isChecked()
+    assert len(compat.unwrap(controller.packed).experimental_clipping_planes) == 0
+    for _ in range(3):
+        qtbot.keyClick(widget, Qt.Key.Key_Z, redo)
+    rest(panel, qtbot)
+    assert session.cutting.plane[1] == pytest.approx(turned)
+    assert box.plane.isChecked()
+
     # Without the mouse: an axis, a depth, the other side.
     for key in (Qt.Key.Key_Home, Qt.Key.Key_Down, Qt.Key.Key_Down):
         qtbot.keyClick(box.across, key)
@@ -94,6 +118,16 @@ def test_a_plane_and_a_box_cut_the_bag_open(
     qtbot.keyClick(spin_box.lineEdit(), Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: session.cutting.box[1, 0] == pytest.approx(middle[0], abs=0.1))
     rest(panel, qtbot)
+    # Undo takes back the number, then the box, and leaves napari's own plane alone.
+    numbers = session.cutting.box
+    session.undo()
+    assert session.cutting.box[1] == pytest.approx(session.bag.upper)
+    session.undo()
+    assert session.cutting.box is None
+    assert len(session.clipping) == 1
+    session.redo()
+    session.redo()
+    np.testing.assert_array_equal(session.cutting.box, numbers)
     controller.look_from(View((1.0, 0.01, 0.01)).camera(session.labels.shape, session.spacing))
     rest(panel, qtbot)
     behind = [i for i in session.ids if session.boxes.center(i, session.spacing)[0] > middle[0]]

@@ -10,6 +10,7 @@ import base64
 import binascii
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
@@ -540,7 +541,7 @@ def record_of(session: Session) -> dict[str, Any]:
             "hue_margin": view.hue_margin,
             "colored": view.recolored,
             "clipping": view.clipping.tolist(),
-            "cut": cut_record(view.cut),
+            "cut": cut_record(session.state.cut),
             "surroundings": decorations_record(view.decorations),
         },
         "camera": camera_record(view.camera),
@@ -601,7 +602,9 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     data = label_data_from(fields.part("objects"), density, labels, spacing)
     rules = _rules_from(fields.part("rules"))
     state = state_from(fields.part("situation"), data, rules)
-    view_state = _view_state_from(fields, data.known)
+    view_state, look = _view_state_from(fields, data.known), fields.part("look")
+    if look.has("cut"):
+        state = replace(state, cut=cut_from(look.part("cut")))
     session = Session.of_parts(density, spacing, data, state, view_state, rules)
     session.seconds = fields.positive("seconds")
     session.log.extend(_log(fields))
@@ -625,8 +628,6 @@ def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
     told: dict[str, Any] = {}
     if look.has("surroundings"):
         told["decorations"] = decorations_from(look.part("surroundings"))
-    if look.has("cut"):
-        told["cut"] = cut_from(look.part("cut"))
     if fields.has("away_from_table"):
         told["up"] = unit(fields.array("away_from_table", (3,)), "away_from_table")
     return ViewState(

@@ -84,11 +84,13 @@ class Cut:
         """
         has_plane = len(without(self.plane_rows(spacing), clipping)) == 0
         has_box = len(without(self.box_rows(spacing, shape), clipping)) == 0
+        if has_plane and has_box:
+            return self
         return Cut(self.plane if has_plane else None, self.box if has_box else None)
 
 
 class Cutting:
-    """The cutting plane and the clipping box of a session; like all clipping, not undoable.
+    """The cutting plane and the clipping box of a session, which can be undone.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ class Cutting:
     @property
     def plane(self) -> NDArray[np.float64] | None:
         """(2, 3) point and unit normal, world mm, or None: what lies behind it is cut away."""
-        return self._doc.view_state.cut.plane
+        return self._doc.state.cut.plane
 
     @plane.setter
     def plane(self, plane: ArrayLike | None) -> None:
@@ -112,15 +114,31 @@ class Cutting:
         ValueError
             If it is no point and normal, or there are too many planes then.
         """
+        self.move_plane(plane, merge=False)
+
+    def move_plane(self, plane: ArrayLike | None, merge: bool = True) -> None:
+        """Take another plane, in one step with the last movement, as when dragging.
+
+        Parameters
+        ----------
+        plane : (2, 3) array_like, optional
+        merge : bool
+            False makes a step of its own.
+
+        Raises
+        ------
+        ValueError
+            As for `plane`.
+        """
         made = None if plane is None else _pair(plane, "plane", "a point and a normal")
         if made is not None:
             made = np.stack([made[0], unit(made[1], "normal")])
-        self._take(replace(self._doc.view_state.cut, plane=made))
+        self._take("cutting plane", self.plane, made, merge, plane=made)
 
     @property
     def box(self) -> NDArray[np.float64] | None:
         """(2, 3) lower and upper corner, world mm, or None: what lies outside is cut away."""
-        return self._doc.view_state.cut.box
+        return self._doc.state.cut.box
 
     @box.setter
     def box(self, box: ArrayLike | None) -> None:
@@ -136,13 +154,26 @@ class Cutting:
             raise ValueError(
                 f"box must have its lower corner below its upper one, got {made.tolist()}"
             )
-        self._take(replace(self._doc.view_state.cut, box=made))
+        self._take("clipping box", self.box, made, True, box=made)
 
-    def _take(self, cut: Cut) -> None:
-        document, shape = self._doc, self._doc.label_data.labels.shape
-        before = document.view_state.cut.rows(document.spacing, shape)
-        others = without(document.view_state.clipping, before)
-        document.clip(np.concatenate([others, cut.rows(document.spacing, shape)]), cut)
+    def _take(
+        self,
+        what: str,
+        before: NDArray[np.float64] | None,
+        after: NDArray[np.float64] | None,
+        merge: bool,
+        **changes: NDArray[np.float64] | None,
+    ) -> None:
+        if before is after or (
+            before is not None and after is not None and np.array_equal(before, after)
+        ):
+            return
+        verb = "add" if before is None else "remove" if after is None else "move"
+        cut = replace(self._doc.state.cut, **changes)
+        # What cannot be is refused before it is a step.
+        self._doc.clipping_with(cut)
+        new = replace(self._doc.state, cut=cut)
+        self._doc.commit(f"{verb} the {what}", new, merge and verb == "move")
 
 
 def without(planes: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:

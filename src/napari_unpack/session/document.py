@@ -16,7 +16,7 @@ from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.session import commands
-from napari_unpack.session.bag_cut import Cut
+from napari_unpack.session.bag_cut import Cut, without
 from napari_unpack.session.commands import RemovalPlan
 from napari_unpack.session.errors import listed
 from napari_unpack.session.events import LogEntry, SessionEvents
@@ -146,6 +146,8 @@ class Document:
         # States depend on the flights too, so they are asked before anything moves.
         old, states = self.state, self.queries.states()
         edited: frozenset[int] = frozenset()
+        if new.cut is not old.cut:
+            self.see(clipping=self.clipping_with(new.cut))
         self.state = new
         if new.labels_edit is not old.labels_edit:
             # Before the flights, which start from the boxes of the new labels.
@@ -253,21 +255,32 @@ class Document:
         if out:
             self.events.states.emit(frozenset(out))
 
-    def clip(self, planes: ArrayLike | None, cut: Cut | None = None) -> None:
+    def clip(self, planes: ArrayLike | None) -> None:
         """Take other clipping planes; told as a change of the transfer function.
 
         Parameters
         ----------
         planes : (N, 2, 3) array_like, optional
-        cut : Cut, optional
-            Which of them are the cutting plane and the clipping box; by default those that were.
         """
         # No signal of its own: who draws must cast anew, as for other opacities.
-        wanted, before = checked_planes(planes), self.view_state
-        told = (cut or before.cut).kept(wanted, self.spacing, self.label_data.labels.shape)
-        self.see(clipping=wanted, cut=told)
-        if not np.array_equal(wanted, before.clipping):
+        wanted, before = checked_planes(planes), self.view_state.clipping
+        self.see(clipping=wanted)
+        cut = self.state.cut.kept(wanted, self.spacing, self.label_data.labels.shape)
+        self.state = replace(self.state, cut=cut)
+        if not np.array_equal(wanted, before):
             self.events.transfer_function.emit(self.state.transfer_function)
+
+    def clipping_with(self, cut: Cut) -> NDArray[np.float64]:
+        """Return the clipping planes with another cutting plane and clipping box.
+
+        Raises
+        ------
+        ValueError
+            If there are too many planes then.
+        """
+        shape = self.label_data.labels.shape
+        others = without(self.view_state.clipping, self.state.cut.rows(self.spacing, shape))
+        return checked_planes(np.concatenate([others, cut.rows(self.spacing, shape)]))
 
     def decorate(self, decorations: Decorations) -> None:
         """Take another background, box and scale bar; what is told of lengths stays."""

@@ -59,7 +59,8 @@ class SessionEvents(SignalGroup):
             self.labels.emit(edited)
         if after.hues is not before.hues or after.colors != before.colors:
             self.hues.emit(dict(after.hues))
-        if after.transfer_function is not before.transfer_function:
+        # Clipping has no signal of its own: who draws must cast anew, as for other opacities.
+        if after.transfer_function is not before.transfer_function or after.cut is not before.cut:
             self.transfer_function.emit(after.transfer_function)
         if changed:
             self.states.emit(frozenset(changed))

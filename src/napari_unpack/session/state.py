@@ -150,6 +150,8 @@ class SessionState:
         By ID, "suspicious" or "cleared"; others are not decided yet.
     measurements : tuple of Measurement
         Lengths and angles a person measured.
+    cut : Cut
+        The cutting plane and the clipping box; their planes are among `ViewState.clipping`.
     """
 
     transfer_function: TransferFunction
@@ -168,6 +170,7 @@ class SessionState:
     notes: Mapping[int, str] = field(default_factory=dict)
     flags: Mapping[int, Flag] = field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
+    cut: Cut = field(default_factory=Cut)
 
     @property
     def removals(self) -> tuple[Group, ...]:
@@ -227,9 +230,7 @@ class ViewState:
         Objects selected in the picture or in the table.
     clipping : (N, 2, 3) ndarray of float64
         Planes that cut the packed bag open, point and normal in voxels, z y x; see
-        `validation.checked_planes`.
-    cut : Cut
-        Which of them are a person's cutting plane and clipping box.
+        `validation.checked_planes`. Those of `SessionState.cut` are among them.
     decorations : Decorations
         Background, box and scale bar.
     tint_mode : {"perceptual", "safe", "hsv"}
@@ -256,7 +257,6 @@ class ViewState:
     canvas_size: tuple[int, int] = (768, 1024)
     selected: frozenset[int] = frozenset()
     clipping: NDArray[np.float64] = field(default_factory=lambda: checked_planes(None))
-    cut: Cut = field(default_factory=Cut)
     decorations: Decorations = field(default_factory=lambda: Decorations.of("dark"))
     tint_mode: Mode = "perceptual"
     show_unlabelled: bool = False

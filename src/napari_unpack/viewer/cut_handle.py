@@ -148,7 +148,7 @@ class CutHandle:
             self._repaint()
         return caught
 
-    def push(self, pixels: Pixel, frame: Frame) -> None:
+    def push(self, pixels: Pixel, frame: Frame, merge: bool = False) -> None:
         """Move the plane along its normal, as far as the arrow's picture goes along.
 
         Parameters
@@ -156,6 +156,8 @@ class CutHandle:
         pixels : (2,) ndarray of float64
             Way of the mouse, pixels of the frame, rows down and columns to the right.
         frame : Frame
+        merge : bool
+            Whether the same drag has moved it before: one step of undo takes all of it back.
         """
         plane = self._session.cutting.plane
         if plane is None:
@@ -169,9 +171,9 @@ class CutHandle:
             # The arrow points at the viewer: down is nearer, as if one pulled it.
             towards = float(np.sign((frame.camera.linear @ normal)[0])) or 1.0
             mm = towards * float(pixels[0]) / per_mm
-        self._place(float((center - self._session.bag.center) @ normal) + mm, normal)
+        self._place(float((center - self._session.bag.center) @ normal) + mm, normal, merge)
 
-    def turn(self, pixels: Pixel, frame: Frame) -> None:
+    def turn(self, pixels: Pixel, frame: Frame, merge: bool = False) -> None:
         """Turn the plane about its middle, as sprites are turned.
 
         Parameters
@@ -179,15 +181,17 @@ class CutHandle:
         pixels : (2,) ndarray of float64
             Way of the mouse, rows down and columns to the right.
         frame : Frame
+        merge : bool
+            As for `push`.
         """
         plane = self._session.cutting.plane
         if plane is not None:
             held = frame.camera.rotation
             normal = unit(held.T @ drag_rotation(pixels) @ held @ plane[1])
             middle = self._center()
-            self._place(float((middle - self._session.bag.center) @ normal), normal)
+            self._place(float((middle - self._session.bag.center) @ normal), normal, merge)
 
-    def cut_along(self, normal: Vector, share: float = 0.5) -> None:
+    def cut_along(self, normal: Vector, share: float = 0.5, merge: bool = False) -> None:
         """Put the plane across a direction.
 
         Parameters
@@ -196,9 +200,11 @@ class CutHandle:
             World; what lies against it is cut away.
         share : float
             Of the bag that is cut away, from 0 to 1 along the normal.
+        merge : bool
+            As for `push`.
         """
         reach = self._reach(unit(normal))
-        self._place(reach * (2.0 * share - 1.0), unit(normal))
+        self._place(reach * (2.0 * share - 1.0), unit(normal), merge)
 
     @property
     def share(self) -> float:
@@ -221,11 +227,12 @@ class CutHandle:
         corners = box_corners(bag.lower, bag.upper) - bag.center
         return float(np.abs(corners @ normal).max())
 
-    def _place(self, along: float, normal: Vector) -> None:
+    def _place(self, along: float, normal: Vector, merge: bool) -> None:
         reach = self._reach(normal)
         # Beyond the bag it would cut nothing, and its handle be out of the window.
         along = float(np.clip(along, -reach, reach))
-        self._session.cutting.plane = np.stack([self._session.bag.center + along * normal, normal])
+        plane = np.stack([self._session.bag.center + along * normal, normal])
+        self._session.cutting.move_plane(plane, merge)
         self._repaint()
 
 

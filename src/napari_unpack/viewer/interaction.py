@@ -395,15 +395,17 @@ class _Cut:
     target: PointerTarget
     part: str
     in_frame: Callable[[Pixel], Pixel]
+    moved: bool = False
 
     def drag(self, last: Pixel, pixel: Pixel) -> None:
         frame, handle = self.target.renderer.frame, self.target.cut_handle
         if frame is None:
             return
         if self.part == "rim":
-            handle.turn(pixel - last, frame)
+            handle.turn(pixel - last, frame, self.moved)
         else:
-            handle.push(self.in_frame(pixel) - self.in_frame(last), frame)
+            handle.push(self.in_frame(pixel) - self.in_frame(last), frame, self.moved)
+        self.moved = True
 
     def release(self) -> None:
         """Nothing is left to do: every movement has cut already."""

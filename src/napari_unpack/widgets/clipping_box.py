@@ -138,7 +138,7 @@ class ClippingBox(Collapsible):
         controller, session = self._workspace.controller, self._workspace.session
         if controller is not None and session is not None and session.cutting.plane is not None:
             normal = session.cutting.plane[1]
-            controller.cut_handle.cut_along(normal, self.depth.value() / 100)
+            controller.cut_handle.cut_along(normal, self.depth.value() / 100, merge=True)
 
     def _switch_box(self, on: bool) -> None:
         self._set_box(self._limits() if on else None)
