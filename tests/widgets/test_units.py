@@ -12,6 +12,7 @@ from qtpy.QtTest import QTest
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import open_session, save_objects_csv, save_session
 from napari_unpack.io.report import save_objects_page
+from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.object_model import Column
 from opened_panel import add_bag, controller_with, rest
 
@@ -35,8 +36,17 @@ def test_table_facts_page_and_csv_follow_the_unit(
     qtbot.waitUntil(lambda: "cm³" in panel.unpack.inspection.facts.text(), timeout=20000)
     # A file that says mm may mean µm: the numbers stay.
     panel.segment.fold.setChecked(False)
+    smallest = panel.segment.options.smallest
+    smallest.setValue(20.0)
+    assert smallest.suffix() == " mm³"
+    corner = SurfacePoint(0, (0.0, 0.0, 0.0))
+    piled.measurements.add([corner, SurfacePoint(0, (0.0, 0.0, 30.0))])
     QTest.keyClick(names, Qt.Key.Key_Down)
     rest(panel, qtbot)
+    assert (smallest.suffix(), smallest.value()) == (" µm³", 20.0)
+    assert "500 µm³" in smallest.toolTip()
+    assert panel.measure.list.item(0).text() == "30.0 µm"
+    assert piled.scene().rulers[0].numbers == ("30.0 µm",)
     volume = float(piled.objects["volume_mm3"][1])
     assert piled.length_unit == LengthUnit(MICRO)
     assert (voxels.size.text(), _told(panel)) == (TWO, ("µm³", f"{volume:.0f}", "Size, µm"))
@@ -49,6 +59,9 @@ def test_table_facts_page_and_csv_follow_the_unit(
     rest(panel, qtbot)
     count = int(piled.objects["voxels"][1])
     assert _told(panel) == ("voxels", str(count), "Size, voxels")
+    # As large as before, in voxels of 2 mm³.
+    assert (smallest.suffix(), smallest.value()) == (" voxels", 10.0)
+    assert panel.segment.options.settings()["smallest"] == pytest.approx(20.0)
     save_objects_csv(piled.objects, tmp_path / "table.csv", piled.length_unit)
     table = pd.read_csv(tmp_path / "table.csv", index_col="id")
     assert table["volume_voxels"][1] == pytest.approx(count, rel=1e-5)

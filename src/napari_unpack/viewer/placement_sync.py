@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from napari.layers import Layer
 
+from napari_unpack.geometry.length_unit import MM
 from napari_unpack.layers.placement import FIELDS, equal_spacing, place_of, spacing_of
 from napari_unpack.viewer.camera_sync import follow_placement
 
@@ -73,10 +74,13 @@ class PlacementSync:
 
 
 def _words(name: str, spacing: Sequence[float], session: Session) -> str:
+    # In voxels a voxel would always be one.
+    unit = MM if session.length_unit.name == "voxels" else session.length_unit
     now, before = (
-        " x ".join(f"{edge:.4g}" for edge in each) for each in (spacing, session.spacing)
+        " x ".join(f"{unit.per_mm * edge:.4g}" for edge in each)
+        for each in (spacing, session.spacing)
     )
     return (
-        f"The voxels of '{name}' are {now} mm now, and {before} mm in the 3D view. To measure "
-        "with the new size, press Use the new voxel size in step 1."
+        f"The voxels of '{name}' are {now} {unit.name} now, and {before} {unit.name} in the 3D "
+        "view. To measure with the new size, press Use the new voxel size in step 1."
     )

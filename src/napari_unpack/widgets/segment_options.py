@@ -7,7 +7,13 @@ from typing import Any
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
 
+from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.widgets.section import Collapsible, form
+
+# Of `napari_unpack.segment`: mm³, or voxels.
+AUTOMATIC = 500
+# Nothing in a bag is larger than a litre and to be left out.
+LARGEST_MM3 = 1e6
 
 FIXED = "Fixed density"
 # How matter is told from air: `foreground` of `napari_unpack.segment`, and when to choose it.
@@ -69,15 +75,10 @@ class SegmentOptions(Collapsible):
         self.noise.currentTextChanged.connect(self._explain)
         self._explain()
         self.smallest = QDoubleSpinBox()
-        self.smallest.setDecimals(2)
-        self.smallest.setRange(0.0, 1e6)
         self.smallest.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
-        self.smallest.setSuffix(" mm³")
         self.smallest.setSpecialValueText("automatic")
-        self.smallest.setToolTip(
-            "Smaller objects are joined to a neighbour, or left out if they have none. "
-            "Automatic: 500 mm³, or 500 voxels in a small volume; 0 brings it back."
-        )
+        self._volumes = MM.volume_unit(0.0)
+        self.show_unit(MM)
         self.contents.addLayout(
             form(
                 Matter=self.foreground,
@@ -88,6 +89,23 @@ class SegmentOptions(Collapsible):
         )
         self.contents.addWidget(self.supports)
         self.contents.addWidget(self.shell)
+
+    def show_unit(self, unit: LengthUnit) -> None:
+        """Tell the smallest volume in a unit of lengths; it stays as large as it was."""
+        smallest_mm3, volumes = self._smallest_mm3(), unit.volume_unit(0.0)
+        self._volumes = volumes
+        self.smallest.setDecimals(0 if volumes.name == "voxels" else 2)
+        self.smallest.setRange(0.0, LARGEST_MM3 * volumes.per_mm3)
+        self.smallest.setSuffix(f" {volumes.name}")
+        self.smallest.setValue(smallest_mm3 * volumes.per_mm3)
+        automatic = f"{AUTOMATIC * volumes.per_mm3:.6g} {volumes.name}"
+        self.smallest.setToolTip(
+            "Smaller objects are joined to a neighbour, or left out if they have none. "
+            f"Automatic: {automatic}, or {AUTOMATIC} voxels in a small volume; 0 brings it back."
+        )
+
+    def _smallest_mm3(self) -> float:
+        return float(self.smallest.value()) / self._volumes.per_mm3
 
     def _explain(self, _text: str = "") -> None:
         method, help_text = FOREGROUND_METHODS[self.foreground.currentText()]
@@ -118,7 +136,7 @@ class SegmentOptions(Collapsible):
             "foreground": self._density() if method is None else method,
             "grainy": NOISE[self.noise.currentText()][0],
             # 0 is shown as "automatic".
-            "smallest": self.smallest.value() or None,
+            "smallest": self._smallest_mm3() or None,
             "supports": self.supports.isChecked(),
             "shell": self.shell.isChecked(),
         }

@@ -112,6 +112,7 @@ class SegmentSection(Section):
         self.volume_input.chosen.connect(self._choose_volume)
         self.volume_input.listed.connect(self._show_voxels)
         self.voxels.chosen.connect(self._measure_in)
+        self.voxels.shown.connect(self.options.show_unit)
         self.labels_input.chosen.connect(self._refresh)
         workspace.switched.connect(self._reload)
         workspace.changed.connect(lambda c: self._refresh() if Change.LABELS in c else None)

@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 class VoxelSize(QWidget):
     """The voxel size of a layer, with a choice of its unit.
 
-    `chosen` is emitted with a `LengthUnit` when a person chooses one. The numbers stay those of
-    the layer: a file may say mm and mean µm.
+    `chosen` is emitted with a `LengthUnit` when a person chooses one, `shown` with every one that
+    is shown. The numbers stay those of the layer: a file may say mm and mean µm.
     """
 
     chosen = Signal(object)
+    shown = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,6 +72,7 @@ class VoxelSize(QWidget):
         self.size.setText("\u2009×\u2009".join(f"{edge:.3g}" for edge in edges))
         whole = " × ".join(f"{edge:.6g}" for edge in edges)
         self.size.setToolTip(f"Edges of a voxel along z, y and x: {whole} {unit.name}.")
+        self.shown.emit(unit)
 
     def _choose(self) -> None:
         self._chosen = self.names.currentText()
