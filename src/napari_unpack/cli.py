@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,6 +45,8 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command line."""
+    # Readers warn of each odd tag of a file; what matters of it is told in a sentence.
+    warnings.filterwarnings("ignore", module="pydicom|tifffile|zarr")
     app()
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.tasks import Cancelled
+
+# These write pages about a damaged file, tracebacks among them, of which the last line is told.
+_LOGS = ("pydicom", "tifffile")
 
 _LONGEST = 400
 """Characters of a message: what fits into a window."""
@@ -33,7 +37,8 @@ def read_errors_told(file: Path, wanted: str = "a file of this format") -> Itera
         As they are: these say already what is to be done.
     """
     try:
-        yield
+        with _silent():
+            yield
     except (FileNotFoundError, ImportError, TooLargeError, Cancelled):
         raise
     except PermissionError as error:
@@ -55,3 +60,16 @@ def read_errors_told(file: Path, wanted: str = "a file of this format") -> Itera
         raise ValueError(
             f"{file} is damaged, not whole, or not {wanted} ({reason[:_LONGEST]})"
         ) from error
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    loggers = [logging.getLogger(name) for name in _LOGS]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

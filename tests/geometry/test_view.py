@@ -120,3 +120,10 @@ def test_a_mirrored_camera_shows_what_the_other_shows_with_left_and_right_swappe
         )
         seen, swapped = plain.project(points, (50, 60)), mirrored.project(points, (50, 60))
         np.testing.assert_allclose(swapped, [0, 59] + [1, -1] * seen, atol=1e-9)
+
+
+def test_a_direction_of_any_length_has_length_one() -> None:
+    for length in (1e-300, 1e-5, 1.0, 1e308):
+        np.testing.assert_allclose(unit((0, 0.6 * length, 0.8 * length)), (0, 0.6, 0.8))
+    with pytest.raises(ValueError, match="must not be zero"):
+        unit((0, 0, 0))

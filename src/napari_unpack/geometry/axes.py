@@ -11,6 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+LARGEST_SPACING = 1e9
+"""mm; a thousand kilometres. A billionth of a millimetre is the other end: less than an atom."""
+
+STRETCHED = 10_000
+"""Times that one side of a voxel may be longer than another: rays go in steps of the shortest."""
+
 
 def flip(vectors: ArrayLike) -> NDArray[np.float64]:
     """Swap z, y, x and x, y, z along the last axis of (..., 3) points or vectors."""
@@ -41,9 +47,13 @@ def unit(vector: ArrayLike, name: str = "vector") -> Vector:
     v = np.asarray(vector, dtype=np.float64)
     if v.shape != (3,) or not np.isfinite(v).all():
         raise ValueError(f"{name} must be three finite numbers (z, y, x), got {vector!r}")
-    length = float(np.linalg.norm(v))
-    if length == 0.0:
+    if not v.any():
         raise ValueError(f"{name} must not be zero, got {vector!r}")
+    length = float(np.linalg.norm(v))
+    # Squares of very large or small numbers are infinite or nothing.
+    if not 1e-150 < length < 1e150:
+        v = v / np.abs(v).max()
+        length = float(np.linalg.norm(v))
     return v / length
 
 
@@ -59,11 +69,16 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
     Raises
     ------
     ValueError
-        If it is not three positive finite numbers.
+        If it is not three positive finite numbers, or no microscope and no telescope has such.
     """
     mm = np.asarray(spacing, dtype=np.float64)
     if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
         raise ValueError(f"{name} must be three positive numbers of mm (z, y, x), got {spacing!r}")
+    if mm.min() < 1 / LARGEST_SPACING or mm.max() > min(LARGEST_SPACING, STRETCHED * mm.min()):
+        raise ValueError(
+            f"{name} must be from {1 / LARGEST_SPACING:g} to {LARGEST_SPACING:g} mm, and along one "
+            f"axis at most {STRETCHED:,} times that along another, got {mm.tolist()}"
+        )
     return mm
 
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST = 1e12
+"""Of any number that is no density: a billion kilometres, or 30,000 years of seconds."""
+
 
 class Fields:
     """A JSON object, field by field.
@@ -92,10 +95,10 @@ class Fields:
         return float(self.array(name, ()))
 
     def positive(self, name: str) -> float:
-        """Return a finite number above 0."""
+        """Return a finite number above 0, and not below any that means something."""
         value = self.number(name)
-        if value <= 0:
-            self._refuse(name, "positive", value)
+        if value < 1 / LARGEST:
+            self._refuse(name, f"positive, from {1 / LARGEST:g}", value)
         return value
 
     def rotation(self, name: str = "rotation") -> NDArray[np.float64]:
@@ -121,10 +124,11 @@ class Fields:
             found = np.array(value, dtype=np.float64)
             # An empty list has no second axis: (0, 2, 3) comes as (0,).
             found = found.reshape(shape) if found.size == 0 == np.prod(shape) else found
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             found = np.array(np.nan)
-        if found.shape != shape or not np.isfinite(found).all():
+        if found.shape != shape or not (np.abs(found) <= LARGEST).all():
             wanted = " x ".join(map(str, shape)) + " finite numbers" if shape else "a finite number"
+            wanted += f" up to {LARGEST:g}"
             self._refuse(name, wanted, value)
         return found
 

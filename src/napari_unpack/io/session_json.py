@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args
@@ -43,7 +44,11 @@ from napari_unpack.session.validation import MOST_ID, checked_labels, checked_pl
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
 
+# Pixels of a window; GPUs take textures of 16,384 or 32,768.
+WIDEST = 65_535
+
 # Columns that the plugin reads; others are a user's own and may hold anything.
+_LARGEST = sys.float_info.max
 _NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
 
 
@@ -87,8 +92,9 @@ def label_data_from(
         compact, present = compact_labels(np.asarray(labels))
         order = np.argsort(given_ids, kind="stable")
         place = np.searchsorted(given_ids[order], present).clip(max=len(given_ids) - 1)
-        ids = order[place]
-        if len(given_ids) > MOST_ID + 1 or not np.array_equal(given_ids[ids], present):
+        known = 0 < len(given_ids) <= MOST_ID + 1
+        ids = order[place] if known else place
+        if not known or not np.array_equal(given_ids[ids], present):
             raise ValueError("session.objects.given_ids must be those of the labels")
         own, _ = checked_labels(ids.astype(np.uint16)[compact], volume.shape)
     # Measured again: a file is not believed where it can be checked.
@@ -110,7 +116,8 @@ def _facts(fields: Fields) -> Any:
 
     ids, columns = fields.items("ids"), fields.columns("columns")
     for name in _NUMBERS.intersection(columns):
-        if not all(isinstance(v, int | float) for v in columns[name]):
+        # JSON's whole numbers have no end.
+        if not all(isinstance(v, int | float) and not abs(v) > _LARGEST for v in columns[name]):
             raise ValueError(f"session.objects.columns.{name} must hold numbers")
     if not _NUMBERS | {"name"} <= columns.keys():
         raise ValueError(f"session.objects.columns must hold {', '.join(sorted(_NUMBERS))}, name")
@@ -148,7 +155,7 @@ def densities_from(fields: Fields) -> TransferFunction:
     """
     try:
         return TransferFunction(fields["points"], fields["colors"])
-    except (TypeError, IndexError) as error:
+    except (TypeError, IndexError, OverflowError) as error:
         raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
 
 
@@ -624,6 +631,8 @@ def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
     look = fields.part("look")
     # Checked as numbers first: JSON of other writers may say 600.0.
     height, width = (int(n) for n in fields.array("canvas_size", (2,)))
+    if not 0 < min(height, width) <= max(height, width) <= WIDEST:
+        raise ValueError(f"session.canvas_size must be from 1 to {WIDEST}, got {height, width}")
     # Older files do not say some things: what they lack is as in a new session.
     told: dict[str, Any] = {}
     if look.has("surroundings"):
