@@ -49,12 +49,10 @@ def unit(vector: ArrayLike, name: str = "vector") -> Vector:
         raise ValueError(f"{name} must be three finite numbers (z, y, x), got {vector!r}")
     if not v.any():
         raise ValueError(f"{name} must not be zero, got {vector!r}")
-    length = float(np.linalg.norm(v))
     # Squares of very large or small numbers are infinite or nothing.
-    if not 1e-150 < length < 1e150:
+    if not 1e-150 < np.abs(v).max() < 1e150:
         v = v / np.abs(v).max()
-        length = float(np.linalg.norm(v))
-    return v / length
+    return np.asarray(v / float(np.linalg.norm(v)))
 
 
 def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.float64]:
