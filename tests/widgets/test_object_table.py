@@ -8,6 +8,7 @@ import pytest
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
+from qtpy.QtGui import QFont, QFontMetrics
 
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
@@ -224,7 +225,7 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
         return [not table.isColumnHidden(column) for column in rare]
 
     assert shown(300) == [False, False, False]
-    assert shown(380) == [True, False, False]
+    assert shown(400) == [True, False, False]
     assert shown(650) == [True, True, True]
     assert not table.horizontalScrollBar().isVisible()
 
@@ -235,6 +236,12 @@ def test_default_names_are_whole_in_the_narrow_panel(table: ObjectTable) -> None
     assert not table.isColumnHidden(Column.STATE)
     needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
     assert table.columnWidth(Column.NAME) >= needed
+    # What can leave is written bold.
+    bold = QFont(table.font())
+    bold.setBold(True)
+    needed = QFontMetrics(bold).horizontalAdvance("leaves together") + 15
+    assert table.columnWidth(Column.STATE) >= needed
+    assert not table.horizontalScrollBar().isVisible()
 
 
 def test_long_names_keep_the_number_at_their_end(table: ObjectTable) -> None:

@@ -67,7 +67,10 @@ def test_two_clicks_split_and_undo_joins(
     objects, first = panel.objects, session.labels.copy()
     layer = viewer.layers["found"]
     press(qtbot, objects.split)
-    assert "Click the object to split" in objects.next_click.text()
+    asked = objects.next_click
+    assert "Click the object to split" in asked.text()
+    # The table above fills the panel: what to do next is scrolled into sight.
+    qtbot.waitUntil(lambda: asked.visibleRegion().boundingRect() == asked.rect(), timeout=5000)
     click(panel, (12, 20, 16), qtbot)
     assert "Now click the other part of Object 1" in objects.next_click.text()
     click(panel, (12, 20, 44), qtbot)

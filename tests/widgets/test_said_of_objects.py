@@ -10,7 +10,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtGui import QColor
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QDialogButtonBox, QLineEdit
+from qtpy.QtWidgets import QDialogButtonBox, QDockWidget, QLineEdit
 
 from mouse import LEFT
 from napari_unpack.widgets.object_columns import Column, choice_of
@@ -210,6 +210,16 @@ def test_the_docked_table_shares_model_and_selection_and_remembers_its_columns(
 
     def said(object_id: int, column: Column) -> str:
         return str(panel.objects.model.index(object_id - 1, column).data())
+
+    # Closed, it leaves its room to the picture and not to the panel.
+    dock = panel.parentWidget()
+    assert isinstance(dock, QDockWidget)
+    width = dock.width()
+    press(qtbot, button.button)
+    qtbot.wait(100)
+    assert dock.width() == width
+    press(qtbot, button.button)
+    qtbot.waitUntil(button.dock.isVisible, timeout=5000)
 
     # Measured along their own axes, in a worker.
     qtbot.waitUntil(lambda: "×" in said(1, Column.SIZE), timeout=20000)

@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
+from napari.layers import Image
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
@@ -14,6 +16,8 @@ from napari_unpack.io import open_session, save_objects_csv, save_session
 from napari_unpack.io.report import save_objects_page
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.theme import GAP
+from napari_unpack.widgets.voxel_size import VoxelSize
 from opened_panel import add_bag, controller_with, rest
 
 ONE, TWO = ("\u2009×\u2009".join(edges) for edges in ("111", "211"))
@@ -68,6 +72,17 @@ def test_table_facts_page_and_csv_follow_the_unit(
     assert table["z"][1] == pytest.approx(piled.objects["z"][1] / 2 ** (1 / 3), rel=1e-5)
     save_session(piled, tmp_path / "saved.unpack")
     assert open_session(tmp_path / "saved.unpack").length_unit == piled.length_unit
+
+
+def test_voxel_sizes_are_whole_beside_the_choice_of_unit(qtbot: QtBot) -> None:
+    box = VoxelSize()
+    qtbot.addWidget(box)
+    box.show_layer(Image(np.zeros((2, 2, 2)), scale=(2.5, 1.951, 1.951)))
+    beside = box.names.sizeHint().width() + GAP
+    for text in ("2.5\u2009×\u20091.95\u2009×\u20091.95", "2.5×1.95×1.95", "2.5×2×2"):
+        box.resize(beside + box.size.fontMetrics().horizontalAdvance(text), 28)
+        box.show()
+        assert box.size.text() == text
 
 
 @pytest.mark.parametrize(

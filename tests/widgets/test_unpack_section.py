@@ -156,6 +156,12 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
     press(qtbot, panel.unpack.inspect)
     qtbot.waitUntil(lambda: states(piled)[out] == "UNPACKED", timeout=10000)
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Inspect", timeout=20000)
+    # What is inspected where it lies has not left the bag.
+    steps = panel.unpack.step_slider.slider.maximum()
+    panel.commands.inspect(next(i for i, state in states(piled).items() if state == "PACKED"))
+    qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Back to the bag", timeout=20000)
+    assert panel.unpack.status == "5 in, 1 out"
+    assert panel.unpack.step_slider.slider.maximum() == steps
 
 
 def test_restore_all_brings_everything_back(

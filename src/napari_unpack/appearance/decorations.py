@@ -215,7 +215,7 @@ def scale_mark(
     pen = ImageDraw.Draw(canvas)
     right, bottom = width - edge, height - edge
     pen.rectangle((right - pixels, bottom - thick, right - 1, bottom - 1), fill=255)
-    font = ImageFont.load_default(size=max(9, round(15 * zoom)))
+    font = ImageFont.load_default(size=max(12, round(15 * zoom)))
     assert isinstance(font, ImageFont.FreeTypeFont), "a size was asked for"
     # Beside a short bar the words end where the bar ends, or the edge would cut them off.
     middle = min(right - pixels / 2, right + edge - 4 - font.getlength(words) / 2)

@@ -56,7 +56,7 @@ class LengthUnit:
         """Write lengths given in the session's mm, without the unit: 25 × 6 × 2."""
         lengths = [length * self.per_mm for length in mm]
         longest = max(lengths, default=0.0)
-        places = 0 if longest >= 10 else 1 if longest >= 1 else 3
+        places = 0 if longest >= 10 else 1 if longest >= 1 else 2 if longest >= 0.1 else 3
         return " × ".join(f"{length:.{places}f}" for length in lengths)
 
     def volume_unit(self, largest_mm3: float) -> VolumeUnit:

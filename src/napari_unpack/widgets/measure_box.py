@@ -9,7 +9,7 @@ from qtpy.QtWidgets import QCheckBox, QListWidget, QListWidgetItem
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.ruler_tool import RulerTool
 from napari_unpack.widgets.notifications import errors_shown
-from napari_unpack.widgets.section import Collapsible, button, label, row
+from napari_unpack.widgets.section import LAID_OUT_MS, Collapsible, button, label, row, scroll_to
 from napari_unpack.widgets.workspace import Change, Workspace
 
 # Rows seen at once; more are scrolled to.
@@ -100,6 +100,8 @@ class MeasureBox(Collapsible):
     def _show_next_click(self, sentence: str) -> None:
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
+        if sentence:
+            self._workspace.scheduler.later(LAID_OUT_MS, lambda: scroll_to(self.next_click))
 
     def _show_tool(self) -> None:
         count = 0 if self._tool is None else self._tool.count

@@ -185,8 +185,9 @@ class ObjectModel(QAbstractTableModel):
 
     @property
     def widest(self) -> str:
-        """The text of the largest volume."""
-        return self.units.volume.text(max((row.volume for row in self._rows), default=0.0))
+        """The longest text of a volume: of the largest, or of the smallest with its decimals."""
+        volumes = [row.volume for row in self._rows] or [0.0]
+        return max(map(self.units.volume.text, (max(volumes), min(volumes))), key=len)
 
     @property
     def knows_confidence(self) -> bool:

@@ -17,7 +17,7 @@ from qtpy.QtCore import (
     Qt,
     Signal,
 )
-from qtpy.QtGui import QColor, QPainter, QPainterPath, QPen, QPolygonF
+from qtpy.QtGui import QColor, QFont, QFontMetrics, QPainter, QPainterPath, QPen, QPolygonF
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -350,13 +350,17 @@ class ObjectTable(QTableView):
 
     def _fit_columns(self) -> None:
         measure = self.fontMetrics().horizontalAdvance
+        bold = QFont(self.font())
+        bold.setBold(True)
+        # What can be done with an object is written bold.
+        boldly = QFontMetrics(bold).horizontalAdvance
         titles = {c: self.objects.units.title(c)[0] for c in WIDTHS}
         # Millions of voxels are longer than any number of cm³.
         widest = WIDEST | {Column.VOLUME: max(WIDEST[Column.VOLUME], self.objects.widest, key=len)}
         widths = {
             c: max(
                 w,
-                measure(widest.get(c, "")) + PADDING,
+                (boldly if c == Column.STATE else measure)(widest.get(c, "")) + PADDING,
                 measure(titles[c]) + (PADDING if titles[c] else 0),
             )
             for c, w in WIDTHS.items()

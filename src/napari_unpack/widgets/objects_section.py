@@ -14,7 +14,7 @@ from napari_unpack.widgets.object_sizes import ObjectSizes
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
-from napari_unpack.widgets.section import Section, button, label, row
+from napari_unpack.widgets.section import LAID_OUT_MS, Section, button, label, row, scroll_to
 from napari_unpack.widgets.table_dock import TableButton
 from napari_unpack.widgets.workspace import Change, Workspace
 
@@ -61,8 +61,8 @@ class ObjectsSection(Section):
         self.contents.addWidget(self.pane, stretch=1)
         self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
         self.contents.addLayout(row(self.split, self.merge, self.delete))
-        self.contents.addWidget(self.table_button.button)
         self.contents.addWidget(self.next_click)
+        self.contents.addWidget(self.table_button.button)
         self.confidence = ConfidenceBox(workspace, commands, self.chosen, self._reload)
         self.contents.addWidget(self.confidence)
         self._connect()
@@ -143,6 +143,9 @@ class ObjectsSection(Section):
         self.split.setChecked(bool(sentence))
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
+        if sentence:
+            # Only where it stands once it is laid out.
+            self._workspace.scheduler.later(LAID_OUT_MS, lambda: scroll_to(self.next_click))
 
     def new_pane(self, key: str) -> ObjectsPane:
         """Make another table of these objects, with the same model, selection and menu."""

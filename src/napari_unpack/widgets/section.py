@@ -13,6 +13,7 @@ from qtpy.QtWidgets import (
     QLabel,
     QLayout,
     QPushButton,
+    QScrollArea,
     QSizePolicy,
     QToolButton,
     QVBoxLayout,
@@ -23,6 +24,9 @@ from napari_unpack.widgets.theme import GAP, LABELS
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QMouseEvent
+
+# Until what was shown or hidden has moved all that lies around it, box by box.
+LAID_OUT_MS = 50
 
 
 class Section(QWidget):
@@ -185,6 +189,15 @@ def form(**fields: QWidget) -> QFormLayout:
             field.setAccessibleName(title.text())
         layout.addRow(title, field)
     return layout
+
+
+def scroll_to(widget: QWidget) -> None:
+    """Scroll the panel so far that a widget is in sight."""
+    above = widget.parentWidget()
+    while above is not None and not isinstance(above, QScrollArea):
+        above = above.parentWidget()
+    if above is not None:
+        above.ensureWidgetVisible(widget)
 
 
 def order_tabs(layout: QLayout) -> None:

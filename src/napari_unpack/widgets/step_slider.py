@@ -9,8 +9,7 @@ from qtpy.QtGui import QColor, QIcon, QPainter, QPixmap, QPolygonF
 from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
 from napari_unpack.session.errors import listed
-from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.commands import Commands, objects_in
+from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.section import column, label
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -106,8 +105,7 @@ class StepSlider(QWidget):
         if session is None:
             return 0
         planned = {i for group in session.steps for i in group}
-        in_bag = objects_in(session, ObjectState.PACKED, ObjectState.FLYING_BACK)
-        return sum(i not in planned for i in in_bag)
+        return len(session.queries.packed - planned)
 
     def _text(self, session: Session) -> str:
         steps, step = session.steps, session.step

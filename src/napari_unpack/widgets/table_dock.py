@@ -103,7 +103,9 @@ class TableButton(QObject):
         return self._opener.dock
 
     def _new_dock(self) -> TableDock:
-        return TableDock(self._viewer, self._new_pane("dock"))
+        dock = TableDock(self._viewer, self._new_pane("dock"))
+        dock.shown.connect(self._keep_panel)
+        return dock
 
     def _add(self, dock: TableDock) -> None:
         unwrap(self._viewer).window.add_dock_widget(dock, name=NAME, area="right")
@@ -111,9 +113,7 @@ class TableButton(QObject):
 
     def _stand_beside_the_panel(self, frame: QWidget | None) -> None:
         """Put the dock between picture and panel, as tall as both; below in a narrow window."""
-        window, panel = self.button.window(), self.button.parentWidget()
-        while panel is not None and not isinstance(panel, QDockWidget):
-            panel = panel.parentWidget()
+        window, panel = self.button.window(), self._panel()
         if not (isinstance(window, QMainWindow) and isinstance(frame, QDockWidget)):
             return
         middle = window.centralWidget()
@@ -121,3 +121,16 @@ class TableButton(QObject):
             window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
         elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
+
+    def _keep_panel(self, shown: bool) -> None:
+        """Give the room of a closed table to the picture, not to the panel beside it."""
+        window, panel = self.button.window(), self._panel()
+        if not shown and panel is not None and isinstance(window, QMainWindow):
+            window.resizeDocks([panel], [panel.width()], Qt.Orientation.Horizontal)
+
+    def _panel(self) -> QDockWidget | None:
+        """Return the dock of the panel."""
+        panel = self.button.parentWidget()
+        while panel is not None and not isinstance(panel, QDockWidget):
+            panel = panel.parentWidget()
+        return panel

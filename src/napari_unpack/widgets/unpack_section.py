@@ -288,7 +288,15 @@ class UnpackSection(Section):
         selected = session is not None and bool(session.selected)
         self.inspect.setEnabled(inspected or out > 0 or selected)
         hidden = states.count(ObjectState.HIDDEN)
-        counts = f"{packed} in, {out + flying + inspected} out"
+        # What is inspected where it lies has not left.
+        lying = (
+            0
+            if session is None
+            else len(
+                session.queries.packed.intersection(objects_in(session, ObjectState.INSPECTED))
+            )
+        )
+        counts = f"{packed + lying} in, {out + flying + inspected - lying} out"
         self.set_status((counts + (f", {hidden} hidden" if hidden else "")) if states else "")
         # None is not empty: nothing is offered while it is not known.
         stuck = self._unpackable == frozenset() and can_unpack and not flying

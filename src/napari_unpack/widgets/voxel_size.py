@@ -14,6 +14,7 @@ from napari_unpack.widgets.theme import GAP
 
 if TYPE_CHECKING:
     from napari.layers import Layer
+    from qtpy.QtGui import QResizeEvent
 
 
 class VoxelSize(QWidget):
@@ -64,12 +65,22 @@ class VoxelSize(QWidget):
         self._layer, self._spacing, self._own, self._chosen = layer, spacing_of(layer), own, kept
         self._show(unit or (own if kept is None else self._named(kept)))
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Write the numbers as wide as there is room."""
+        super().resizeEvent(event)
+        if self._layer is not None:
+            self._show(self.unit)
+
     def _show(self, unit: LengthUnit) -> None:
         self.unit = unit
         self.names.setCurrentText(unit.name)
         edges = [edge * unit.per_mm for edge in self._spacing]
-        # Thin spaces, so that three digits of each find room beside the choice.
-        self.size.setText("\u2009×\u2009".join(f"{edge:.3g}" for edge in edges))
+        # Three digits of each with thin spaces; less where that finds no room beside the choice.
+        forms = (("\u2009×\u2009", 3), ("×", 3), ("×", 2))
+        texts = [times.join(f"{edge:.{digits}g}" for edge in edges) for times, digits in forms]
+        width = self.size.fontMetrics().horizontalAdvance
+        fits = (text for text in texts if width(text) <= self.size.width())
+        self.size.setText(next(fits, texts[-1]))
         whole = " × ".join(f"{edge:.6g}" for edge in edges)
         self.size.setToolTip(f"Edges of a voxel along z, y and x: {whole} {unit.name}.")
         self.shown.emit(unit)
