@@ -12,6 +12,9 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication
 
 from mouse import LEFT, drag
+from napari_unpack.appearance import Decorations
+from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.standard_views import Side, upright
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState, Session
@@ -74,7 +77,7 @@ class Window:
             )
             for i, pose in self.session.poses.items()
         }
-        assert slots.visible == len(self.session.ids)
+        assert slots.visible >= len(ends)
         return [
             i
             for i, (at, half) in ends.items()
@@ -169,6 +172,28 @@ def test_the_bag_fills_the_window_and_makes_room_in_steps(window: Window) -> Non
     window.controller.finish()
     window.rest()
     assert window.viewer.scene.camera.zoom == pytest.approx(zooms[0])
+
+
+def test_fit_brings_the_box_and_the_handle_of_the_cut_into_view(window: Window) -> None:
+    session, controller = window.session, window.controller
+    session.decorations = Decorations.of(decorations=["box"])
+    window.rest()
+    controller.cut_handle.cut_along(np.array([1.0, 1.0, 0.0]))
+
+    def outside() -> int:
+        frame = controller.frame
+        lines = controller.cut_handle.lines(frame)
+        corners = box_corners(session.bag.lower, session.bag.upper)
+        box = transform_points(frame.camera.pivot_from_world(), corners)
+        drawn = np.concatenate([lines.rim, lines.arrow, frame.camera.pixels(box, frame.size)])
+        return int(((drawn < 0) | (drawn > np.array(frame.size) - 1)).any(axis=1).sum())
+
+    window.wheel(3)
+    assert outside() > 0
+    QTest.keyClick(window.widget, Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
+    window.rest()
+    assert outside() == 0
+    assert window.share() > 0.4
 
 
 def test_a_persons_own_zoom_is_never_changed(window: Window) -> None:

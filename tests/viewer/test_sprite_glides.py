@@ -47,6 +47,16 @@ def test_a_new_plan_is_glided_to_from_wherever_the_sprite_is(glides) -> None:
     assert made.settled
 
 
+def test_sprites_grow_and_shrink_on_the_way(glides) -> None:
+    made, scheduler = glides
+    small, large = ({1: Pose(np.zeros(3), EYE, scale)} for scale in (1.0, 4.0))
+    made.follow(small, object())
+    plan = object()
+    assert made.follow(large, plan)[1].scale == pytest.approx(1.0)
+    scheduler.advance(1000 * GLIDE_SECONDS / 2)
+    assert made.follow(large, plan)[1].scale == pytest.approx(2.0)
+
+
 def test_a_hand_a_landing_and_reduced_motion_jump(glides) -> None:
     made, scheduler = glides
     plan = object()

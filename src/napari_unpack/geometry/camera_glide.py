@@ -39,11 +39,15 @@ class CameraGlide:
         """Tell whether it has arrived."""
         return time >= self.start + GLIDE_SECONDS
 
+    def gone(self, time: float) -> float:
+        """Return the part of the way that lies behind it, in [0, 1]."""
+        return float(ease((time - self.start) / GLIDE_SECONDS))
+
     def camera(self, time: float) -> Camera:
         """Return where it is, at rest at both ends."""
         if self.done(time):
             return self.target
-        gone = float(ease((time - self.start) / GLIDE_SECONDS))
+        gone = self.gone(time)
         a, b = self.origin, self.target
         return replace(
             b,

@@ -6,7 +6,7 @@ They go into an MP4, a GIF, or a folder of PNG images.
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.atomic import folder_written_atomically, written_atomically
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.camera_glide import CameraGlide
-from napari_unpack.geometry.transforms import rotation_about
+from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.headless import copy_session, decorated, packed_count
 from napari_unpack.io.images import straight_bytes
@@ -307,9 +307,18 @@ class _Shooting:
         session = self.session
         return contained(fitted(session), session.canvas_size, self.size)
 
-    def image(self, camera: Camera, time: float | None = None) -> Frame:
+    def image(
+        self,
+        camera: Camera,
+        time: float | None = None,
+        before: Mapping[int, Pose] | None = None,
+        gone: float = 1.0,
+    ) -> Frame:
+        """Return a frame; sprites have gone so far from where they were before."""
+        scene, was = self.session.scene(), before or {}
+        poses = {i: was.get(i, pose).toward(pose, gone) for i, pose in scene.poses.items()}
         # Premultiplied, so over black where nothing is: movies have no alpha.
-        image = scene_image(self.session.scene(), camera, self.size, time, self.backend)
+        image = scene_image(replace(scene, poses=poses), camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
     def still(self, rest: float) -> Iterator[Frame]:
@@ -327,7 +336,7 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
     session.animated, session.seconds = True, seconds
     report(0.0, "Rendering")
     yield from shooting.still(STANDSTILL[0])
-    gone, camera = 0, shooting.camera
+    gone, camera, poses = 0, shooting.camera, session.poses
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
         # Flights of a group need not start together: a step lasts until the last has landed.
@@ -340,11 +349,11 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
             part = gone + len(flights) * i / frames
             report(min(part / wanted, 1.0), f"Rendering: {gone} of {wanted} objects out")
             time = start + (i + 1) * length / frames
-            yield shooting.image(glide.camera(time), time)
+            yield shooting.image(glide.camera(time), time, poses, glide.gone(time))
         for object_id in flights:
             # By hand: no clock runs here, so none would land by itself.
             session.land(object_id)
-        gone += len(flights)
+        gone, poses = gone + len(flights), session.poses
         yield from shooting.still(STANDSTILL[1])
     yield from shooting.still(STANDSTILL[2])
     report(1.0, "Rendered")

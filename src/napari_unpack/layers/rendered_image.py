@@ -291,9 +291,14 @@ class Sprite:
         z, y, x = (float(v) for v in self.pose.center)
         return sprite_place(self.patch, (z, y, x), self.mm)
 
+    def is_at(self, pose: Pose) -> bool:
+        """Tell whether it is drawn at a place, and as large as it is to be there."""
+        same = np.array_equal(self.pose.center, pose.center)
+        return same and self.pose.scale == pose.scale
+
     def moved(self, pose: Pose) -> Sprite:
-        """Return the same image elsewhere."""
-        return replace(self, pose=pose)
+        """Return the same image elsewhere, as large as it is to be there."""
+        return replace(self, pose=pose, mm=self.mm * pose.scale / self.pose.scale)
 
     def texture(self, silhouette: Silhouette) -> ImageTexture:
         """Return its image with a silhouette, made at the first call (some milliseconds)."""

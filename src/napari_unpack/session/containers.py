@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.session.framing import fitted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -291,6 +290,9 @@ class OpenedBefore:
         # Repaired labels are other arrays: what was inside may be so no more.
         if known is None or known[0]() is not session.labels:
             bag = open_container(session, object_id, rotation)
+            # It loads more than the panel needs to open.
+            from napari_unpack.session.framing import fitted
+
             # In the worker that opens it: its hull is found for the first view.
             fitted(bag)
             known = bags[object_id] = ref(session.labels), bag

@@ -144,7 +144,7 @@ class Document:
             As for `commit`.
         """
         # States depend on the flights too, so they are asked before anything moves.
-        old, states = self.state, self.queries.states()
+        old, states, before = self.state, self.queries.states(), self.queries.slots()
         edited: frozenset[int] = frozenset()
         if new.cut is not old.cut:
             self.see(clipping=self.clipping_with(new.cut))
@@ -153,12 +153,17 @@ class Document:
             # Before the flights, which start from the boxes of the new labels.
             edited = self._follow_labels(old, new, data)
         stretch = self.view_state.camera.stretch
-        self.flights.follow(old, new, self.bag, self.queries.slots(), stretch)
+        slots = self.queries.slots()
+        if slots is not before:
+            self.flights.redirect(new.placements, slots, stretch, bends=True)
+        self.flights.follow(old, new, self.bag, (before, slots), stretch)
         now = self.queries.states()
         changed = {i for i, state in now.items() if state is not states.get(i)}
         if edited:
-            # Slots may have been planned anew.
-            changed.update(new.placements, edited & self.label_data.known)
+            changed |= edited & self.label_data.known
+        # Planned anew, they are elsewhere for all.
+        if edited or slots is not before:
+            changed.update(new.placements)
         self.events.emit_changes(old, new, edited, changed)
 
     def _follow_labels(

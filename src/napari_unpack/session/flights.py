@@ -64,7 +64,12 @@ class FlightControl(Mapping[int, Flight]):
         return len(self._flights)
 
     def follow(
-        self, before: SessionState, after: SessionState, bag: Bag, slots: Slots, stretch: Matrix
+        self,
+        before: SessionState,
+        after: SessionState,
+        bag: Bag,
+        slots: tuple[Slots, Slots],
+        stretch: Matrix,
     ) -> None:
         """Start and reverse flights as one state becomes another.
 
@@ -72,8 +77,8 @@ class FlightControl(Mapping[int, Flight]):
         ----------
         before, after : SessionState
         bag : Bag
-        slots : Slots
-            Where unpacked objects wait.
+        slots : (Slots, Slots)
+            Where unpacked objects wait, before and after.
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`).
         """
@@ -97,11 +102,12 @@ class FlightControl(Mapping[int, Flight]):
                 starting[back][i] = placement
             elif flights[i].back != back:
                 # It turns round where it is.
-                flights[i] = flights[i].reversed(now).toward(placement.pose(slots, stretch))
+                there = placement.pose(slots[not back], stretch)
+                flights[i] = flights[i].reversed(now).toward(there)
         for back, placements in starting.items():
             # The last to leave returns first: the way is clear for it.
             order = reversed(list(placements.items())) if back else placements.items()
-            flights |= launch(bag, dict(order), slots, stretch, now, self.seconds, back)
+            flights |= launch(bag, dict(order), slots[not back], stretch, now, self.seconds, back)
         self._take(flights)
 
     def land(self, ids: Iterable[int]) -> bool:
@@ -114,7 +120,13 @@ class FlightControl(Mapping[int, Flight]):
         self._take(left)
         return True
 
-    def redirect(self, placements: Mapping[int, Placement], slots: Slots, stretch: Matrix) -> None:
+    def redirect(
+        self,
+        placements: Mapping[int, Placement],
+        slots: Slots,
+        stretch: Matrix,
+        bends: bool = False,
+    ) -> None:
         """Send flights to where the slots are now.
 
         Parameters
@@ -124,11 +136,13 @@ class FlightControl(Mapping[int, Flight]):
         slots : Slots
         stretch : (3, 3) ndarray of float64
             How the bag is stretched (`Camera.stretch`).
+        bends : bool, optional
+            They turn to it from where they are; else they are at once on the way there.
         """
-        flights = dict(self._flights)
+        flights, now = dict(self._flights), self.clock() if bends else None
         # What flies back goes to its place in the bag, which no window moves.
         for i in flights.keys() & placements.keys():
-            flights[i] = flights[i].toward(placements[i].pose(slots, stretch))
+            flights[i] = flights[i].toward(placements[i].pose(slots, stretch), now)
         self._take(flights)
 
     def _take(self, flights: dict[int, Flight]) -> None:

@@ -1,8 +1,8 @@
 """The camera that brings the bag and what is out of it into view: for the window and for films.
 
-Slots are planned once, for all objects. What is seen of that plan grows in steps: with nothing out
-the bag fills the window, and each object that comes out has the camera draw back as far as its
-slot needs.
+With nothing out the bag fills the window, and each object that comes out has the camera draw back
+as far as its slot needs. Slots are planned in steps (`unpacking.slots`), so that few sprites leave
+the bag large.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
 from napari_unpack.unpacking.slots import GAP
 
@@ -23,8 +25,12 @@ if TYPE_CHECKING:
 SHARE_OF_BAG = 0.78
 
 
-def fitted(session: Session, camera: Camera | None = None) -> Camera:
-    """Return the camera that brings the bag and all that is out and in sight into view.
+def fitted(
+    session: Session,
+    camera: Camera | None = None,
+    drawn: NDArray[np.float64] | None = None,
+) -> Camera:
+    """Return the camera that brings the bag, its box and all that is out and seen into view.
 
     Parameters
     ----------
@@ -32,6 +38,8 @@ def fitted(session: Session, camera: Camera | None = None) -> Camera:
         Of its window's shape.
     camera : Camera, optional
         Which way to look, and with which perspective; by default as the session's.
+    drawn : (N, 3) ndarray of float64, optional
+        What else is drawn about the bag, world mm.
     """
     camera = session.camera if camera is None else camera
     rows, cols = session.canvas_size
@@ -50,6 +58,14 @@ def fitted(session: Session, camera: Camera | None = None) -> Camera:
         # All of its cell: turned by hand it may come to fill that.
         reach = np.abs(pose[1:]) + slots.cell_mm / 2 + gap
         half.append(float((reach * upright).max()))
+    around = [] if drawn is None else [drawn]
+    if session.decorations.box:
+        around.append(box_corners(session.bag.lower, session.bag.upper))
+    for points in around:
+        away = (points - session.bag.center) @ camera.linear.T
+        # In perspective the view is narrower where it is nearer to the eye.
+        narrower = away[:, :1] * np.tan(np.radians(camera.fov) / 2) + gap
+        half += (np.abs(away[:, 1:]) * upright + narrower).ravel().tolist()
     return replace(camera, center=session.bag.center, height=2 * max(half))
 
 

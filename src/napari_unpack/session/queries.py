@@ -52,7 +52,7 @@ from napari_unpack.session.query_keys import BagUpKey, LabelsKey, SlotsKey, Stat
 from napari_unpack.session.state import Group, SessionState
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import Progress, Task, no_progress
-from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box
+from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box, room_for
 from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan, best_direction
 
 if TYPE_CHECKING:
@@ -642,11 +642,12 @@ class Queries:
         return known
 
     def slots(self) -> Slots:
-        """Return where unpacked objects wait, planned for all of them at once."""
+        """Return where unpacked objects wait: more slots, in steps, as more of them are out."""
         session, view = self._session, self._session.view_state
         radius = session.bag.radius_in(view.camera.stretch)
+        taken = 1 + max((one.slot for one in session.state.placements.values()), default=-1)
         # Of all labels so far: slots stay where they are when two objects are merged.
-        count = session.label_data.most_objects
+        count = room_for(taken, session.label_data.most_objects)
         key = SlotsKey(count, radius, view.canvas_size, view.camera.fov)
         known = self._cache.find(key)
         if known is None:

@@ -13,7 +13,7 @@ from napari_unpack.unpacking.oriented_box import (
     outline,
 )
 from napari_unpack.unpacking.queue import Queue
-from napari_unpack.unpacking.slots import Slots, arrange
+from napari_unpack.unpacking.slots import Slots, arrange, room_for
 
 __all__ = [
     "AXES",
@@ -35,6 +35,7 @@ __all__ = [
     "outline",
     "ratios",
     "reveal",
+    "room_for",
     "towards_viewer",
     "unpackable_ids",
 ]

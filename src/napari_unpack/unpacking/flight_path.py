@@ -149,6 +149,10 @@ class Flight:
         True on the way into the bag.
     around : Ball, optional
         What the second leg leads round: the bag.
+    before : Flight, optional
+        The flight that it was until it was sent elsewhere: it turns from one to the other.
+    sent : float
+        When that was, s.
 
     Raises
     ------
@@ -165,6 +169,8 @@ class Flight:
     seconds: float = 1.5
     back: bool = False
     around: Ball | None = None
+    before: Flight | None = None
+    sent: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.seconds) and self.seconds > 0):
@@ -195,7 +201,11 @@ class Flight:
         box. Deviation: the first leg goes along D whatever D is (docs/paper.md, R12).
         """
         passed = self.progress(time)
-        return self.pose_at(1.0 - passed if self.back else passed, camera)
+        pose = self.pose_at(1.0 - passed if self.back else passed, camera)
+        if self.before is None:
+            return pose
+        left = self.start + self.seconds - self.sent
+        return self.before.pose(time, camera).toward(pose, ease((time - self.sent) / left))
 
     def pose_at(self, fraction: float, camera: Camera) -> Pose:
         """Return the pose at a fraction.
@@ -234,11 +244,21 @@ class Flight:
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
         left = 1.0 - self.progress(time)
-        return replace(self, back=not self.back, start=time - left * self.seconds)
+        return replace(self, back=not self.back, start=time - left * self.seconds, before=None)
 
-    def toward(self, target: Pose) -> Flight:
-        """Return the same flight with another place outside the bag."""
-        return replace(self, target=target)
+    def toward(self, target: Pose, time: float | None = None) -> Flight:
+        """Return the same flight with another place outside the bag.
+
+        Parameters
+        ----------
+        target : Pose
+            Where, in pivot space.
+        time : float, optional
+            When it turns there, from where it is then; by default it always went there.
+        """
+        if time is None or not self.start < time < self.start + self.seconds:
+            return replace(self, target=target, before=None)
+        return replace(self, target=target, before=self, sent=time)
 
 
 def _bezier(a: Vector, b: Vector, c: Vector, s: float) -> NDArray[np.float64]:

@@ -1,12 +1,14 @@
 """Slots: where unpacked objects wait, cells of a grid around the bag, in pivot space.
 
 The bag is taken as the circle of its bounding sphere, so that a plan holds at every turn of it.
-Slots are planned once for all objects of the bag: nothing moves when another one comes out.
+Slots are planned for more and more objects, in steps, so that the bag stays large while few are
+out: between two steps nothing moves when another one comes out.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +23,12 @@ GAP = 8
 LEAST_BAG = 0.27
 
 
-# How much more a larger bag counts than larger sprites.
-WEIGHT_OF_BAG = 1.5
+# How much more a larger bag counts than larger sprites: with less, plans for more of them have
+# larger bags than plans for few.
+WEIGHT_OF_BAG = 2.0
+
+# Sprites that the first plan has room for; there are corners for so many around any bag.
+FEWEST = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +77,23 @@ class Slots:
         """
         longer = max(width_mm, height_mm)
         return float(np.clip(longer, self.least_mm, self.cell_mm) / longer)
+
+
+def room_for(taken: int, most: int) -> int:
+    """Return for how many sprites to plan: 4, 8, 16, ..., or for all where that is not many more.
+
+    Parameters
+    ----------
+    taken : int
+        Slots that are taken, those among them counted that are empty again.
+    most : int
+        Objects in the bag.
+    """
+    planned = FEWEST
+    while planned < taken:
+        planned *= 2
+    # One step more for a few would move everything once more for little.
+    return most if 3 * planned >= 2 * most else planned
 
 
 def arrange(
@@ -134,15 +157,21 @@ def arrange(
     return Slots(centers, side * mm, least * mm, height * mm, width * mm, radius, visible)
 
 
+@lru_cache(maxsize=64)
 def _best_plan(
     count: int, height: int, width: int, least_pixels: float, gap: float
 ) -> tuple[float, float, float]:
     """Return the cell side, the radius of the bag's circle, and the gap, pixels."""
     short = min(height, width)
+    most = float("inf")
+    if count > FEWEST:
+        # Never larger than with fewer sprites: the camera draws back as they come, and no way else.
+        fewer = FEWEST * 2 ** int(np.log2((count - 1) / FEWEST))
+        most = _best_plan(fewer, height, width, least_pixels, gap)[1]
     plans = []
     # In steps of 2 pixels, which no one sees; beyond 0.3 of the window sprites outdo the bag.
     for side in np.arange(least_pixels, max(least_pixels, min(short * 0.3, 320)) + 1, 2):
-        plan = _plan(count, height, width, side, gap)
+        plan = _plan(count, height, width, side, gap, most)
         if plan is not None:
             plans.append(plan)
     if plans:
@@ -151,13 +180,13 @@ def _best_plan(
     while True:
         # A tenth at a time finds a side within a tenth of the largest that fits.
         side *= 0.9
-        plan = _plan(count, height, width, side, min(gap, side / 8))
+        plan = _plan(count, height, width, side, min(gap, side / 8), most)
         if plan is not None:
             return plan
 
 
 def _plan(
-    count: int, height: int, width: int, side: float, gap: float
+    count: int, height: int, width: int, side: float, gap: float, most: float
 ) -> tuple[float, float, float] | None:
     """Return side, radius and gap where `count` cells fit outside a bag that is large enough."""
     short = min(height, width)
@@ -165,7 +194,7 @@ def _plan(
     reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
     if len(reach) < count:
         return None
-    radius = min([short / 2 - gap, *reach[max(count - 1, 0) : count]])
+    radius = min([most, short / 2 - gap, *reach[max(count - 1, 0) : count]])
     return (float(side), float(radius), gap) if radius >= LEAST_BAG * short else None
 
 

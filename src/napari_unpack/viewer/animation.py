@@ -364,25 +364,32 @@ class Glide:
 
     Parameters
     ----------
-    origin, target : (3,) ndarray of float64
-        Centres, pivot space, mm.
+    origin, target : Pose
+        Pivot space; only place and size glide.
     start : float
         When it sets off, s.
     """
 
-    origin: Vector
-    target: Vector
+    origin: Pose
+    target: Pose
     start: float
 
     def done(self, time: float) -> bool:
         """Tell whether it has arrived."""
         return time >= self.start + GLIDE_SECONDS
 
-    def center(self, time: float) -> Vector:
-        """Return where it is, at rest at both ends."""
-        gone = ease((time - self.start) / GLIDE_SECONDS)
-        center: Vector = (1.0 - gone) * self.origin + gone * self.target
-        return center
+    def pose(self, time: float, held: Pose) -> Pose:
+        """Return where it is and how large, at rest at both ends.
+
+        Parameters
+        ----------
+        time : float
+            s, on the clock of `start`.
+        held : Pose
+            How it is turned.
+        """
+        here = self.origin.toward(self.target, ease((time - self.start) / GLIDE_SECONDS))
+        return replace(held, center=here.center, scale=here.scale)
 
 
 class Glides:
@@ -432,18 +439,16 @@ class Glides:
         for object_id, pose in poses.items():
             before = self._poses.get(object_id)
             glide = self._glides.get(object_id)
-            if before is not None and (before.center != pose.center).any():
+            if before is not None and _apart(before, pose):
                 # Planned anew in the middle of a glide it goes on from where it is.
-                origin = before.center if glide is None else glide.center(now)
-                glide = Glide(origin, pose.center, now) if planned_anew else None
+                origin = before if glide is None else glide.pose(now, before)
+                glide = Glide(origin, pose, now) if planned_anew else None
             if glide is not None and not glide.done(now):
                 glides[object_id] = glide
         self._plan, self._poses, self._glides = plan, dict(poses), glides
         if glides:
             self.animation.start()
-        return dict(poses) | {
-            i: replace(poses[i], center=glide.center(now)) for i, glide in glides.items()
-        }
+        return dict(poses) | {i: glide.pose(now, poses[i]) for i, glide in glides.items()}
 
     def close(self) -> None:
         """Move nothing more."""
@@ -455,3 +460,7 @@ class Glides:
         self._moved()
         if not self._glides:
             self.animation.stop()
+
+
+def _apart(a: Pose, b: Pose) -> bool:
+    return a.scale != b.scale or bool((a.center != b.center).any())

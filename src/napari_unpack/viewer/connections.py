@@ -77,6 +77,8 @@ class ControllerConnections:
         """Follow the session's background, box and scale bar."""
         decorate_canvas(self._controller.viewer, self._controller.session.decorations)
         self._controller.renderer.decorations_changed()
+        # Its box may reach out of the window.
+        self._controller.framing.follow()
 
     def follow_states(self) -> None:
         """Follow the states of the session's objects."""

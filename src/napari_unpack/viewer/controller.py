@@ -162,7 +162,10 @@ class SessionController:
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
         )
-        self.framing = Framing(self.viewer, session, self.packed, self.renderer, self.scheduler)
+        handle = self.cut_handle.points
+        self.framing = Framing(
+            self.viewer, session, self.packed, self.renderer, self.scheduler, handle
+        )
         self.interaction = Interaction(self)
         self.slice_hues = SliceHues(session, ())
         self.slice_steps: SliceSteps | None = None

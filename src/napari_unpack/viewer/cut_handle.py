@@ -110,25 +110,31 @@ class CutHandle:
         frame : Frame
             What the canvas shows.
         """
-        session = self._session
-        inspecting = ObjectState.INSPECTED in session.states.values()
-        if session.cutting.plane is None or not self._shown or inspecting:
+        world = self.points()
+        if not len(world):
             return None
-        center, normal = self._center(), session.cutting.plane[1]
-        across = np.eye(3)[np.abs(normal).argmin()]
-        u = unit(np.cross(normal, across))
-        angles = np.linspace(0.0, 2 * np.pi, RIM_LINES + 1)
-        circle = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * np.cross(normal, u)
-        radius = session.bag.radius
-        world = center + np.concatenate(
-            [RIM * radius * circle, [0 * normal, -ARROW * radius * normal]]
-        )
         pivot = transform_points(frame.camera.pivot_from_world(), world)
         # Behind the eye it would be drawn on the other side of the view.
         if (pivot[:, 0] >= 0.98 * frame.camera.distance).any():
             return None
         pixels = frame.camera.pixels(pivot, frame.size)
         return HandleLines(pixels[: RIM_LINES + 1], pixels[RIM_LINES + 1 :])
+
+    def points(self) -> NDArray[np.float64]:
+        """Return the (N, 3) points of its lines, world mm, rim first; none where it is not seen."""
+        session = self._session
+        inspecting = ObjectState.INSPECTED in session.states.values()
+        if session.cutting.plane is None or not self._shown or inspecting:
+            return np.zeros((0, 3))
+        center, normal = self._center(), session.cutting.plane[1]
+        across = np.eye(3)[np.abs(normal).argmin()]
+        u = unit(np.cross(normal, across))
+        angles = np.linspace(0.0, 2 * np.pi, RIM_LINES + 1)
+        circle = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * np.cross(normal, u)
+        radius = session.bag.radius
+        arrow = [0 * normal, -ARROW * radius * normal]
+        points: NDArray[np.float64] = center + np.concatenate([RIM * radius * circle, arrow])
+        return points
 
     def point_at(self, pixel: NDArray[np.float64] | None, frame: Frame | None) -> Part:
         """Light up what the mouse is on, and return it.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.view import Camera
@@ -48,6 +50,8 @@ class Framing:
         Knows how the canvas looks.
     renderer : SceneRenderer
     scheduler : Scheduler
+    drawn : callable
+        Returns what is drawn about the bag and to be seen, (N, 3) world mm.
 
     Notes
     -----
@@ -61,9 +65,10 @@ class Framing:
         layer: PackedLayer,
         renderer: SceneRenderer,
         scheduler: Scheduler,
+        drawn: Callable[[], NDArray[np.float64]],
     ) -> None:
         self._viewer, self._session, self._layer = viewer, session, layer
-        self._renderer, self._scheduler = renderer, scheduler
+        self._renderer, self._scheduler, self._drawn = renderer, scheduler, drawn
         self._glide: CameraGlide | None = None
         # What the camera was set to last, where it is going, and the last of these to hold all.
         self._set: Camera | None = None
@@ -107,13 +112,13 @@ class Framing:
             Which way to look; by default as now.
         """
         self._measure()
-        self._go_fit(fitted(self._session, camera or self._seen), glides)
+        self._go_fit(self._fitted(camera or self._seen), glides)
 
     def look_from(self, camera: Camera) -> None:
         """Have the camera look so, at once."""
         self._measure()
         # As saved by a person who saw it fitted: room is then made for what comes out.
-        whole = fitted(self._session, camera)
+        whole = self._fitted(camera)
         self._fit = camera if _alike(camera, whole) else None
         self._given = camera
         self._go(camera, glides=False)
@@ -128,7 +133,7 @@ class Framing:
         """
         turned = replace(self._seen, rotation=rotation)
         if self.is_fit:
-            self._go_fit(fitted(self._session, turned))
+            self._go_fit(self._fitted(turned))
         else:
             self._go(turned)
 
@@ -185,6 +190,9 @@ class Framing:
         frame = self._layer.frame_now()
         return self._session.camera if frame is None else frame.camera
 
+    def _fitted(self, camera: Camera) -> Camera:
+        return fitted(self._session, camera, self._drawn())
+
     def _untouched(self) -> bool:
         """Tell whether the camera is as near and where it was put last; turned, perhaps."""
         frame = self._layer.frame_now()
@@ -224,7 +232,7 @@ class Framing:
             return
         self._size = session.canvas_size
         # As near as it was turned then: to turn the bag brings it no nearer.
-        wanted = fitted(session, self._fit)
+        wanted = self._fitted(self._fit)
         if resized or not _alike(wanted, self._fit):
             self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
 
@@ -234,7 +242,7 @@ class Framing:
         frame = self._renderer.frame
         # napari has reset the camera by now; what was seen before is what is gone on from.
         origin = self._session.camera if frame is None else frame.camera
-        self._go_fit(fitted(self._session, origin), origin=origin)
+        self._go_fit(self._fitted(origin), origin=origin)
 
     def _go_fit(self, camera: Camera, glides: bool = True, origin: Camera | None = None) -> None:
         inspected = self._session.state.inspected

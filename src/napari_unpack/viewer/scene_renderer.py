@@ -369,7 +369,7 @@ class SceneRenderer:
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
         poses |= {i: pose for i, pose in self.animator.carried.items() if i in poses}
         # Slots planned anew are glided to; a sprite under the hand is where the hand is.
-        poses = self.glides.follow(poses, session.slots)
+        gliding = self.glides.follow(poses, session.slots)
         waiting = frozenset(poses)
         for object_id, flight in session.flights.items():
             poses.setdefault(object_id, flight.target)
@@ -378,7 +378,7 @@ class SceneRenderer:
         if self.animator.inspection is not None:
             moving |= {self.animator.inspection.object_id}
         shown = waiting - (moving & frozenset(self.transition.images))
-        self.sprite_renderer.want(poses, shown, frame.size[0] / frame.camera.height)
+        self.sprite_renderer.want(poses, shown, frame.size[0] / frame.camera.height, gliding)
 
 
 def backdrop_of(session: Session) -> Backdrop:

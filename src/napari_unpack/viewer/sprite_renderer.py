@@ -82,7 +82,13 @@ class SpriteRenderer:
         """Take note that densities look different now."""
         self._revision += 1
 
-    def want(self, poses: Mapping[int, Pose], shown: frozenset[int], pixels_per_mm: float) -> None:
+    def want(
+        self,
+        poses: Mapping[int, Pose],
+        shown: frozenset[int],
+        pixels_per_mm: float,
+        gliding: Mapping[int, Pose] | None = None,
+    ) -> None:
         """Cast what is missing or has changed, and forget what is not wanted.
 
         Parameters
@@ -93,8 +99,10 @@ class SpriteRenderer:
             Which of them to show now.
         pixels_per_mm : float
             Of the view, in pivot space.
+        gliding : {id: Pose}, optional
+            Where some of them are by now, and how large.
         """
-        self._wanted, self._shown = dict(poses), shown
+        self._wanted, self._shown = {**poses, **(gliding or {})}, shown
         # One scene for all: this runs at every frame while anything moves.
         scene, voxel = self._session.scene(), float(np.min(self._session.spacing))
         for object_id in list(self._made):
@@ -105,8 +113,9 @@ class SpriteRenderer:
             key = self._key(scene, object_id, pose, sharpness)
             have = self._made.get(object_id)
             # In pivot space an image stays right wherever it is put.
-            if have is not None and not np.array_equal(have[1].pose.center, pose.center):
-                self._made[object_id] = have = (have[0], have[1].moved(pose))
+            here = self._wanted[object_id]
+            if have is not None and not have[1].is_at(here):
+                self._made[object_id] = have = (have[0], have[1].moved(here))
             if have is not None and have[0] == key:
                 # Turned and at once turned back: what was asked for between comes too late.
                 self._asked.pop(object_id, None)
