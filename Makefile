@@ -15,18 +15,21 @@ PLUGIN_WORKERS ?= $(subst -n 2,-n 4,$(WORKERS))
 export UNPACK_REQUIRE_GL ?= 1
 export NAPARI_CONFIG ?=
 
-.PHONY: setup kernels demo test test-plain test-plugin lint bench soak fuzz screenshots clean
+# Nothing but what the file names, and only if its hash is right.
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
+
+.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots clean
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt tools/system-libraries.sh
+$(READY): pyproject.toml requirements/dev.txt tools/system-libraries.sh
 	@bash tools/system-libraries.sh
 	@echo "[setup] virtual environment in $(VENV)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; name one with make PYTHON=...")'
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	@echo "[setup] packages (a few minutes the first time)"
-	@$(BIN)/python -m pip install --quiet -c constraints.txt --group dev -e .
+	@$(INSTALL) requirements/dev.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
 # Kernels compiled before an edit of what they inline; the tests see to it themselves.
@@ -60,8 +63,26 @@ lint: $(READY)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" lint-imports
 	@$(BIN)/npe2 validate napari_unpack
 
+# Name, version and licence of all that is installed; fails on what is neither permissive nor LGPL.
+licences: $(READY)
+	@$(BIN)/python tools/licences.py
+
+# The hashed files from pyproject.toml; versions stay unless make requirements UPGRADE=--upgrade.
+LOCK = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+  --custom-compile-command "make requirements" $(UPGRADE)
+requirements: $(READY)
+	@$(INSTALL) requirements/tools.txt
+	@$(LOCK) pyproject.toml --group dev -o requirements/dev.txt
+	@$(LOCK) --group bench -c requirements/dev.txt -o requirements/bench.txt
+	@$(LOCK) --group tools -c requirements/dev.txt -o requirements/tools.txt
+
+# Known advisories on what the hashed files name (asks the package index).
+audit: $(READY)
+	@$(INSTALL) requirements/tools.txt
+	@$(BIN)/pip-audit --strict --disable-pip --require-hashes $(addprefix -r ,$(wildcard requirements/*.txt))
+
 bench: $(READY) kernels
-	@$(BIN)/python -m pip install --quiet -c constraints.txt --group bench
+	@$(INSTALL) requirements/bench.txt
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
 
 # Damaged files and killed saves for as long as it is let: make fuzz SECONDS=600.
