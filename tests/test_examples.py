@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
-import subprocess
+import runpy
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -16,36 +16,23 @@ import pytest
 import napari_unpack as nu
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+Run = Callable[..., list[str]]
 
 
 @pytest.fixture
-def alone(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[None]:
-    """Hold numba's cache, as tests/conftest.py says: a script may write kernels of its own."""
-    if not hasattr(request.config, "workerinput"):
-        yield
-        return
-    from fcntl import LOCK_EX, flock
-
-    with Path(tmp_path_factory.getbasetemp().parent, "numba.lock").open("w") as lock:
-        flock(lock, LOCK_EX)
-        yield
-
-
-def run(name: str, folder: Path, *more: Path) -> list[str]:
-    """Run an example as a person does and return the lines it prints."""
-    elsewhere = folder / "elsewhere"
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run an example as a person does, but in this process, and return the lines it prints."""
+    elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    done = subprocess.run(
-        [sys.executable, EXAMPLES / name, folder / "out", *more],
-        cwd=elsewhere,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert list(elsewhere.iterdir()) == []
-    return done.stdout.splitlines()
+
+    def run(name: str, *more: Path) -> list[str]:
+        monkeypatch.chdir(elsewhere)
+        monkeypatch.setattr(sys, "argv", [name, *map(str, (tmp_path / "out", *more))])
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        assert list(elsewhere.iterdir()) == []
+        return capsys.readouterr().out.splitlines()
+
+    return run
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -59,13 +46,12 @@ def test_the_list_of_examples_is_whole() -> None:
     assert named == {path.name for path in EXAMPLES.glob("*.py")}
 
 
-@pytest.mark.usefixtures("alone")
-def test_a_volume_of_ones_own_is_segmented(tmp_path: Path) -> None:
+def test_a_volume_of_ones_own_is_segmented(tmp_path: Path, run: Run) -> None:
     volume = np.random.default_rng(0).normal(20, 8, (40, 44, 60))
     volume[8:32, 8:34, 6:26] += 1200
     volume[10:30, 10:30, 32:54] += 700
     np.save(tmp_path / "volume.npy", volume.clip(0).astype(np.uint16))
-    lines = run("segment_a_volume.py", tmp_path, tmp_path / "volume.npy")
+    lines = run("segment_a_volume.py", tmp_path / "volume.npy")
     labels, table = np.load(tmp_path / "out/labels.npy"), rows(tmp_path / "out/objects.csv")
     assert labels.shape == volume.shape
     assert labels[20, 20, 15] != labels[20, 20, 43]
@@ -76,9 +62,8 @@ def test_a_volume_of_ones_own_is_segmented(tmp_path: Path) -> None:
     assert shown == sorted((round(float(row["confidence"]), 2) for row in table), reverse=True)
 
 
-@pytest.mark.usefixtures("alone")
-def test_everybody_leaves_once_and_who_is_unpackable_leads(tmp_path: Path) -> None:
-    lines = run("unpack_in_order.py", tmp_path)
+def test_everybody_leaves_once_and_who_is_unpackable_leads(tmp_path: Path, run: Run) -> None:
+    lines = run("unpack_in_order.py")
     table = rows(tmp_path / "out/order.csv")
     assert sorted(int(row["id"]) for row in table) == list(range(1, 11))
     steps = [int(row["step"]) for row in table]
@@ -89,9 +74,8 @@ def test_everybody_leaves_once_and_who_is_unpackable_leads(tmp_path: Path) -> No
     assert len(lines) == 1 + steps[-1]
 
 
-@pytest.mark.usefixtures("alone")
-def test_a_tinted_image_has_many_colours_and_neighbours_apart(tmp_path: Path) -> None:
-    lines = run("tinted_picture.py", tmp_path)
+def test_a_tinted_image_has_many_colours_and_neighbours_apart(tmp_path: Path, run: Run) -> None:
+    lines = run("tinted_picture.py")
     image = iio.imread(tmp_path / "out/tinted.png")
     assert image.shape == (360, 480, 3)
     vivid = image[np.ptp(image.astype(int), axis=2) > 100]
@@ -104,9 +88,8 @@ def test_a_tinted_image_has_many_colours_and_neighbours_apart(tmp_path: Path) ->
     assert float(lines[1].split(": ")[1]) > 0.03
 
 
-@pytest.mark.usefixtures("alone")
-def test_labels_of_another_tool_are_asked_about(tmp_path: Path) -> None:
-    lines = run("own_labels.py", tmp_path)
+def test_labels_of_another_tool_are_asked_about(tmp_path: Path, run: Run) -> None:
+    lines = run("own_labels.py")
     table = rows(tmp_path / "out/objects.csv")
     near = {int(row["id"]): {int(i) for i in row["interferes_with"].split()} for row in table}
     assert len(near) == 12
@@ -121,9 +104,8 @@ def test_labels_of_another_tool_are_asked_about(tmp_path: Path) -> None:
     assert unpackable == sorted(i for i, ratio in exact.items() if ratio == 0.0)
 
 
-@pytest.mark.usefixtures("alone")
-def test_a_movie_shows_objects_on_their_way(tmp_path: Path) -> None:
-    lines = run("movie_of_unpacking.py", tmp_path)
+def test_a_movie_shows_objects_on_their_way(tmp_path: Path, run: Run) -> None:
+    lines = run("movie_of_unpacking.py")
     frames = iio.imread(tmp_path / "out/unpacking.mp4").astype(int)
     assert frames.shape[1:] == (240, 320, 3)
     assert len(frames) > 20
@@ -132,9 +114,8 @@ def test_a_movie_shows_objects_on_their_way(tmp_path: Path) -> None:
     assert lines[1] == f"wrote {tmp_path / 'out/unpacking.mp4'}"
 
 
-@pytest.mark.usefixtures("alone")
-def test_a_trained_confidence_is_saved_and_used(tmp_path: Path) -> None:
-    lines = run("train_confidence.py", tmp_path)
+def test_a_trained_confidence_is_saved_and_used(tmp_path: Path, run: Run) -> None:
+    lines = run("train_confidence.py")
     assert nu.Oracle.load(tmp_path / "out/oracle.npz").bad is not None
     assert lines[:2] == [
         "Learned from volume 1: 9 objects",

@@ -18,9 +18,10 @@ SHAPE = (40, 48, 60)
 
 @pytest.fixture(scope="session", autouse=True)
 def modules_and_manifests_read_once() -> Iterator[None]:
-    """Import what all tests need; keep the manifests of the plugins, which do not change.
+    """Import what all tests need; keep napari from work that each new viewer would do again.
 
-    napari's viewer fixture would read the manifests of all that is installed in every test.
+    The manifests of all that is installed do not change; nobody reads the settings on disk; and
+    no welcome screen is shown, which would be written anew for each of a hundred shortcuts.
     """
     for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
         importlib.import_module(name)
@@ -30,6 +31,10 @@ def modules_and_manifests_read_once() -> Iterator[None]:
     found = list(PluginManifest.discover())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PluginManifest, "discover", lambda *_, **__: iter(found))
+        settings = "napari.settings._base.EventedConfigFileSettings._maybe_save"
+        patch.setattr(settings, lambda _: None)
+        welcome = "napari._qt.widgets.qt_welcome.QtWelcomeWidget.refresh"
+        patch.setattr(welcome, lambda _self, _event=None: None)
         yield
 
 

@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
@@ -262,7 +262,8 @@ def soak(
     viewer, panel
         With a stage open.
     seconds : float
-        Of commands; putting everything away before memory is looked at comes on top.
+        Of commands; putting everything away before memory is looked at comes on top. 0 for
+        `fewest` commands, however quick they are.
     seed : int
     samples : int
         How often memory is looked at.
@@ -292,6 +293,7 @@ def soak(
                 QCoreApplication.processEvents()
                 while monotonic() < until:
                     QCoreApplication.processEvents()
+                    sleep(pause / 10)
             hand.put_away()
             report.memory.append((monotonic() - start, held() / 2**20))
             told(report)

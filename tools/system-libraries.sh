@@ -23,7 +23,7 @@ command -v Xvfb >/dev/null || missing+=(xvfb)
 command -v xauth >/dev/null || missing+=(xauth)
 # Mesa's drivers are loaded by name at run time: libEGL alone draws nothing.
 case "$libraries" in *"libEGL_mesa.so.0 "*|*"libEGL_nvidia.so.0 "*) ;; *) missing+=(libegl-mesa0) ;; esac
-ls /usr/lib/*/dri/swrast_dri.so /usr/lib/*/libgallium-*.so >/dev/null 2>&1 || missing+=(libgl1-mesa-dri)
+[ -n "$(ls /usr/lib/*/dri/swrast_dri.so /usr/lib/*/libgallium-*.so 2>/dev/null)" ] || missing+=(libgl1-mesa-dri)
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 if ! command -v apt-get >/dev/null; then

@@ -12,7 +12,7 @@ STEP = 0.25
 """Voxel edges between two looks."""
 
 
-def met_on_the_way(labels, ids, direction, spacing=(1.0, 1.0, 1.0), first=False):
+def met_on_the_way(labels, ids, direction, spacing=(1.0, 1.0, 1.0)):
     """Return the IDs of other objects that a set of objects meets when pulled along D.
 
     Parameters
@@ -24,8 +24,6 @@ def met_on_the_way(labels, ids, direction, spacing=(1.0, 1.0, 1.0), first=False)
         D in world.
     spacing : (3,) sequence of float
         Voxel size in mm.
-    first : bool
-        Stop at the first that is met.
     """
     points = np.argwhere(np.isin(labels, list(ids))).astype(float)
     way = np.asarray(direction, float) / np.asarray(spacing, float)
@@ -35,7 +33,7 @@ def met_on_the_way(labels, ids, direction, spacing=(1.0, 1.0, 1.0), first=False)
     full = np.argwhere(labels > 0)
     low, high = full.min(axis=0), full.max(axis=0)
     met, own = set(), set(ids) | {0}
-    while len(points) and not (first and met):
+    while len(points):
         points = points + way
         voxels = np.rint(points).astype(np.int64)
         gone = ((way > 0) & (voxels > high) | (way < 0) & (voxels < low)).any(axis=1)
@@ -46,9 +44,24 @@ def met_on_the_way(labels, ids, direction, spacing=(1.0, 1.0, 1.0), first=False)
 
 
 def free_by_sweep(labels, direction, spacing=(1.0, 1.0, 1.0)):
-    """Return the objects that meet no other when pulled along D alone."""
-    return {
-        int(i)
-        for i in np.unique(labels)
-        if i and not met_on_the_way(labels, [i], direction, spacing, first=True)
-    }
+    """Return the objects that meet no other when pulled along D alone.
+
+    As `met_on_the_way` of each by itself, but all go at once, which is quicker.
+    """
+    points = np.argwhere(labels > 0)
+    owners = labels[tuple(points.T)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    free = np.zeros(int(labels.max()) + 1, bool)
+    free[owners] = True
+    points = points.astype(float)
+    way = np.asarray(direction, float) / np.asarray(spacing, float)
+    way *= STEP / np.linalg.norm(way)
+    while len(points):
+        points += way
+        voxels = np.rint(points).astype(np.int64)
+        gone = ((voxels > high) | (voxels < low)).any(axis=1)
+        others = labels[tuple(voxels[~gone].T)]
+        free[owners[~gone][(others != 0) & (others != owners[~gone])]] = False
+        left = ~gone & free[owners]
+        points, owners = points[left], owners[left]
+    return set(np.flatnonzero(free).tolist())

@@ -35,15 +35,20 @@ def free(session: Session, direction: np.ndarray, rule: str) -> frozenset[int]:
     return session.queries.occlusion(direction).unpackable
 
 
+@cache
+def truth(seed: int, direction: tuple[float, ...]) -> set[int]:
+    return free_by_sweep(bag(seed).labels, direction, bag(seed).spacing)
+
+
 def agreement(directions: np.ndarray, rule: str) -> tuple[int, int, int]:
     """Count found and true, found and false, and missed, over all bags and directions."""
     counts = np.zeros(3, int)
     for seed in SEEDS:
         session = bag(seed)
         for direction in directions:
-            truth = free_by_sweep(session.labels, direction, session.spacing)
+            true = truth(seed, tuple(direction))
             found = free(session, direction, rule)
-            counts += [len(found & truth), len(found - truth), len(truth - found)]
+            counts += [len(found & true), len(found - true), len(true - found)]
     return tuple(int(n) for n in counts)
 
 

@@ -74,7 +74,7 @@ def seen(viewer, layers) -> np.ndarray:
     return np.abs(pictures[0] - pictures[1]).max(axis=2) > 12
 
 
-def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
+def the_packed_picture_lies_over_naparis_own(placed) -> None:
     viewer, controller, labels = placed
     session = controller.session
     voxels = np.array([session.boxes.center(i, np.ones(3)) for i in session.ids])
@@ -111,7 +111,7 @@ def test_the_packed_picture_lies_over_naparis_own(placed) -> None:
     assert found == wanted
 
 
-def test_the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot) -> None:
+def the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot) -> None:
     viewer, controller, labels = placed
     session, linked = controller.session, LinkedSlices(controller)
     linked.open()
@@ -134,7 +134,7 @@ def test_the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot) ->
     linked.close()
 
 
-def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed) -> None:
+def the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed) -> None:
     _, controller, labels = placed
     session = controller.session
     at = np.array([labels.data_to_world(c / 1.5) for c in np.vstack([np.eye(3), np.zeros(3)])])
@@ -152,7 +152,7 @@ def test_the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wi
     np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), [0, 0.6, -0.8])
 
 
-def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot) -> None:
+def objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot) -> None:
     viewer, controller, labels = placed
     assert controller.settle(60)
     session, frame = controller.session, controller.frame
@@ -183,6 +183,18 @@ def test_objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(plac
     assert (np.abs(canvas(viewer) - packed).max(axis=2) > 3).mean() < 0.001
 
 
+def test_everything_is_where_napari_has_it(placed, qtbot) -> None:
+    # One start a placement, whatever is looked at: opening a viewer takes most of the time.
+    viewer, controller, _ = placed
+    the_bags_up_is_up_in_the_picture_and_the_arrow_as_long_as_the_bag_is_wide(placed)
+    controller.session.direction = None
+    the_packed_picture_lies_over_naparis_own(placed)
+    the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot)
+    a_point_is_hidden_behind_an_object_and_seen_before_it(placed)
+    viewer.scene.camera.perspective = 0.0
+    objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, qtbot)
+
+
 @pytest.mark.parametrize("placed", ["all of it"], indirect=True)
 def test_both_backends_draw_the_same_at_rest_and_in_the_air(placed) -> None:
     viewer, controller, _ = placed
@@ -197,8 +209,7 @@ def test_both_backends_draw_the_same_at_rest_and_in_the_air(placed) -> None:
     controller.backend = "cpu"
 
 
-@pytest.mark.parametrize("placed", ["mirrored", "all of it"], indirect=True)
-def test_a_point_is_hidden_behind_an_object_and_seen_before_it(placed) -> None:
+def a_point_is_hidden_behind_an_object_and_seen_before_it(placed) -> None:
     viewer, controller, labels = placed
     viewer.scene.camera.perspective = 30
     assert controller.settle(60)

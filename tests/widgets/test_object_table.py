@@ -266,7 +266,7 @@ def test_a_row_tells_all_facts_in_its_tooltip(table: ObjectTable) -> None:
 
 
 def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
-    from time import perf_counter
+    from time import thread_time
 
     ids = tuple(range(1, 1001))
     session = _session(tuple(f"Object {i}" for i in ids), ids)
@@ -275,9 +275,10 @@ def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
     qtbot.addWidget(table)
     model.load(session)
     session.states[500] = ObjectState.UNPACKED
-    start = perf_counter()
+    # Of the processor: other tests run at the same time.
+    start = thread_time()
     model.refresh()
-    assert perf_counter() - start < 0.1
+    assert thread_time() - start < 0.1
 
 
 def test_a_thousand_rows_are_selected_and_read_as_they_are_sorted(qtbot: QtBot) -> None:
