@@ -26,8 +26,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the soak, which takes minutes: another worker does the rest meanwhile."""
-    items.sort(key=lambda item: item.path.name != "test_soak.py")
+    """Begin with the longest: another worker does the rest meanwhile, and none is waited for."""
+    items.sort(key=lambda item: item.path.name not in ("test_soak.py", "test_backpack.py"))
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

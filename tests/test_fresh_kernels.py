@@ -59,35 +59,26 @@ def kernels(room):
     return sorted(p.name for p in (room / "__pycache__").glob("kernel.asked*.nb?"))
 
 
-def test_an_edit_two_imports_away_is_seen(room):
-    assert answer(room) == 42
-    later = (room / "__pycache__" / kernels(room)[0]).stat().st_mtime + 5
-    write(room / "amount.py", "TIMES = 3\n", later)
-    assert answer(room) == 42, "numba notices this by itself now: the tool can go"
+def test_a_kernel_lasts_until_code_two_imports_away_changes(room):
     freshen(room)
-    assert answer(room) == 63
-
-
-def test_what_is_younger_than_its_modules_is_kept(room):
     assert answer(room) == 42
     kept = kernels(room)
     assert len(kept) == 2
+    # Younger than its modules it is kept, whatever imports it.
     write(room / "another.py", "from room import kernel\n", 4e9)
     freshen(room)
     assert kernels(room) == kept
-
-
-def test_a_comment_or_a_file_written_again_costs_no_kernel(room):
-    freshen(room)
-    assert answer(room) == 42
-    freshen(room)
-    kept = kernels(room)
+    # A comment or a file written again costs no kernel.
     later = (room / "__pycache__" / kept[0]).stat().st_mtime + 5
     write(room / "amount.py", '"""How often."""\n\nTIMES = 2  # As was asked for.\n', later)
     write(room / "kernel.py", KERNEL, later)
     freshen(room)
     assert kernels(room) == kept
     assert (room / "kernel.py").stat().st_mtime == 1000
+    write(room / "amount.py", "TIMES = 3\n", later + 5)
+    assert answer(room) == 42, "numba notices this by itself now: the tool can go"
+    freshen(room)
+    assert answer(room) == 63
 
 
 def test_what_was_compiled_between_an_edit_and_its_undoing_goes(room):

@@ -49,17 +49,20 @@ class Report:
     errors : list of str
     memory : list of (float, float)
         Seconds since the start, and megabytes held then.
+    warm_up : float
+        The part of the time after which growth counts.
     """
 
     commands: Counter[str] = field(default_factory=Counter)
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
+    warm_up: float = WARM_UP
 
     @property
     def growth(self) -> float:
         """How much more memory is held at the end than after warming up, as a share of it."""
         end = self.memory[-1][0]
-        warm = [mb for at, mb in self.memory if at >= WARM_UP * end]
+        warm = [mb for at, mb in self.memory if at >= self.warm_up * end]
         third = max(1, len(warm) // 3)
         return float(np.median(warm[-third:]) / np.median(warm[:third]) - 1.0)
 

@@ -1,7 +1,8 @@
 """Save every kind of file on a full disk, and while the process is killed.
 
-Run as `python tests/io/saves_at_risk.py full|killed FOLDER [ROUNDS [SEED]]`; prints one line of
-JSON for each format. A process of its own: limits and signals would meet the tests' as well.
+Run as `python tests/io/saves_at_risk.py full|killed|both FOLDER [ROUNDS [SEED]]`; prints one line
+of JSON for each format and risk. A process of its own: limits and signals would meet the tests' as
+well.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,7 @@ from napari_unpack.io import (
 from napari_unpack.io.movies import movie_writer
 from napari_unpack.session import Session
 
-SHAPE = (24, 96, 96)
+SHAPE = (16, 64, 64)
 
 
 def noise(shape: tuple[int, ...], seed: int) -> Any:
@@ -63,8 +65,8 @@ def _seed(array: Any, shape: tuple[int, ...]) -> int:
 
 def _film(path: Path, seed: int) -> None:
     # The contents differ in length: what a lossy codec keeps of noise is no matter here.
-    with movie_writer(path, (128, 128), 10) as write:
-        for frame in noise((10 + 2 * seed, 128, 128, 3), seed):
+    with movie_writer(path, (64, 64), 10) as write:
+        for frame in noise((10 + 2 * seed, 64, 64, 3), seed):
             write(frame)
 
 
@@ -77,7 +79,7 @@ def _film_seed(path: Path) -> int:
 
 def _session(path: Path, seed: int) -> None:
     labels = np.zeros(SHAPE, np.uint16)
-    labels[4:20, 10:50, 10:50] = 1
+    labels[4:12, 10:50, 10:50] = 1
     save_session(Session(noise(SHAPE, seed), labels), path)
 
 
@@ -169,16 +171,17 @@ def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
     """Try every kind of file."""
     # Without this the system ends the process, where a full disk gives an error.
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    for suffix, kind in KINDS.items():
-        room = folder / (suffix.replace(".", "-") or "-images")
+    risks = ("full", "killed") if risk == "both" else (risk,)
+    for (suffix, kind), each in product(KINDS.items(), risks):
+        room = folder / each / (suffix.replace(".", "-") or "-images")
         room.mkdir(parents=True)
         path = room / f"bag{suffix}"
         found = (
             on_a_full_disk(kind, path)
-            if risk == "full"
+            if each == "full"
             else while_killed(kind, path, rounds, random.Random(seed))
         )
-        print(json.dumps({"format": suffix, **found}), flush=True)
+        print(json.dumps({"risk": each, "format": suffix, **found}), flush=True)
 
 
 if __name__ == "__main__":

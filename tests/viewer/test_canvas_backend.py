@@ -48,6 +48,9 @@ def no_error(viewer) -> bool:
 
 def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbot) -> None:
     viewer, controller = by_gl
+    the_bag_at_rest_is_the_cpus_picture(viewer, controller)
+    controller.backend = "gl"
+    assert controller.settle(30)
     session.clock = lambda: 100.0
     controller.unpack(2)
     session.clock = lambda: 100.15
@@ -56,8 +59,7 @@ def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbo
     assert controller.settle(30)
 
 
-def test_the_bag_at_rest_is_the_cpus_picture(by_gl) -> None:
-    viewer, controller = by_gl
+def the_bag_at_rest_is_the_cpus_picture(viewer, controller) -> None:
     shown = canvas(viewer)
     controller.backend = "cpu"
     assert controller.settle(30)
@@ -69,10 +71,9 @@ def test_the_bag_at_rest_is_the_cpus_picture(by_gl) -> None:
     assert difference.max() <= 12.0
 
 
-def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
-    by_gl, session
+def rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
+    viewer, controller
 ) -> None:
-    viewer, controller = by_gl
     viewer.add_points([[3, 3, 3]])
     passes = settled_passes(controller)
     viewer.layers["Points"].visible = False
@@ -88,7 +89,9 @@ def test_rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(
     assert after_look < settled_passes(controller) <= after_look + 2
 
 
-def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> None:
+def test_volumes_are_sent_once_for_bag_flights_and_a_small_object_inspected(
+    by_gl, session, qtbot
+) -> None:
     _, controller = by_gl
     (out,) = controller.unpack(1)
     qtbot.waitUntil(
@@ -99,12 +102,7 @@ def test_volumes_are_sent_once_for_bag_and_flights(by_gl, session, qtbot) -> Non
     assert set(controller.sprites.sprites) == {out}
     assert session.states[out] is ObjectState.UNPACKED
     assert controller.statistics.uploads == 2
-
-
-def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session, qtbot) -> None:
-    _, controller = by_gl
-    (out,) = controller.unpack(1)
-    controller.finish()
+    # Inspected it is without stairs, as on the CPU.
     controller.inspect(out)
     pictures = []
     for backend in ("gl", "cpu"):
@@ -120,7 +118,7 @@ def test_a_small_object_is_inspected_without_stairs_as_on_the_cpu(by_gl, session
     assert controller.settle(30)
 
 
-def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> None:
+def test_rays_are_cast_for_what_changes_the_picture_and_nothing_else(by_gl, session) -> None:
     viewer, controller = by_gl
     height, width = controller.packed.image.window.size
     cast = controller.statistics.rays_cast
@@ -135,6 +133,7 @@ def test_an_object_that_leaves_recasts_its_own_pixels_alone(by_gl, session) -> N
         assert controller.settle(30)
     assert controller.statistics.rays_cast - cast > height * width
     np.testing.assert_array_equal(canvas(viewer), partly)
+    rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(viewer, controller)
 
 
 def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbot) -> None:

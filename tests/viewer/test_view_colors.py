@@ -138,9 +138,10 @@ def test_65535_labels_take_no_second_of_the_window(viewer):
     colors = color_task(viewer, layer).run(no_progress)
     # napari compiles its own mapping of IDs when a colormap is set for the first time.
     layer.colormap = colors
-    start = time.perf_counter()
+    # Of the processor: other tests run at the same time.
+    start = time.thread_time()
     layer.colormap = colors
-    assert time.perf_counter() - start < 1.0
+    assert time.thread_time() - start < 1.0
     in_slice = labels[3]
     for a, b in zip(in_slice[:, 1:].flat, in_slice[:, :-1].flat, strict=True):
         assert apart(layer, a, b) > 0.1

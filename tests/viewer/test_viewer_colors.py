@@ -37,7 +37,9 @@ def finished(controller, time: list[float]) -> None:
     assert controller.settle(30)
 
 
-def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session, qtbot) -> None:
+def test_half_way_the_canvas_is_half_of_both_and_goes_on_from_what_is_seen(
+    slow, session, qtbot
+) -> None:
     viewer, controller, time = slow
     passes, before = controller.statistics.packed_passes, canvas(viewer)
     session.apply_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
@@ -49,9 +51,11 @@ def test_half_way_the_canvas_is_half_of_both_and_one_pass_was_cast(slow, session
     assert controller.statistics.packed_passes == passes + 1
     assert np.abs(after - before).max() > 80
     assert np.abs(half - (before + after) / 2).max() <= 3
+    a_second_change_sets_out_from_what_is_seen(slow, session, qtbot)
+    who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session)
 
 
-def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
+def a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
     viewer, controller, time = slow
     hues = session.hues
     session.apply_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
@@ -70,7 +74,7 @@ def test_a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> Non
     assert np.abs(canvas(viewer) - shown).mean() < 0.3
 
 
-def test_who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> None:
+def who_asks_for_reduced_motion_gets_new_colours_at_once(slow, session) -> None:
     viewer, controller, _ = slow
     controller.fade.allowed = False
     before = canvas(viewer)

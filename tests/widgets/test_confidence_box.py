@@ -31,7 +31,9 @@ def _texts(panel, column):
     return {model.id_at(r): model.data(model.index(r, column)) for r in range(model.rowCount())}
 
 
-def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
+def test_marks_show_in_the_table_can_be_undone_and_too_few_are_refused(
+    taught, qtbot, monkeypatch, tmp_path
+):
     panel, session = taught
     box = panel.objects.confidence
     assert not box.mark.isEnabled()
@@ -44,12 +46,9 @@ def test_marks_show_in_the_table_and_can_be_undone(taught, qtbot):
     assert session.examples == frozenset()
     qtbot.waitUntil(lambda: not _texts(panel, Column.NAME)[1].endswith("✓"), timeout=20000)
 
-
-def test_too_few_marks_are_refused_in_a_sentence(taught, qtbot, monkeypatch, tmp_path):
-    panel, session = taught
+    # Too few are refused in a sentence.
     warned = []
     monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
-    box = panel.objects.confidence
     session.mark_examples([1, 2, 3])
     box.refresh()
     # Before a file is asked for.
@@ -85,6 +84,13 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     box.use_oracle(str(path))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert "not an oracle" in warned[0]
+    # One that knows none of the objects says so.
+    session.use_oracle(None, dict.fromkeys(session.ids, 1e-9))
+    box.refresh()
+    assert "trained on other kinds" in box.sentence.text()
+    session.use_oracle(None, {i: 0.1 * i for i in session.ids})
+    box.refresh()
+    assert "trained on other kinds" not in box.sentence.text()
 
 
 def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
@@ -97,14 +103,3 @@ def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
     panel.workspace.open(other := Session(*pile_of_balls()))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert other.label_editor.oracle is not None
-
-
-def test_a_confidence_that_knows_none_of_the_objects_says_so(taught) -> None:
-    panel, session = taught
-    box = panel.objects.confidence
-    session.use_oracle(None, dict.fromkeys(session.ids, 1e-9))
-    box.refresh()
-    assert "trained on other kinds" in box.sentence.text()
-    session.use_oracle(None, {i: 0.1 * i for i in session.ids})
-    box.refresh()
-    assert "trained on other kinds" not in box.sentence.text()

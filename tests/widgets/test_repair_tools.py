@@ -1,6 +1,8 @@
 """Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
 
 import threading
+from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import dask.array
@@ -17,6 +19,7 @@ from manual_scheduler import ManualScheduler
 from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
+from napari_unpack.session import Session
 from napari_unpack.viewer.label_sync import LabelSync
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press
@@ -90,8 +93,8 @@ def test_two_clicks_split_and_undo_joins(
     assert panel.workspace.controller.settle(30)
 
 
-def test_a_click_on_another_object_starts_over_and_split_again_cancels(
-    panel: UnpackingWidget, session: Any, qtbot: QtBot
+def test_a_click_on_another_object_starts_over_and_split_again_or_escape_cancels(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
     objects = panel.objects
     press(qtbot, objects.split)
@@ -103,6 +106,16 @@ def test_a_click_on_another_object_starts_over_and_split_again_cancels(
     click(panel, (12, 20, 44), qtbot)
     assert len(session.ids) == 3
     assert session.selected == {BELL}
+    # Escape calls off a split that has begun.
+    press(qtbot, objects.split)
+    click(panel, (12, 20, 16), qtbot)
+    assert objects.split.isChecked()
+    QTest.keyClick(compat.native_canvas(viewer).native, Qt.Key.Key_Escape)
+    assert not objects.split.isChecked()
+    assert not objects.next_click.isVisible()
+    click(panel, (12, 20, 44), qtbot)
+    assert not objects.repair.running
+    assert session.ids == (BELL, CUBE, SLAB)
 
 
 def test_clicks_in_a_slice_split_too(
@@ -153,19 +166,21 @@ def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
     assert session.states[CUBE].name == "UNPACKED"
 
 
-@pytest.mark.parametrize("key", [Qt.Key.Key_Delete, Qt.Key.Key_Backspace])
-@pytest.mark.parametrize("place", ["picture", "table"])
 def test_the_delete_key_over_picture_and_table_deletes_what_is_selected(
-    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, key: Qt.Key, place: str
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
-    click(panel, (10, 20, 64), qtbot)
-    assert session.selected == {CUBE}
-    canvas_widget = compat.native_canvas(viewer).native
-    qtbot.keyClick(canvas_widget if place == "picture" else panel.objects.table, key)
-    qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
-    assert panel.workspace.controller.settle(30)
-    panel.commands.undo()
-    assert session.ids == (1, 2, 3)
+    places = compat.native_canvas(viewer).native, panel.objects.table
+    for place, key in product(places, (Qt.Key.Key_Delete, Qt.Key.Key_Backspace)):
+        session.select([])
+        click(panel, (10, 20, 64), qtbot)
+        assert session.selected == {CUBE}
+        qtbot.waitUntil(lambda: panel.workspace.settled, timeout=20000)
+        qtbot.keyClick(place, key)
+        qtbot.waitUntil(lambda: session.ids == (BELL, SLAB), timeout=10000)
+        assert panel.workspace.controller.settle(30)
+        panel.commands.undo()
+        assert session.ids == (1, 2, 3)
+        assert panel.workspace.controller.settle(30)
 
 
 def _offered(panel: UnpackingWidget, qtbot: QtBot) -> bool:
@@ -222,28 +237,20 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert np.array_equal(session.labels, first)
 
 
-def test_escape_calls_off_a_split_that_has_begun(
-    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
-) -> None:
-    objects, canvas = panel.objects, compat.native_canvas(viewer).native
-    press(qtbot, objects.split)
-    click(panel, (12, 20, 16), qtbot)
-    assert objects.split.isChecked()
-    QTest.keyClick(canvas, Qt.Key.Key_Escape)
-    assert not objects.split.isChecked()
-    assert not objects.next_click.isVisible()
-    click(panel, (12, 20, 44), qtbot)
-    assert not objects.repair.running
-    assert session.ids == (BELL, CUBE, SLAB)
-
-
-@pytest.mark.parametrize("kind", ["dask", "zarr"])
+@pytest.mark.parametrize(
+    "stored",
+    [
+        lambda labels: dask.array.from_array(labels, chunks=20),
+        lambda labels: zarr.array(labels, chunks=(20, 20, 20)),
+    ],
+    ids=["dask", "zarr"],
+)
 def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
-    session: Any, qtbot: QtBot, kind: str
+    qtbot: QtBot, stored: Callable[[np.ndarray], Any]
 ) -> None:
+    session = Session(*bells())
     labels = session.labels
-    data = dask.array.from_array(labels.copy(), chunks=20)
-    layer = Labels(data if kind == "dask" else zarr.array(labels.copy(), chunks=(20, 20, 20)))
+    layer = Labels(stored(labels.copy()))
     several = Labels([labels, labels[::2, ::2, ::2]], name="pyramid")
     told: list[str] = []
     asked: list[Any] = []

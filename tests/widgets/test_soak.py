@@ -13,7 +13,6 @@ from napari_unpack.session import Session
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import pile_of_balls
 
-# After fewer, what is filled once (kernels, Qt, caches) still counts as growth.
 COMMANDS = 600
 
 
@@ -33,7 +32,11 @@ def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: Unpac
     panel.workspace.open(Session(*pile_of_balls(), spacing=(2.0, 1.0, 1.0)))
     panel.workspace.controller.seconds = 0.1
     assert panel.workspace.controller.settle(90)
-    report = soak_tool().soak(viewer, panel, 0.0, samples=9, fewest=COMMANDS)
+    tool = soak_tool()
+    report = tool.soak(viewer, panel, 0.0, samples=9, fewest=COMMANDS)
     assert report.errors == [], report
     assert report.commands.total() >= COMMANDS, report
-    assert report.growth < soak_tool().FLAT, report
+    # The later half of so few: before, what is filled once still counts. In so much shorter a time
+    # so much less may come.
+    report.warm_up = 1 / 2
+    assert report.growth < tool.FLAT * (1 - report.warm_up) / (1 - tool.WARM_UP), report

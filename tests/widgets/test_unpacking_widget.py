@@ -39,16 +39,27 @@ def _refused(panel: UnpackingWidget, qtbot: QtBot) -> list[str]:
     return _said(before)
 
 
-def test_steps_wait_with_a_reason_until_they_can_work(panel: UnpackingWidget) -> None:
+def test_a_new_panel_is_narrow_says_what_each_control_does_and_what_to_do_first(
+    panel: UnpackingWidget,
+) -> None:
     for step in (panel.color, panel.unpack, panel.objects):
         assert "step 1" in step.reason
         assert not step.body.isEnabled()
     assert panel.segment.reason == ""
     assert not panel.segment.start.isEnabled()
     assert not panel.segment.sample.isHidden()
+    every_control_says_what_it_does(panel)
+    assert panel.sizeHint().width() <= 330
+    assert panel.minimumSizeHint().width() <= 330
+    assert panel.minimumSizeHint().height() <= 500
+    for verb in (panel.commands.unpack, panel.commands.undo):
+        notification_manager.records.clear()
+        verb()
+        assert len(_said(0)) == 1
+        assert "step 1" in _said(0)[0]
 
 
-def test_every_control_says_what_it_does(panel: UnpackingWidget) -> None:
+def every_control_says_what_it_does(panel: UnpackingWidget) -> None:
     from qtpy.QtWidgets import QAbstractButton, QAbstractSlider, QComboBox, QLineEdit, QSpinBox
 
     kinds = (QAbstractButton, QComboBox, QLineEdit, QSpinBox, QAbstractSlider)
@@ -66,12 +77,6 @@ def test_every_control_says_what_it_does(panel: UnpackingWidget) -> None:
         and type(w) is not QAbstractButton
     ]
     assert [(type(w).__name__, w.parent()) for w in silent] == []
-
-
-def test_the_panel_is_narrow_and_fits_a_small_window(panel: UnpackingWidget) -> None:
-    assert panel.sizeHint().width() <= 330
-    assert panel.minimumSizeHint().width() <= 330
-    assert panel.minimumSizeHint().height() <= 500
 
 
 def test_a_volume_is_chosen_by_itself_and_pictures_are_passed_over(
@@ -107,17 +112,13 @@ def test_labels_of_another_shape_are_listed_with_the_reason_and_cannot_be_chosen
     assert box.itemText(2) == "other"
 
 
-def test_selecting_labels_in_the_layer_list_offers_to_unpack_them(
+def test_labels_selected_in_the_layer_list_are_offered_and_a_renamed_layer_keeps_its_place(
     viewer: Any, panel: UnpackingWidget
 ) -> None:
-    _, labels = add_bag(viewer)
+    image, labels = add_bag(viewer)
     labels.visible = True
     viewer.layers.selection.active = labels
     assert panel.segment.start.text() == "Unpack these labels"
-
-
-def test_a_renamed_layer_keeps_its_place(viewer: Any, panel: UnpackingWidget) -> None:
-    image, _ = add_bag(viewer)
     image.name = "suitcase"
     assert panel.segment.volume_input.currentText() == "suitcase"
     viewer.layers.remove("expert")
@@ -309,14 +310,6 @@ def test_details_reach_the_segmentation_and_its_advice_is_about_the_panel(
     assert options.settings()["foreground"] == 420.0
     panel.segment.labels_input.choose(viewer.layers["expert"])
     assert options.isHidden()
-
-
-def test_verbs_without_a_controller_say_what_to_do_first(panel: UnpackingWidget) -> None:
-    for verb in (panel.commands.unpack, panel.commands.undo):
-        notification_manager.records.clear()
-        verb()
-        assert len(_said(0)) == 1
-        assert "step 1" in _said(0)[0]
 
 
 def test_the_look_follows_naparis_theme(viewer: Any, panel: UnpackingWidget) -> None:

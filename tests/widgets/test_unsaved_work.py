@@ -119,6 +119,14 @@ def test_what_is_saved_is_not_asked_for_again_until_something_is_done(
     viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
 ) -> None:
     panel, path = worked, tmp_path / "kept.unpack"
+    # A place to save to that is not chosen is a cancel.
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: ("", ""))
+    viewer.layers.remove("Transition")
+    answer(panel, qtbot, Button.Save)
+    assert panel.workspace.controller is not None
+    assert panel.unsaved.changed
+
+    rest(panel, qtbot)
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(path), ""))
     viewer.layers.remove("Transition")
     answer(panel, qtbot, Button.Save)
@@ -136,17 +144,6 @@ def test_what_is_saved_is_not_asked_for_again_until_something_is_done(
     panel.files.save_to(path)
     done(panel, qtbot)
     assert not panel.unsaved.changed
-
-
-def test_a_place_to_save_to_that_is_not_chosen_is_a_cancel(
-    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: Any
-) -> None:
-    panel = worked
-    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: ("", ""))
-    viewer.layers.remove("Transition")
-    answer(panel, qtbot, Button.Save)
-    assert panel.workspace.controller is not None
-    assert panel.unsaved.changed
 
 
 def test_segmenting_again_and_opening_ask_before_the_work(
