@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import QPoint, Qt
+from qtpy.QtCore import QEvent, QPoint, Qt
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QToolTip
+from qtpy.QtWidgets import QApplication, QScrollArea, QToolTip
 
 from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import Camera
@@ -18,7 +18,7 @@ from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.reveal_box import sentence
 from napari_unpack.widgets.unpacking_widget import WIDTH as UNPACKING_WIDTH
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import controller_with, press, states
+from opened_panel import controller_with, press, rest, states
 
 
 def nested() -> tuple[np.ndarray, np.ndarray]:
@@ -46,15 +46,24 @@ def panel(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
     return panel
 
 
+def place_of(panel: UnpackingWidget) -> int:
+    """Return the row of the screen in which the objects begin."""
+    return int(panel.objects.mapToGlobal(QPoint(0, 0)).y())
+
+
 def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
     session, controller = panel.workspace.session, panel.workspace.controller
     session.direction = "+z"
     session.select([1])
+    table, where = panel.objects.pane.table, place_of(panel)
     panel.planner.reveal_selected()
     box = panel.unpack.reveal_box
     qtbot.waitUntil(box.isVisible, timeout=60000)
+    # The table stays where it is.
+    qtbot.wait(20)
+    assert place_of(panel) == where
     assert "take out Object 2 (towards you and up)." in box.sentence.text()
     assert controller.overlays.outlines.outlined.buried == 1
     assert controller.overlays.outlines.outlined.leaving == {2}
@@ -70,6 +79,18 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     assert [i for i, s in states(session).items() if s == "UNPACKED"] == [1, 2]
     assert not box.isVisible()
     assert session.direction == (1.0, 0.0, 0.0)
+    rest(panel, qtbot)
+    assert place_of(panel) == where
+    # Inspected from the table, which the mouse is on, what comes above scrolls up.
+    for widget in (panel.findChild(QScrollArea), panel.objects, table):
+        QApplication.sendEvent(widget, QEvent(QEvent.Type.Enter))
+    panel.commands.inspect(2)
+    qtbot.waitUntil(panel.unpack.inspection.isVisible, timeout=10000)
+    rest(panel, qtbot)
+    assert place_of(panel) == where
+    panel.commands.leave()
+    rest(panel, qtbot)
+    assert place_of(panel) == where
     panel.commands.undo()
     assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
 

@@ -272,6 +272,16 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     linked.point_at(CENTERS[0])
     drawn(dock, qtbot)
     at = (CENTERS[0][1], CENTERS[0][2])
+    # They follow the image's contrast, until a hand has changed them here.
+    before = tuple(image.contrast_limits)
+    image.contrast_limits = (100, 2500)
+    assert linked.window == (100, 2500)
+    assert (dock.black.value(), dock.white.value()) == (100, 2500)
+    dock.white.setValue(2000)
+    image.contrast_limits = before
+    assert linked.window == (100, 2000)
+    press(qtbot, dock.automatic)
+    assert linked.window == before
 
     def color() -> np.ndarray:
         drawn(dock, qtbot)

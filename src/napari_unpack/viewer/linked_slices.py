@@ -99,7 +99,9 @@ class LinkedSlices:
         self._controller, self._session = controller, controller.session
         self.events = SliceEvents()
         self.crosshair = self._voxel(self._session.bag.center / self._session.spacing)
+        self._image = image_of(self._controller)
         self._window = first_window(self._controller)
+        self._automatic = True
         self._overlay = 0.5
         self._marked = False
         self._open = False
@@ -116,6 +118,8 @@ class LinkedSlices:
             event.connect(slot)
         self._controller.viewer.mouse_move_callbacks.append(self._move)
         self._controller.overlays.drawings.append(self.marker)
+        # They may have changed while nobody saw the slices.
+        self._follow_image()
         self.draw()
 
     def close(self) -> None:
@@ -142,8 +146,12 @@ class LinkedSlices:
         changes = (events.labels, events.states, events.hues)
         # The unit of lengths is among the surroundings.
         measured = (events.measurements, events.surroundings, self._controller.rulers.picked)
-        followed = [(event, self._redraw) for event in (*changes, *measured)]
-        return [*followed, (events.selected, self._follow)]
+        images = () if self._image is None else (self._image.events.contrast_limits,)
+        return [
+            *((event, self._redraw) for event in (*changes, *measured)),
+            *((event, self._follow_image) for event in images),
+            (events.selected, self._follow),
+        ]
 
     # What is where.
 
@@ -167,10 +175,6 @@ class LinkedSlices:
         object_id = self.object_at(voxel)
         return hint(self._session, object_id) if object_id in self._session.states else ""
 
-    def density_at(self, voxel: Voxel) -> float:
-        """Return the density of a voxel."""
-        return float(self._session.volume[voxel])
-
     # What the hand does in slices.
 
     def point_at(self, voxel: Voxel) -> None:
@@ -178,10 +182,6 @@ class LinkedSlices:
         self._go_to(self._voxel(voxel))
         self._mark(True)
         self._controller.interaction.point_at(self.object_at(self.crosshair))
-
-    def leave(self) -> None:
-        """Follow a pointer that has left the slices: it is on no object any more."""
-        self._controller.interaction.point_at(0)
 
     def click_at(self, there: ArrayLike, modifiers: Collection[str] = ()) -> None:
         """Select the object at a voxel, none where there is none; or hand a tool its point.
@@ -226,6 +226,10 @@ class LinkedSlices:
     @window.setter
     def window(self, window: Window) -> None:
         """Show densities otherwise; the white one stays above the black one."""
+        self._automatic = False
+        self._show_window(window)
+
+    def _show_window(self, window: Window) -> None:
         low, high = window
         least = 1e-3 * max(abs(low), abs(high), 1e-6)
         self._window = float(low), float(max(high, low + least))
@@ -233,8 +237,13 @@ class LinkedSlices:
         self.draw()
 
     def reset_window(self) -> None:
-        """Take the contrast limits of the image again."""
-        self.window = first_window(self._controller)
+        """Follow the contrast limits of the image again."""
+        self._automatic = True
+        self._show_window(first_window(self._controller))
+
+    def _follow_image(self, _event: object = None) -> None:
+        if self._automatic:
+            self._show_window(first_window(self._controller))
 
     @property
     def overlay(self) -> float:
@@ -353,14 +362,18 @@ def _slot(plane: Plane) -> tuple[str, Plane]:
     return "slice", plane
 
 
+def image_of(controller: SessionController) -> Image | None:
+    """Return the image a session was made of; None for what is inside an object."""
+    if controller.outer_session is not None:
+        return None
+    return next((layer for layer in controller.sources if isinstance(layer, Image)), None)
+
+
 def first_window(controller: SessionController) -> Window:
     """Return the contrast limits of a session's image; where it has none, what suits its volume."""
-    for layer in controller.sources:
-        if isinstance(layer, Image) and controller.outer_session is None:
-            low, high = layer.contrast_limits
-            if high > low:
-                return float(low), float(high)
-    return window_for(controller.session.volume)
+    image = image_of(controller)
+    low, high = (0.0, 0.0) if image is None else image.contrast_limits
+    return (float(low), float(high)) if high > low else window_for(controller.session.volume)
 
 
 def middle_of(session: Session, object_id: int) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from qtpy.QtCore import QObject, Signal
+from qtpy.QtCore import QObject, Qt, Signal
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.session.errors import listed_objects
@@ -179,6 +179,9 @@ class RevealBox(QWidget):
         super().__init__()
         self._plan: RevealPlan | None = None
         self.sentence = label("", "hint", wrap=True)
+        # As many lines as most plans have: with a longer one alone what is below moves.
+        self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
+        self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.take = button(
             "Unpack these", "Unpack the objects in the way, and this one last.", True
         )

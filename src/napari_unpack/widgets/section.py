@@ -237,6 +237,13 @@ def label(text: str, role: str, wrap: bool = False) -> QLabel:
     return made
 
 
+def keep_room(widget: QWidget) -> None:
+    """Have a widget that comes and goes keep its place, so that what is below it stays."""
+    policy = widget.sizePolicy()
+    policy.setRetainSizeWhenHidden(True)
+    widget.setSizePolicy(policy)
+
+
 def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
     """Make a push button.
 

@@ -180,10 +180,11 @@ class SlicesDock(DockContents):
     def _show_crosshair(self, voxel: Voxel) -> None:
         for view in self.views.values():
             view.show_crosshair(voxel)
-        if self._linked is not None:
+        if self._linked is not None and self._controller is not None:
             name = self._linked.name_at(voxel) or "No object"
+            density = float(self._controller.session.volume[voxel])
             place = ", ".join(f"{axis} {n}" for axis, n in zip(AXES, voxel, strict=True))
-            self.where.setText(f"{name}\n{place}; density {self._linked.density_at(voxel):.5g}")
+            self.where.setText(f"{name}\n{place}; density {density:.5g}")
             self._show_rulers()
 
     def _show_rulers(self) -> None:
@@ -206,8 +207,8 @@ class SlicesDock(DockContents):
                 view.name = self._linked.name_at(voxel)
 
     def _leave(self) -> None:
-        if self._linked is not None:
-            self._linked.leave()
+        if self._controller is not None:
+            self._controller.interaction.point_at(0)
 
     def _click(self, there: tuple[float, float, float], held: set[str]) -> None:
         if self._linked is not None:

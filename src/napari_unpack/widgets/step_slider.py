@@ -10,7 +10,7 @@ from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
 from napari_unpack.session.errors import listed
 from napari_unpack.widgets.commands import Commands
-from napari_unpack.widgets.section import column, label
+from napari_unpack.widgets.section import column, keep_room, label
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workspace import Change, Workspace
 
@@ -52,6 +52,8 @@ class StepSlider(QWidget):
         self.play.setAccessibleName("Play the unpacking")
         self.slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.sentence = label("", "hint", wrap=True)
+        self.sentence.setMinimumHeight(self.sentence.fontMetrics().lineSpacing() + 4)
+        keep_room(self.sentence)
         line = QHBoxLayout()
         line.setSpacing(GAP)
         line.addWidget(self.play)

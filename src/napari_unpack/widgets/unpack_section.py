@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QSignalBlocker, Qt
-from qtpy.QtWidgets import QCheckBox, QComboBox, QSlider, QSpinBox
+from qtpy.QtWidgets import QCheckBox, QComboBox, QGridLayout, QSlider, QSpinBox, QWidget
 
 from napari_unpack.session.errors import NOTHING_UNPACKABLE, share_of
 from napari_unpack.session.object_state import ObjectState
@@ -14,14 +14,23 @@ from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, w
 from napari_unpack.widgets.inspection_box import InspectionBox
 from napari_unpack.widgets.preferences import BACKENDS
 from napari_unpack.widgets.reveal_box import RevealBox, RevealPlanner
-from napari_unpack.widgets.section import Collapsible, Section, button, form, label, row
+from napari_unpack.widgets.section import (
+    Collapsible,
+    Section,
+    button,
+    column,
+    form,
+    keep_room,
+    label,
+    row,
+)
 from napari_unpack.widgets.step_slider import StepSlider
 from napari_unpack.widgets.view_box import ViewBox
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
-    from napari_unpack.unpacking.direction_survey import BestDirection
+    from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan
 
 SEARCHING = "Looking for unpackable objects…"
 
@@ -116,18 +125,21 @@ class UnpackSection(Section):
         self.contents.addLayout(row(self.inspect, self.reveal))
         self.contents.addLayout(row(self.count, self.several, self.all_back))
         self.contents.addLayout(row(self.chosen, self.all_unpackable))
-        for widget in (
-            self.step_slider,
-            self.view,
-            self.reveal_box,
-            self.inspection,
-            self.back_to_bag,
-        ):
+        for widget in (self.step_slider, self.view, self.inspection, self.back_to_bag):
             self.contents.addWidget(widget)
-        self.contents.addWidget(self.sentence)
+        self.answer = QWidget()
+        inside = column(self.answer)
+        inside.addWidget(self.sentence)
         for extra in (self.use_best, self.force):
             extra.hide()
-            self.contents.addWidget(extra)
+            inside.addWidget(extra)
+        # In one place, with room for either: the table below stays where it is.
+        place = QGridLayout()
+        for box in (self.answer, self.reveal_box):
+            keep_room(box)
+            place.addWidget(box, 0, 0, Qt.AlignmentFlag.AlignTop)
+        keep_room(self.use_best)
+        self.contents.addLayout(place)
         self.contents.addWidget(self._settings())
 
     def _settings(self) -> Collapsible:
@@ -187,7 +199,7 @@ class UnpackSection(Section):
         self.outlines.toggled.connect(commands.settings.set_outlines)
         self.perspective.toggled.connect(commands.settings.set_perspective)
         planner.best.connect(self._show_best)
-        planner.found.connect(lambda plan: self.reveal_box.show_plan(plan, workspace.session))
+        planner.found.connect(self._show_plan)
         planner.busy.connect(self._show_planning)
         workspace.switched.connect(self._reload)
         workspace.changed.connect(lambda _: self._refresh())
@@ -237,6 +249,10 @@ class UnpackSection(Section):
     def _show_best(self, best: BestDirection | None) -> None:
         self._best = best
         self._refresh()
+
+    def _show_plan(self, plan: RevealPlan | None) -> None:
+        self.reveal_box.show_plan(plan, self._workspace.session)
+        self.answer.setVisible(plan is None)
 
     def _show_planning(self, busy: bool) -> None:
         self.reveal.setText("Looking…" if busy else "Reveal…")

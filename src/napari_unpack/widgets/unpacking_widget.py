@@ -16,6 +16,7 @@ from napari_unpack.widgets.clipping_box import ClippingBox
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
+from napari_unpack.widgets.held_place import HeldPlace
 from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
@@ -139,6 +140,7 @@ class UnpackingWidget(QWidget):
         scroll.setWidgetResizable(True)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         scroll.setWidget(inside)
+        HeldPlace(scroll, self.objects, self.workspace.scheduler.soon)
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(scroll)
