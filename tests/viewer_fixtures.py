@@ -79,6 +79,14 @@ def nothing_kept_of_other_tests(
 
 
 @pytest.fixture(autouse=True)
+def driver_that_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take the driver for one that survives shaders: each child would take a second."""
+    from napari_unpack.viewer import driver_probe
+
+    monkeypatch.setattr(driver_probe, "tried", lambda: "")
+
+
+@pytest.fixture(autouse=True)
 def earlier_tests_out_of_the_collectors_way() -> None:
     """Keep the garbage collector off all that was there before a test.
 

@@ -9,6 +9,7 @@ if ! command -v xvfb-run >/dev/null; then
   echo "no screen, and xvfb-run is missing: sudo apt-get install xvfb xauth" >&2
   exit 1
 fi
-unset WAYLAND_DISPLAY
+# PyOpenGL would draw for Wayland by either of them.
+unset WAYLAND_DISPLAY XDG_SESSION_TYPE
 export QT_QPA_PLATFORM=xcb UNPACK_VIRTUAL_SCREEN=1 XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 exec xvfb-run -a -s "-screen 0 1600x1000x24 +extension GLX" "$@"

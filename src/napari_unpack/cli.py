@@ -59,7 +59,7 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
         def run(*args: Any, **kwargs: Any) -> None:
             try:
                 command(*args, **kwargs)
-            except (ValueError, TypeError, OSError, ImportError) as error:
+            except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
                 typer.echo(f"error: {error}", err=True)
                 raise typer.Exit(1) from error
 

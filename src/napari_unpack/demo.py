@@ -227,7 +227,13 @@ def run(
     ------
     ValueError
         If a file cannot be read, or no object is found.
+    OSError
+        If there is no screen, a virtual one neither.
     """
+    from napari_unpack.viewer.screen import check_screen
+
+    # Before the long work, and before anything has looked for a screen.
+    check_screen()
     steps = Steps()
     scan = _scan(source, labels, seed, large, steps)
     steps(0.0, "Opening napari")

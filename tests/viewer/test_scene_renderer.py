@@ -122,6 +122,8 @@ def test_settled_is_when_nothing_is_in_the_air_for_a_moment_more(
 ) -> None:
     _, controller = staged
     controller.recolor_at_rest = False
+    # Long enough for a busy machine to see it fly.
+    controller.seconds = 5.0
     controller.unpack(1)
     qtbot.waitUntil(lambda: bool(controller.transition.images), timeout=20000)
     # A slow machine: the next look at what has landed comes long after all pictures are there.

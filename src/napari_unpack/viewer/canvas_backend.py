@@ -17,7 +17,7 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import CanvasImage, Window
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
-from napari_unpack.rendering.gl import framebuffer
+from napari_unpack.rendering.gl import formats, framebuffer
 from napari_unpack.rendering.gl.cached_pass import TintedCaster, Where
 from napari_unpack.rendering.gl.depth_quads import ImageTexture
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
@@ -62,6 +62,9 @@ class CanvasBackend:
         Given a sentence when GL turns out not to serve; the CPU has taken over by then.
     message : callable
         Given a sentence where GL serves, but draws the volume coarser than it is.
+    probe : callable
+        Given what the driver calls itself, and a callable for the reason why it must not cast, ""
+        where it may; see `driver_probe`.
 
     Attributes
     ----------
@@ -78,14 +81,19 @@ class CanvasBackend:
     """
 
     def __init__(
-        self, session: Session, failed: Callable[[str], None], message: Callable[[str], None]
+        self,
+        session: Session,
+        failed: Callable[[str], None],
+        message: Callable[[str], None],
+        probe: Callable[[str, Callable[[str], None]], None],
     ) -> None:
         self.wanted = "auto"
         self.hues_on_the_way: dict[int, float] = {}
         self._session, self._failed, self._message = session, failed, message
         self._notice: str | None = None
+        self._probe = probe
         self._renderer: str | None = None
-        self._broken = False
+        self._asked = self._proven = self._broken = False
         self._subvolume: Subvolume | None = None
         self._store: VolumeStore | None = None
         self._ready = self._sent = False
@@ -120,13 +128,17 @@ class CanvasBackend:
         return sum(caster.rays_cast for caster in self._casters.values())
 
     @property
+    def probing(self) -> bool:
+        """Whether the driver is being tried."""
+        return self._asked and not (self._proven or self._broken)
+
+    @property
     def _serves(self) -> bool:
-        if (
-            self.wanted == "cpu"
-            or self._broken
-            or self._subvolume is None
-            or self._renderer is None
-        ):
+        return self._proven and self._is_wanted and self._subvolume is not None
+
+    @property
+    def _is_wanted(self) -> bool:
+        if self.wanted == "cpu" or self._broken or self._renderer is None:
             return False
         # Asked for by name it is used, however slow.
         return self.wanted == "gl" or not is_software_renderer(self._renderer)
@@ -134,7 +146,25 @@ class CanvasBackend:
     def enter(self) -> None:
         """Look at the driver; to be called while the canvas draws."""
         if self._renderer is None:
-            self._renderer = framebuffer.renderer()
+            self._renderer, lacks = framebuffer.renderer(), formats.lacking()
+            if lacks:
+                self._broken = True
+                self._failed(
+                    f"The graphics driver ({self._renderer}) has no {lacks}: the processor draws "
+                    "the 3D view, and slices in napari may stay empty; a newer driver has them."
+                )
+        self.prove()
+
+    def prove(self) -> None:
+        """Have the driver tried if it is to cast and never was; until then the CPU casts."""
+        if not self._asked and self._renderer is not None and self._is_wanted:
+            self._asked = True
+            self._probe(self._renderer, self._tried)
+
+    def _tried(self, reason: str) -> None:
+        if reason:
+            self._break(reason)
+        self._proven = not reason
 
     def send(self) -> None:
         """Send a piece of what the graphics card lacks; to be called while the canvas draws.
@@ -370,7 +400,7 @@ class CanvasBackend:
             self._message(self._notice)
         return texture
 
-    def _break(self, error: Exception) -> None:
+    def _break(self, error: Exception | str) -> None:
         self._broken = True
         self._failed(
             f"The graphics card cannot draw the bag ({error}); the processor draws it instead."

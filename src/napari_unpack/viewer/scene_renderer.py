@@ -17,6 +17,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.animation import Animator, Glides
 from napari_unpack.viewer.canvas_backend import CanvasBackend
+from napari_unpack.viewer.driver_probe import probe_driver
 from napari_unpack.viewer.held_objects import HeldObjects
 from napari_unpack.viewer.layer_tables import ObjectTable
 from napari_unpack.viewer.packed_renderer import PackedRenderer
@@ -111,7 +112,7 @@ class SceneRenderer:
         self._drawn, self._landed = drawn, landed
         self._ticked = -1.0
         self._scheduler, self._failed = scheduler, failed
-        self.canvas_backend = canvas = CanvasBackend(session, self._gl_failed, failed)
+        self.canvas_backend = canvas = CanvasBackend(session, self._gl_failed, failed, self._probe)
         self.packed_renderer = bag = PackedRenderer(session, scheduler, packed, canvas)
         self._upload = VolumeUpload(canvas, scheduler, packed, self._backend_changed, bag)
         self.transition_renderer = TransitionRenderer(session, scheduler, self._show_moving, canvas)
@@ -169,6 +170,7 @@ class SceneRenderer:
     def cast_with(self, backend: str) -> None:
         """Choose what casts, "auto", "cpu" or "gl"."""
         before, self.canvas_backend.wanted = self.canvas_backend.active, backend
+        self.canvas_backend.prove()
         self._backend_changed(before)
         self._upload.resume()
 
@@ -349,6 +351,15 @@ class SceneRenderer:
         if self.canvas_backend.active != before:
             self.packed_renderer.backend_changed()
             self.draw_moving()
+
+    def _probe(self, driver: str, answered: Callable[[str], None]) -> None:
+        def tried(reason: str) -> None:
+            before = self.canvas_backend.active
+            answered(reason)
+            self._backend_changed(before)
+            self._upload.resume()
+
+        probe_driver(driver, self._scheduler, tried)
 
     def _gl_failed(self, words: str) -> None:
         # The canvas is being drawn: what follows waits until it is done.

@@ -45,7 +45,8 @@ class VolumeUpload:
     @property
     def busy(self) -> bool:
         """Whether pieces are on their way, or wait for a canvas that will be drawn."""
-        return self._sending or (self._canvas_backend.waiting and self._packed.visible)
+        canvas = self._canvas_backend
+        return self._sending or canvas.probing or (canvas.waiting and self._packed.visible)
 
     def resume(self) -> None:
         """Have the canvas drawn if anything waits to be sent."""

@@ -11,7 +11,9 @@ from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
 
 from napari_unpack.layers import compat
 from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.viewer.screen import screen_notice
 from napari_unpack.viewer.warm_up import warm_up_task
+from napari_unpack.widgets import notifications
 from napari_unpack.widgets.clipping_box import ClippingBox
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
@@ -116,6 +118,8 @@ class UnpackingWidget(QWidget):
         self.destroyed.connect(lambda *_: scheduler.close())
         self.destroyed.connect(lambda *_: release())
         scheduler.submit(warm_up_task(), Worker.LONG, lambda _: None, failed=lambda _: None)
+        if notice := screen_notice():
+            notifications.warn(notice)
 
     def _arrange(self) -> None:
         inside = QWidget()

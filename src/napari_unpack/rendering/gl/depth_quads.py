@@ -23,6 +23,7 @@ from vispy.visuals.filters import Alpha, PickingFilter
 
 from napari_unpack.geometry.axes import Matrix, flip_matrix
 from napari_unpack.geometry.view import Camera
+from napari_unpack.rendering.gl import formats
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, forget_complaints, namespace
 from napari_unpack.rendering.gl.memory import PICTURES, TABLES, memory_counter
 from napari_unpack.rendering.gl.programs import Programs, ShaderError, load
@@ -96,7 +97,8 @@ class ImageTexture:
         version, color, depth = self._made.get(here, (0, None, None))
         if version != self._version:
             color = self._uploaded("rgba", self._color, color)
-            if self._depth is None:
+            # Eight bits hold no depth: the image stands in its plane then.
+            if self._depth is None or formats.lacking():
                 depth = None
             else:
                 known = np.where(self._depth < NO_DEPTH, self._depth, np.float32(NO_DEPTH))
@@ -106,6 +108,8 @@ class ImageTexture:
 
     def _uploaded(self, base: str, array: PictureArray, own: Texture2D | None) -> Texture2D:
         self.uploads += 1
+        if array.dtype != np.uint8 and formats.lacking():
+            array = np.rint(np.clip(array, 0, 1) * 255).astype(np.uint8)
         internal = base + ("8" if array.dtype == np.uint8 else "32f")
         if own is not None and own.shape[:2] == array.shape[:2] and own.internalformat == internal:
             own.set_data(array)
@@ -442,7 +446,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         if namespace() not in self._blanks:
             corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
             program["a_corner"] = memory_counter().enter(TABLES, gloo.VertexBuffer(corners))
-            blank = gloo.Texture2D(np.zeros((1, 1), np.float32), internalformat="r32f")
+            blank = gloo.Texture2D(np.zeros((1, 1, 4), np.uint8), internalformat="rgba8")
             self._blanks[namespace()] = memory_counter().enter(TABLES, blank)
         return program
 

@@ -160,12 +160,12 @@ class Targets:
 
 
 def renderer() -> str:
-    """Return what the current context's driver calls itself."""
+    """Return what the current context's driver calls itself, with its version."""
     from OpenGL import GL
 
     current_context().flush_commands()
-    name = GL.glGetString(GL.GL_RENDERER)
-    return name.decode() if isinstance(name, bytes) else str(name)
+    said = [GL.glGetString(which) for which in (GL.GL_RENDERER, GL.GL_VERSION)]
+    return ", ".join(s.decode() if isinstance(s, bytes) else str(s) for s in said)
 
 
 def forget_complaints() -> None:

@@ -31,6 +31,8 @@ class Offscreen:
         from vispy import app
         from vispy.gloo import gl
 
+        from napari_unpack.rendering.gl import formats
+
         gl.use_gl("gl+")
         self._app = app.Application("egl")
         self.canvas: Any = app.Canvas(app=self._app, size=(1, 1), autoswap=False)
@@ -42,6 +44,9 @@ class Offscreen:
             GL.glGetIntegerv(GL.GL_MAX_3D_TEXTURE_SIZE)
             self.renderer = _text(GL.glGetString(GL.GL_RENDERER))
             self.version = _text(GL.glGetString(GL.GL_VERSION))
+            lacks = formats.lacking()
+        if lacks:
+            raise RuntimeError(f"the driver ({self.renderer}) has no {lacks}")
 
     @contextmanager
     def use(self) -> Iterator[Any]:

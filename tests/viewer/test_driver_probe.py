@@ -1,0 +1,114 @@
+"""Drivers and screens that do not serve: the processor takes over, in one sentence."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from OpenGL import platform
+
+from napari_unpack.rendering.gl import formats
+from napari_unpack.viewer import driver_probe, screen
+from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.driver_probe import probe_driver, tried
+from viewer_fixtures import canvas
+
+
+@pytest.mark.parametrize(
+    ("child", "reason"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", "it ends the process with signal 11"),
+        ("import os; os.abort()", "it ends the process with signal 6"),
+        ("raise RuntimeError('no shaders')", "RuntimeError: no shaders"),
+        ("pass", "it draws nothing"),
+        (driver_probe.CHILD, ""),
+    ],
+)
+def test_a_child_tells_whether_a_driver_draws(child: str, reason: str) -> None:
+    assert tried(child) == reason
+
+
+def test_a_driver_without_float_textures_is_found_out_by_the_child(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MESA_EXTENSION_OVERRIDE", "-GL_ARB_texture_float -GL_ARB_texture_rg")
+    reason = tried()
+    if not reason:
+        pytest.skip("this driver does not let its extensions be taken away")
+    assert reason == "RuntimeError: it has no float textures and textures of one channel"
+
+
+def test_a_driver_is_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    reasons = iter(("it draws nothing", ""))
+    monkeypatch.setattr(driver_probe, "tried", lambda: next(reasons))
+    scheduler: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
+    told: list[str] = []
+    for driver in ("card, 1.0", "card, 1.0", "card, 2.0", "card, 1.0"):
+        probe_driver(driver, scheduler, told.append)
+    assert told == ["it draws nothing", "it draws nothing", "", "it draws nothing"]
+
+
+def test_the_processor_draws_where_the_child_did_not(
+    staged: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, controller = staged
+    said: list[str] = []
+    controller.events.message.connect(said.append)
+    monkeypatch.setattr(driver_probe, "tried", lambda: "it ends the process with signal 11")
+    for _ in range(2):
+        controller.backend = "gl"
+        assert controller.settle(30)
+        assert controller.casts_with == "cpu"
+        controller.backend = "auto"
+    assert said == [
+        "The graphics card cannot draw the bag (it ends the process with signal 11); the "
+        "processor draws it instead."
+    ]
+
+
+def test_without_float_textures_the_picture_is_the_same(
+    staged: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    viewer, controller = staged
+    wanted, session = canvas(viewer), controller.session
+    controller.close()
+    monkeypatch.setattr(formats, "lacking", lambda: formats.FLOATS)
+    said: list[str] = []
+    again = SessionController(viewer, session)
+    again.events.message.connect(said.append)
+    again.backend = "gl"
+    again.open()
+    assert again.settle(30)
+    assert again.casts_with == "cpu"
+    np.testing.assert_allclose(canvas(viewer), wanted, atol=2)
+    assert len(said) == 1
+    assert re.fullmatch(
+        r"The graphics driver \(.*\) has no float textures: the processor draws .*", said[0]
+    )
+    again.close()
+
+
+def test_no_screen_is_told_before_qt_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("QT_QPA_PLATFORM", "xcb")
+    with pytest.raises(
+        OSError, match=r"^napari finds no screen here: run this on a desktop or as `xvfb-run"
+    ):
+        screen.check_screen()
+
+
+def test_variables_of_wayland_do_not_count_on_another_screen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.delenv("PYOPENGL_PLATFORM")
+    screen.check_screen()
+    assert screen.os.environ["PYOPENGL_PLATFORM"] == "glx"
+    assert screen.screen_notice() == ""
+    monkeypatch.setattr(platform, "PLATFORM", type("EGLPlatform", (), {})())
+    assert screen.screen_notice().endswith("Start napari as `PYOPENGL_PLATFORM=glx napari`.")
