@@ -85,9 +85,9 @@ bench: $(READY) kernels
 	@$(INSTALL) requirements/bench.txt
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
 
-# Damaged files and killed saves for as long as it is let: make fuzz SECONDS=600.
+# 10,000 damaged files of each reader, 200 killed saves; for less, make fuzz SECONDS=600.
 fuzz: $(READY)
-	@$(BIN)/python tests/io/damaged_files.py $(or $(SECONDS),600)
+	@$(BIN)/python tests/io/damaged_files.py 10000 $(or $(SECONDS),86400)
 	@folder=$$(mktemp -d) && $(BIN)/python tests/io/saves_at_risk.py killed $$folder/killed 200; rm -rf $$folder
 
 # An hour of random commands on the plugin; make soak SECONDS=600 for less.

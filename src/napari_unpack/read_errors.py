@@ -52,14 +52,21 @@ def read_errors_told(file: Path, wanted: str = "a file of this format") -> Itera
             raise
         # A library's own sentence may not say which file it was given, and go on for lines.
         raise ValueError(sentence if file.name in sentence else f"{file}: {sentence}") from error
+    except OSError as error:
+        if error.strerror is None:
+            raise _damaged(file, wanted, error) from error
+        # What the system says: a disk that fails, links in a circle, a name that is too long.
+        raise ValueError(f"{file} cannot be read: {error.strerror}") from error
     except MemoryError as error:
         raise ValueError(f"{file} asks for more memory than there is: is it damaged?") from error
     except Exception as error:
         # Whatever a damaged file may hold: each library has errors of its own for it.
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ValueError(
-            f"{file} is damaged, not whole, or not {wanted} ({reason[:_LONGEST]})"
-        ) from error
+        raise _damaged(file, wanted, error) from error
+
+
+def _damaged(file: Path, wanted: str, error: Exception) -> ValueError:
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    return ValueError(f"{file} is damaged, not whole, or not {wanted} ({reason[:_LONGEST]})")
 
 
 @contextmanager

@@ -1,20 +1,25 @@
 """What is damaged is opened or refused in one sentence; `make fuzz` tries as long as it is let."""
 
-from itertools import islice
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import damaged_files
 import pytest
 
-from napari_unpack.io import load_volume
+from napari_unpack.io import load_volume, open_session
+from napari_unpack.io.label_names import load_label_names
+from napari_unpack.io.napari_reader import get_reader
+from napari_unpack.io.session_archive import holds_session
 from napari_unpack.read_errors import read_errors_told
+from napari_unpack.segmentation import Oracle
 from napari_unpack.tasks import Cancelled
 
 
 def test_three_hundred_damaged_files_are_opened_or_refused_in_one_sentence(tmp_path: Path) -> None:
     wrong = [
         f"seed {seed}, {path.name}: {error!r}"
-        for seed, path, error in islice(damaged_files.cases(0, tmp_path), 300)
+        for seed, path, error in damaged_files.cases([*range(300), *damaged_files.KEPT], tmp_path)
         if not damaged_files.is_told(error, path)
     ]
     assert wrong == []
@@ -44,6 +49,48 @@ def test_any_error_of_a_reader_names_the_file(error: Exception) -> None:
         raise MemoryError
     with pytest.raises(Cancelled), read_errors_told(Path("bag.tif")):
         raise Cancelled
+
+
+SUFFIXES = (".npz", ".npy", ".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr", ".tif", ".dcm", "")
+SUFFIXES += (".zarr", ".unpack", ".ctbl", ".seg.nrrd", ".csv")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes")
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("read", [load_volume, open_session, load_label_names, Oracle.load])
+def test_what_is_no_file_is_refused_at_once(
+    tmp_path: Path, read: Callable[[Path], object], suffix: str
+) -> None:
+    names = ("empty", "folder", "pipe", "device", "circle", "a\udcffb", "n" * 300, "a\0b")
+    files = [tmp_path / f"{name}{suffix}" for name in names]
+    empty, folder, pipe, device, circle, odd, *_ = files
+    empty.touch()
+    folder.mkdir()
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    circle.symlink_to(circle)
+    odd.write_bytes(b"this is none of them")
+    for file in files:
+        with pytest.raises((ValueError, FileNotFoundError)) as told:
+            read(file)
+        assert file.name in str(told.value)
+        assert "\n" not in str(told.value)
+        # Neither waits for a pipe, nor fails on a name.
+        get_reader(str(file))
+        holds_session(file)
+
+
+def test_what_a_person_may_not_read_is_told() -> None:
+    with (
+        pytest.raises(PermissionError, match=r"^a.npz may not be read by you: "),
+        read_errors_told(Path("a.npz")),
+    ):
+        raise PermissionError(13, "Permission denied", "a.npz")
+    with (
+        pytest.raises(ValueError, match=r"^a.npz cannot be read: Input/output error$"),
+        read_errors_told(Path("a.npz")),
+    ):
+        raise OSError(5, "Input/output error", "a.npz")
 
 
 def test_a_volume_larger_than_the_memory_is_refused(tmp_path: Path) -> None:

@@ -181,7 +181,9 @@ def test_voxels_beside_their_header_or_below_it_are_read(tmp_path: Path) -> None
         (tmp_path / name).write_text(text)
         np.testing.assert_array_equal(load_volume(tmp_path / name).volume, voxels, name)
     (tmp_path / "a.raw").unlink()
-    with pytest.raises(FileNotFoundError, match=r"no such file: .*a.raw"):
+    with pytest.raises(
+        FileNotFoundError, match=r"a.mhd says that its voxels are in .*a.raw, which is not there"
+    ):
         load_volume(tmp_path / "a.mhd")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pathlib
 import resource
 import shutil
 import zipfile
@@ -291,6 +292,28 @@ def test_a_reference_may_not_leave_the_folder(saved):
 
         with pytest.raises(ValueError, match="a path that leaves its folder"):
             nu.open_session(changed(saved, change))
+
+
+@pytest.mark.parametrize(
+    "place", [r"\\host\share\x.npz", "//host/share/x.npz", r"\\?\UNC\host\x", r"\/host", "//host"]
+)
+def test_a_reference_to_another_computer_is_not_even_looked_for(saved, place, monkeypatch):
+    def change(manifest):
+        manifest["volume"] = {**manifest["volume"], "reference": place}
+        manifest["volume"].pop("file", None)
+
+    path = changed(saved, change)
+    asked, ask = [], pathlib.Path.stat
+
+    def stat(path, **options):
+        asked.append(str(path))
+        return ask(path, **options)
+
+    monkeypatch.setattr(pathlib.Path, "stat", stat)
+    with pytest.raises(ValueError, match="its volume on another computer"):
+        nu.open_session(path)
+    assert asked
+    assert not [name for name in asked if "host" in name]
 
 
 def test_a_file_that_is_cut_short_damaged_or_something_else_is_refused(saved, tmp_path):

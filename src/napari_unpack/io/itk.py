@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,11 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     # Before ITK sees it: a name that leads into a network would be opened by asking for it.
     kind, stored, packed = stored_as(path)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        # ITK would end the process.
+        raise ValueError(f"{path} has a name that is not UTF-8: rename it") from None
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     # By name: of all that ITK knows, some formats follow links to other files.
@@ -141,5 +147,7 @@ def _needed(sitk: Any, reader: Any) -> int:
 
 
 def _last_line(error: RuntimeError) -> str:
-    # Only the last line says what is wrong; those before name ITK's sources.
-    return str(error).strip().splitlines()[-1]
+    # Only the last line says what is wrong; those before name ITK's sources, and the last of all
+    # may be what the system says of nothing: `Reason: Success`.
+    lines = [line for line in str(error).splitlines() if line.strip() and "Reason:" not in line]
+    return re.sub(r"^.*\(0x[0-9a-f]+\): ", "", (lines or ["no reason is given"])[-1])

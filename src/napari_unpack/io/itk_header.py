@@ -75,6 +75,8 @@ def stored_as(path: Path) -> tuple[str, int, bool]:
     else:
         found = list(_META.finditer(head))
         ended = ended or bool(found)
+        if not found and ended:
+            raise ValueError(f"{path} is no MetaImage: no line says where its voxels are")
         packed = _META_PACKED.search(head[: found[0].start()] if found else head) is not None
         values = [match[1] for match in found if match[1].strip().upper() != b"LOCAL"]
         listed = head[found[0].end() :].splitlines() if found else []
@@ -89,6 +91,10 @@ def stored_as(path: Path) -> tuple[str, int, bool]:
         check_beside(name, path)
     if len(names) == 1 and "%" not in names[0]:
         file = path.parent / names[0]
+        if not file.exists():
+            raise FileNotFoundError(
+                f"{path} says that its voxels are in {file}, which is not there"
+            )
         check_plain_file(file)
         return kind, file.stat().st_size, packed
     # Slices in files of their own, here or in folders below: what is there is the most they hold.

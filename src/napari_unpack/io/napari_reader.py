@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +25,8 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     from napari_unpack.io.volumes import READABLE, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
-    if first.is_dir():
+    # Not Path's: a name that is too long is an error there.
+    if os.path.isdir(first):
         return read_layers if _is_dicom_or_zarr(first) else None
     suffix = suffix_of(first)
     # .npz is anyone's format: only ours are taken, so that other plugins may read the rest.
@@ -94,7 +97,7 @@ def _keys(path: Path) -> set[str]:
     import zipfile
 
     # A pipe would be waited for.
-    if not path.is_file():
+    if not os.path.isfile(path):
         return set()
     try:
         with zipfile.ZipFile(path) as archive:
@@ -111,6 +114,9 @@ def _is_ours(path: Path) -> bool:
 
 
 def _is_dicom_or_zarr(folder: Path) -> bool:
+    if not os.access(folder, os.R_OK | os.X_OK):
+        # The reader says that it may not be read.
+        return True
     marks = ("zarr.json", ".zgroup", ".zarray")
     if folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks):
         return True
@@ -120,7 +126,7 @@ def _is_dicom_or_zarr(folder: Path) -> bool:
         if file.suffix.lower() in (".dcm", ".dicom", ".ima", ".dcs", ".dicos"):
             return True
         # Scanners write DICOM files without a suffix: the mark stands after 128 bytes.
-        with file.open("rb") as stream:
+        with suppress(OSError), file.open("rb") as stream:
             if stream.read(132)[128:] == b"DICM":
                 return True
     return False

@@ -296,7 +296,7 @@ def _referred(
     # Windows logs in to whatever computer is named, so that to ask whether a file is there tells it
     # who the user is, and a hash of the password.
     remote = reference.replace("/", "\\").startswith("\\\\")
-    if remote and windows.drive != PureWindowsPath(source.absolute()).drive:
+    if remote and windows.drive not in {PureWindowsPath(source.absolute()).drive} - {""}:
         raise ValueError(
             f"{source} refers to its {name} on another computer, {reference!r}: open that file "
             f"yourself and pass {name}= to open_session"
