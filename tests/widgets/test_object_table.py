@@ -230,9 +230,16 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
     assert not table.horizontalScrollBar().isVisible()
 
 
-def test_default_names_are_whole_in_the_narrow_panel(table: ObjectTable) -> None:
+def test_default_names_are_whole_in_the_narrow_panel(
+    table: ObjectTable, session: SimpleNamespace, qtbot: QtBot
+) -> None:
     # The panel's own width, less its margins and two bars to scroll.
     table.resize(274, 240)
+    before = table.columnWidth(Column.NAME)
+    session.queries.unpackable_groups = lambda: ((3, 5),)
+    table.objects.refresh(unpackable={3, 5})
+    # Only now that the longest state is there do names give it their room.
+    qtbot.waitUntil(lambda: table.columnWidth(Column.NAME) < before, timeout=5000)
     assert not table.isColumnHidden(Column.STATE)
     needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
     assert table.columnWidth(Column.NAME) >= needed

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.appearance import tints_of
+from napari_unpack.session.errors import percent
 from napari_unpack.session.quantities import volume_words
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def describe(session: Session, object_id: int) -> str:
     row = session.objects.loc[object_id]
     name = str(row.get("name", f"Object {session.label_of(object_id)}"))
     confidence = float(row.get("confidence", np.nan))
-    return name if np.isnan(confidence) else f"{name}, confidence {confidence:.2f}"
+    return name if np.isnan(confidence) else f"{name}, confidence {percent(confidence)}"
 
 
 def hint(session: Session, object_id: int) -> str:

@@ -68,7 +68,7 @@ WIDTHS = {
 # Texts that a column must have room for in any font, with `PADDING` around them.
 WIDEST = {
     Column.NAME: "Object 100",
-    Column.STATE: "leaves together",
+    Column.STATE: "unpackable",
     Column.VOLUME: "1234",
     Column.SIZE: "999 × 999 × 999",
     Column.DENSITY: "1234",
@@ -355,8 +355,8 @@ class ObjectTable(QTableView):
         # What can be done with an object is written bold.
         boldly = QFontMetrics(bold).horizontalAdvance
         titles = {c: self.objects.units.title(c)[0] for c in WIDTHS}
-        # Millions of voxels are longer than any number of cm³.
-        widest = WIDEST | {Column.VOLUME: max(WIDEST[Column.VOLUME], self.objects.widest, key=len)}
+        long = self.objects.widest
+        widest = {c: max(text, long.get(c, ""), key=len) for c, text in WIDEST.items()}
         widths = {
             c: max(
                 w,
