@@ -157,7 +157,9 @@ def test_slices_name_and_select_what_is_under_the_mouse(
     widget = native(viewer)
     camera, middle = viewer.scene.camera, QPoint(widget.width() // 2, widget.height() // 2)
     # Object 5 is a ball about voxel (10, 36, 36); the camera looks at the slice's middle.
-    way = (np.array([36, 36]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+    way, way_1 = (
+        (np.array([at, at]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom for at in (36, 12)
+    )
     there = middle + QPoint(round(way[1]), round(way[0]))
     move(widget, there + QPoint(2, 2))
     move(widget, there)
@@ -167,6 +169,15 @@ def test_slices_name_and_select_what_is_under_the_mouse(
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=there)
     qtbot.waitUntil(lambda: session.selected == frozenset({5}), timeout=20000)
     assert labels.selected_label == 5
+    # Several with Ctrl and Shift, as in the 3D view.
+    at_1 = middle + QPoint(round(way_1[1]), round(way_1[0]))
+    keys = Qt.KeyboardModifier
+    for spot, key, wanted in (
+        (at_1, keys.ControlModifier, {1, 5}), (there, keys.ShiftModifier, {1, 5}),
+        (there, keys.ControlModifier, {1}), (there, keys.ShiftModifier, {1, 5}),
+    ):  # fmt: skip
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, key, pos=spot)
+        assert session.selected == wanted
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=QPoint(4, 4))
     qtbot.waitUntil(lambda: session.selected == frozenset(), timeout=20000)
     controller.close()

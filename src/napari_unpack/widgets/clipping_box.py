@@ -57,6 +57,8 @@ class ClippingBox(Collapsible):
         self.depth = QSlider(Qt.Orientation.Horizontal)
         self.depth.setRange(0, 100)
         self.depth.setToolTip("How much of the bag the plane cuts away.")
+        self.depth.setAccessibleName("Depth of the plane")
+        self.across.setAccessibleName("Plane across")
         self._of_plane = QWidget()
         rows = column(self._of_plane)
         rows.addLayout(form(Across=self.across, Depth=self.depth))
@@ -255,8 +257,10 @@ def _spin_box(axis: str, side: str) -> QDoubleSpinBox:
     made = QDoubleSpinBox()
     # Every digit typed would cut anew.
     made.setKeyboardTracking(False)
+    limit, beyond = ("First", "before") if side == SIDES[0] else ("Last", "behind")
     made.setToolTip(
-        f"Show what lies {side} here along {axis.split()[0]}, from the scan's first voxel."
+        f"{limit} place along {axis.split()[0]} that is shown, counted from the scan's first "
+        f"voxel; what lies {beyond} it is cut away."
     )
     made.setAccessibleName(f"Clipping box along {axis.split()[0]}, {side}")
     return made

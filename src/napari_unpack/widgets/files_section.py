@@ -225,8 +225,8 @@ class FilesSection(Section):
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
             "Export…",
-            "Write a picture, a movie, a web page, the table of objects, or their surfaces (STL, "
-            "OBJ, PLY, glTF).",
+            "Write a picture, a movie, a web page, the table of objects, measurements, or surfaces "
+            "(STL, OBJ, PLY, glTF).",
         )
         self.label_names = button(
             "Names and colours…",

@@ -38,12 +38,13 @@ class MeasureBox(Collapsible):
         self.angle = button(
             "Angle", "Measure an angle: click three points; it is taken at the second (A)."
         )
-        self.remove = button("Remove", "Remove the measurement selected in the list (Del).")
+        self.remove = button("Remove", "Remove the measurement selected in the list (Delete).")
         self.show_all = QCheckBox("Show")
         self.show_all.setToolTip(
             "Draw what was measured: in the 3D view and in slices, in pictures, movies and the web "
             "page."
         )
+        self.show_all.setAccessibleName("Show measurements")
         self.show_all.setChecked(True)
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
@@ -129,6 +130,7 @@ class MeasureBox(Collapsible):
         with QSignalBlocker(self.show_all):
             self.show_all.setChecked(session is None or session.measurements.shown)
         if not measurements and not self.list.count():
+            self._enable()
             return
         chosen = self.list.currentRow()
         self.list.clear()

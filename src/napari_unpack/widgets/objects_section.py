@@ -45,10 +45,12 @@ class ObjectsSection(Section):
         self.show_all = button("Show all", "Show every hidden object again.")
 
         self.split = button(
-            "Split", "Split an object: click two points of it, in the 3D view or in a 2D slice."
+            "Split", "Split an object: click two points of it, in the 3D view or in slices."
         )
         self.split.setCheckable(True)
-        self.merge = button("Merge", "Make one object of the selected ones (Ctrl-click rows).")
+        self.merge = button(
+            "Merge", "Make one object of the selected ones (Ctrl+click selects several)."
+        )
         self.delete = button(
             "Delete",
             "Remove the selected objects from the labels (Delete; Ctrl+Z undoes). "

@@ -27,7 +27,7 @@ KEYS = (
     ("R", "reveal"),
     ("H", "hide"),
     ("C", "recolour"),
-    ("Del", "delete the selected"),
+    ("Delete", "delete the selected"),
     ("T", "names"),
     ("M", "measure"),
     ("A", "angle"),
@@ -35,7 +35,7 @@ KEYS = (
     ("Ctrl+Shift+Z", "redo"),
     (FIT_KEY, "fit"),
     ("1…7", "view from a side"),
-    ("Esc", "leave, cancel or select nothing"),
+    ("Escape", "leave, cancel or select nothing"),
 )
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),

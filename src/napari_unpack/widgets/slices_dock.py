@@ -63,7 +63,7 @@ class SlicesDock(DockContents):
         for control, name in names.items():
             control.setAccessibleName(name)
         self.automatic = button(
-            "Automatic greys", "Take black and white from the contrast limits of the image."
+            "Automatic greys", "Let black and white follow the contrast limits of the image."
         )
         self.fit = button("Fit", "Show each slice whole (Home).")
         self.center = button(

@@ -34,6 +34,10 @@ if TYPE_CHECKING:
 
 SEARCHING = "Looking for unpackable objects…"
 
+# Of one button, both ways.
+INSPECT_HELP = "Show one object alone: the selected one, or the last unpacked (I)."
+LEAVE_HELP = "Put the object back where it was, and show the bag (I or Escape)."
+
 
 class UnpackSection(Section):
     """Buttons for unpack, restore and inspect, and one sentence that says how things stand.
@@ -69,9 +73,7 @@ class UnpackSection(Section):
         self.draw.setCheckable(True)
         self.next = button("Unpack next", "Unpack one object that nothing blocks (N).", True)
         self.back = button("Restore last", "Fly the last object back into the bag (B).")
-        self.inspect = button(
-            "Inspect", "Show one object alone: the selected one, or the last unpacked (I)."
-        )
+        self.inspect = button("Inspect", INSPECT_HELP)
         self.count = QSpinBox()
         # Two digits and the buttons: a spin box asks for the room of seven.
         self.count.setMaximumWidth(100)
@@ -154,7 +156,7 @@ class UnpackSection(Section):
         self.backend = QComboBox()
         self.backend.addItems(list(BACKENDS))
         self.backend.setToolTip("What draws the bag: the graphics card, or the processor.")
-        self.take_least = QCheckBox("Otherwise take the least occluded")
+        self.take_least = QCheckBox("Else take out the least occluded")
         self.take_least.setToolTip(
             "Where nothing is unpackable this way, Unpack next takes the object of which the "
             "smallest share is occluded; otherwise it says so and takes none."
@@ -301,6 +303,7 @@ class UnpackSection(Section):
             control.setEnabled(can_restore)
         # One button both ways, where the hand already is.
         self.inspect.setText("Back to the bag" if inspected else "Inspect")
+        self.inspect.setToolTip(LEAVE_HELP if inspected else INSPECT_HELP)
         selected = session is not None and bool(session.selected)
         self.inspect.setEnabled(inspected or out > 0 or selected)
         hidden = states.count(ObjectState.HIDDEN)

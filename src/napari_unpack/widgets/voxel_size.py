@@ -41,7 +41,7 @@ class VoxelSize(QWidget):
         self.names.setAccessibleName("Unit of lengths")
         self.names.setToolTip(
             "What the numbers of the file are: mm, µm, or nothing known, which is counted in "
-            "voxels. Table, facts, scale bar and reports follow."
+            "voxels. Table, facts, measurements, scale bar and exports follow."
         )
         line = QHBoxLayout(self)
         line.setContentsMargins(0, 0, 0, 0)
