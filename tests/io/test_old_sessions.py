@@ -172,7 +172,11 @@ def test_an_old_session_opens_as_it_was_left(name):
     found = facts_of(session)
     assert found.keys() == told.keys()
     for key in told:
-        if key in ("poses", "camera"):
+        if key == "poses":
+            # How they are held; where the slots are is planned for the window of today.
+            held = [{i: pose[1::2] for i, pose in each[key].items()} for each in (found, told)]
+            assert flat(held[0]) == pytest.approx(flat(held[1]), abs=1e-4)
+        elif key == "camera":
             assert flat(found[key]) == pytest.approx(flat(told[key]), abs=1e-4), key
         else:
             assert found[key] == told[key], key
@@ -194,8 +198,13 @@ def test_an_old_session_saved_again_says_and_shows_the_same(name, tmp_path):
     assert lost(old, new, "session") == []
     shown, shows = picture(before["picture.png"]), picture(after["picture.png"])
     assert shown.shape == shows.shape
+    # Of the bag, inside its sphere: where the slots are is planned for the window of today.
+    row, col = session.camera.project(session.bag.center, shown.shape[:2])
+    rows, cols = np.indices(shown.shape[:2])
+    pixels = session.bag.radius_in(session.camera.stretch) * len(shown) / session.camera.height
+    inside = np.hypot(rows - row, cols - col) < pixels
     # Another processor may round another way, and a ray at an edge meet something else.
-    assert (np.abs(shown - shows).max(axis=2) > 2).mean() < 0.002
+    assert (np.abs(shown - shows).max(axis=2) > 2)[inside].mean() < 0.002
 
 
 def lost(old: Any, new: Any, where: str) -> list[str]:

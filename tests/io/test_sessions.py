@@ -8,6 +8,7 @@ import resource
 import shutil
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.object_style import ObjectStyle
+from tin import tin
 
 SIZE = (72, 96)
 
@@ -446,3 +448,30 @@ def test_a_session_tells_how_its_bag_stood_if_that_was_known(session, tmp_path):
         flat = np.asarray(wrong).tolist()
         with pytest.raises(ValueError, match=r"standing|stands"):
             standing_of(changed(path, lambda m, flat=flat: {**m, "standing": flat}))
+
+
+def test_what_was_done_inside_opened_objects_is_saved_with_them(tmp_path: Path) -> None:
+    session = nu.Session(*tin())
+    bag = session.opened_bags.open(session, 1)
+    # Looking into it is no work.
+    assert session.opened_bags.worked_in(session) == {}
+    first, second = list(bag.ids)[-2:]
+    bag.rename(first, "a coin")
+    bag.merge([first, second])
+    bag.unpack(1)
+    nu.io.save_session(session, tmp_path / "tin.unpack")
+    found = nu.io.open_session(tmp_path / "tin.unpack")
+    (again,) = found.opened_bags.worked_in(found).values()
+    assert found.opened_bags.open(found, 1) is again
+    np.testing.assert_array_equal(again.labels, bag.labels)
+    np.testing.assert_array_equal(again.volume, bag.volume)
+    assert again.states == bag.states
+    assert list(again.objects["name"]) == list(bag.objects["name"])
+    # Of repaired labels it may be so no more; undo brings it back.
+    found.merge([1, 2])
+    assert found.opened_bags.worked_in(found) == {}
+    found.undo()
+    assert found.opened_bags.worked_in(found) == {1: again}
+    # Saved once more it is still there.
+    nu.io.save_session(found, tmp_path / "again.unpack")
+    assert nu.io.open_session(tmp_path / "again.unpack").opened_bags.worked_in(found).keys() == {1}

@@ -13,10 +13,12 @@ from qtpy.QtCore import QEvent, QObject, Qt
 from qtpy.QtWidgets import QFileDialog, QMessageBox
 
 import napari_unpack as nu
+from napari_unpack.io.recovery import recovery_folder
 from napari_unpack.layers import compat
 from napari_unpack.viewer.viewer_state import SavedView
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import add_bag, controller_with, press, rest, states
+from tin import tin
 
 Button = QMessageBox.StandardButton
 
@@ -202,6 +204,39 @@ def test_closing_the_window_asks_once_and_cancel_keeps_it_open(
     assert closed.count == 1
     assert panel.unsaved.question is None
     window.removeEventFilter(closed)
+
+
+def test_what_is_done_inside_a_container_is_asked_for_and_kept(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    volume, labels = tin()
+    viewer.add_image(volume, name="scan")
+    controller_with(panel, qtbot, viewer.add_labels(labels, name="expert", visible=False))
+    window, workspace, commands = compat.native_window(viewer), panel.workspace, panel.commands
+    workspace.controller.seconds = 0.1
+    commands.open_container(1)
+    assert workspace.is_inside
+    rest(panel, qtbot)
+    assert not panel.unsaved.changed
+    press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    out = workspace.session.state.placements.keys()
+    window.close()
+    assert "Closing the window ends it." in answer(panel, qtbot, Button.Cancel)
+    assert workspace.is_inside
+    # Whoever leaves the container has not lost it either.
+    commands.leave_container()
+    rest(panel, qtbot)
+    panel.segment.run()
+    answer(panel, qtbot, Button.Cancel)
+    # On the disk within two seconds of it, and whole.
+    qtbot.waitUntil(lambda: len(list(recovery_folder().glob("*/*/session.json"))) == 1)
+    (kept,) = recovery_folder().glob("*/*/session.json")
+    bag = nu.io.open_session(kept.parent).opened_bags.open(workspace.session, 1)
+    assert bag.state.placements.keys() == out
+    panel.files.save_to(tmp_path / "tin.unpack", session=workspace.document)
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
+    assert not panel.unsaved.changed
 
 
 def test_objects_that_took_long_to_find_are_work_when_the_window_closes(

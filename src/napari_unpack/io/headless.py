@@ -140,6 +140,8 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     )
     other.seconds = other.seconds if packed else session.seconds
     other.backend = session.backend
+    for object_id, bag in {} if packed else session.opened_bags.worked_in(session).items():
+        other.opened_bags.restore(other, object_id, copy_session(bag, packed=False))
     return other
 
 

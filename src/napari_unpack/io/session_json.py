@@ -585,7 +585,8 @@ def work_of(session: Session) -> object:
     # The edit itself: a stroke may leave all that is written of the objects as it was.
     edit = session.state.labels_edit
     picture = None if image is None else id(image)
-    return state, session.rules, shown, around, picture, view.clipping.tolist(), edit
+    inside = {i: work_of(bag) for i, bag in session.opened_bags.worked_in(session).items()}
+    return state, session.rules, shown, around, picture, view.clipping.tolist(), edit, inside
 
 
 def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike) -> Session:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import json
 import os
+from base64 import b64decode, b64encode
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, TYPE_CHECKING, Any
+from zlib import compress, decompressobj
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +17,7 @@ from napari_unpack.file_sizes import check_size, stored_size
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.session_archive import (
     MANIFEST,
+    QUICK,
     ArrayFacts,
     Source,
     Told,
@@ -136,7 +139,46 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
         "written_by": f"napari-unpack {version('napari-unpack')}",
         "session": record_of(session),
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
+        "containers": _containers_record(session),
     }
+
+
+def _containers_record(session: Session) -> list[dict[str, Any]]:
+    """Return what was unpacked inside objects; their volumes are parts of the session's."""
+    from napari_unpack.io.session_json import given_labels, record_of
+
+    return [
+        {
+            "object": object_id,
+            "session": record_of(bag),
+            # As text: most are small, and those of large objects are long runs.
+            "labels": b64encode(
+                compress(given_labels(bag).astype("<u2").tobytes(), QUICK)
+            ).decode(),
+            "containers": _containers_record(bag),
+        }
+        for object_id, bag in session.opened_bags.worked_in(session).items()
+    ]
+
+
+def _restore_containers(session: Session, fields: Fields) -> None:
+    from napari_unpack.io.session_json import session_from
+    from napari_unpack.session.containers import volume_inside
+
+    # Older files do not tell of them.
+    for told in fields.parts("containers") if fields.has("containers") else ():
+        object_id = told.integer("object", 1)
+        if object_id not in session.ids:
+            raise ValueError(f"containers must be of objects of the session, got {object_id}")
+        volume = volume_inside(session, object_id)
+        # No more than there are voxels: a forged text may unpack to any length.
+        flat = decompressobj().decompress(b64decode(told.text("labels")), 2 * volume.size)
+        if len(flat) != 2 * volume.size:
+            raise ValueError(f"the labels inside object {object_id} are not whole")
+        labels = np.frombuffer(flat, "<u2").reshape(volume.shape).astype(np.uint16)
+        bag = session_from(told["session"], volume, labels)
+        _restore_containers(bag, told)
+        session.opened_bags.restore(session, object_id, bag)
 
 
 def written(manifest: dict[str, Any]) -> bytes:
@@ -196,6 +238,7 @@ def open_session(
             }
         report(0.8, "Making the session ready")
         session = session_from(fields["session"], found["volume"], found["labels"])
+        _restore_containers(session, fields)
     report(1.0, "Opened")
     return session
 

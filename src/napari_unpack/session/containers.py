@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from napari_unpack.geometry.axes import Matrix
 if TYPE_CHECKING:
     import pandas as pd
 
+    from napari_unpack.session.labels import Edit
     from napari_unpack.session.session import Session
 
 LEAST_SHARE = 0.004
@@ -73,11 +73,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     are found here by density: three classes by the thresholds of Otsu's method for several
     classes, connected, the smallest given to their neighbours.
     """
-    window = session.boxes.slices(object_id, margin=2)
-    labels = np.asarray(session.labels[window])
-    family = _family(session.objects, object_id) | surrounded(labels, object_id)
-    inside = np.isin(labels, list(family))
-    volume = np.asarray(session.volume[window])
+    labels, inside, volume, family = _contents(session, object_id)
     parts = np.where(inside, labels, 0)
     if len(np.unique(parts[inside])) < 2:
         parts = parts_by_density(volume, inside)
@@ -99,7 +95,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
         told = [known[i] for i in ids]
     else:
         told = [f"{outer}, part {k}" for k in range(1, len(ids) + 1)]
-    shown = np.where(inside, volume, np.zeros((), volume.dtype))
+    shown = _alone(volume, inside)
     table = pd.DataFrame({"name": told}, index=pd.Index(ids, name="id"))
     inner = Session(shown, parts, session.spacing, table)
     inner.transfer_function = (
@@ -116,6 +112,33 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
         inner.force_unpack(shell)
     inner.history.clear()
     return inner
+
+
+def volume_inside(session: Session, object_id: int) -> NDArray[Any]:
+    """Return the volume of the bag that an object is opened as.
+
+    Parameters
+    ----------
+    session : Session
+        Whose object.
+    object_id : int
+    """
+    _, inside, volume, _ = _contents(session, object_id)
+    return _alone(volume, inside)
+
+
+def _contents(
+    session: Session, object_id: int
+) -> tuple[NDArray[np.uint16], NDArray[np.bool_], NDArray[Any], set[int]]:
+    """Return labels, mask of the object with what is in it, volume, and the objects it is of."""
+    window = session.boxes.slices(object_id, margin=2)
+    labels = np.asarray(session.labels[window])
+    family = _family(session.objects, object_id) | surrounded(labels, object_id)
+    return labels, np.isin(labels, list(family)), np.asarray(session.volume[window]), family
+
+
+def _alone(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+    return np.where(inside, volume, np.zeros((), volume.dtype))
 
 
 def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
@@ -260,17 +283,15 @@ def _family(objects: pd.DataFrame, object_id: int) -> set[int]:
     return family
 
 
-class OpenedBefore:
-    """Opens objects; what was unpacked in one is still out when it is opened once more.
+class OpenedBags:
+    """The bags that objects of one session were opened as.
 
-    A bag is kept as long as its outer session is, and forgotten once labels were repaired.
+    What was unpacked in one is still out when it is opened once more, until labels are repaired.
     """
 
     def __init__(self) -> None:
-        self._bags: WeakKeyDictionary[
-            Session, dict[int, tuple[ReferenceType[NDArray[np.uint16]], Session]]
-        ]
-        self._bags = WeakKeyDictionary()
+        self._bags: dict[int, tuple[Edit | None, Session]] = {}
+        self._restored: set[int] = set()
 
     def open(self, session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
         """Return the bag inside an object, as it was left or else from `open_container`.
@@ -285,15 +306,40 @@ class OpenedBefore:
         ValueError
             If the object is of one piece.
         """
-        bags = self._bags.setdefault(session, {})
-        known = bags.get(object_id)
-        # Repaired labels are other arrays: what was inside may be so no more.
-        if known is None or known[0]() is not session.labels:
-            bag = open_container(session, object_id, rotation)
+        known = self._known(session).get(object_id)
+        if known is None:
+            known = open_container(session, object_id, rotation)
             # It loads more than the panel needs to open.
             from napari_unpack.session.framing import fitted
 
             # In the worker that opens it: its hull is found for the first view.
-            fitted(bag)
-            known = bags[object_id] = ref(session.labels), bag
-        return known[1]
+            fitted(known)
+            self._restored.discard(object_id)
+            self._bags[object_id] = session.state.labels_edit, known
+        return known
+
+    def restore(self, session: Session, object_id: int, bag: Session) -> None:
+        """Take over a bag as it was left in another session.
+
+        Parameters
+        ----------
+        session : Session
+            Whose object.
+        object_id : int
+        bag : Session
+        """
+        self._bags[object_id] = session.state.labels_edit, bag
+        self._restored.add(object_id)
+
+    def worked_in(self, session: Session) -> dict[int, Session]:
+        """Return the bags in which something was done, by object."""
+        return {
+            i: bag
+            for i, bag in self._known(session).items()
+            if i in self._restored or bag.history.done or bag.opened_bags.worked_in(bag)
+        }
+
+    def _known(self, session: Session) -> dict[int, Session]:
+        # Of repaired labels: what was inside may be so no more.
+        edit = session.state.labels_edit
+        return {i: bag for i, (made_of, bag) in self._bags.items() if made_of is edit}

@@ -20,6 +20,7 @@ from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands
 from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.bag_cut import Cutting
+from napari_unpack.session.containers import OpenedBags
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
@@ -71,6 +72,7 @@ class Session:
         Lengths and angles; added, removed and undone.
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
+    opened_bags : OpenedBags
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
@@ -137,7 +139,7 @@ class Session:
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
-        self._scene_description = SceneDescription()
+        self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
 
     # The parts, and what they hold.
 

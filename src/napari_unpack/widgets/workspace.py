@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QObject, Signal
 
-from napari_unpack.session.containers import OpenedBefore
 from napari_unpack.tasks import Task, attempt
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets import notifications
@@ -87,7 +86,6 @@ class Workspace(QObject):
         self._message.connect(notifications.inform)
         self._connections: list[tuple[SignalInstance, Callable[..., None]]] = []
         self._outer: list[_OuterBag] = []
-        self._containers = OpenedBefore()
 
     @property
     def session(self) -> Session | None:
@@ -200,7 +198,7 @@ class Workspace(QObject):
         # In a worker: to tell the parts of a large object apart takes a second.
         task = Task(
             ("open", object_id),
-            lambda _: attempt(lambda: self._containers.open(session, object_id, rotation)),
+            lambda _: attempt(lambda: session.opened_bags.open(session, object_id, rotation)),
         )
         found = self.scheduler.run_modal(task, Worker.LONG)
         if found is None or self.controller is not controller:
