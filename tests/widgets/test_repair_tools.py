@@ -20,7 +20,9 @@ from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.session import Session
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.label_sync import LabelSync
+from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press
 from viewer_fixtures import canvas
@@ -91,6 +93,24 @@ def test_two_clicks_split_and_undo_joins(
     assert np.array_equal(layer.data, first)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
     assert panel.workspace.controller.settle(30)
+
+
+def test_undo_calls_off_a_repair_that_is_still_worked_out(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    panel.commands.rename(1, "Bells")
+    released, done = threading.Event(), []
+    busy = Task("busy", lambda _: released.wait(10))
+    panel.workspace.scheduler.submit(busy, Worker.LONG, done.append)
+    panel.objects.repair.delete([2])
+    widget = compat.native_canvas(panel.workspace.controller.viewer).native
+    QTest.keyClick(widget, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    released.set()
+    qtbot.waitUntil(lambda: bool(done) and not panel.objects.repair.running, timeout=10000)
+    assert 2 in session.ids
+    assert session.objects["name"][1] == "Bells"
+    QTest.keyClick(widget, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: session.objects["name"][1] != "Bells", timeout=5000)
 
 
 def test_a_click_on_another_object_starts_over_and_split_again_or_escape_cancels(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from qtpy.QtCore import QObject, Signal
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.tasks import Task
+from napari_unpack.tasks import Cancelled, Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.workspace import Workspace
@@ -45,6 +45,9 @@ class RepairTools(QObject):
         self._workspace = workspace
         self._split_tool: SplitTool | None = None
         self._label_sync: LabelSync | None = None
+        # What a person asked for last, and what was called off while it was worked out.
+        self._asked: Task[Any] | None = None
+        self._called_off: Task[Any] | None = None
         workspace.switched.connect(self._follow)
 
     @property
@@ -70,6 +73,15 @@ class RepairTools(QObject):
         """Wait for clicks no longer."""
         if self._split_tool is not None:
             self._split_tool.cancel()
+
+    def call_off(self) -> bool:
+        """Give up the repair that is being worked out; return whether there was one."""
+        task, self._asked = self._asked, None
+        if task is None or not self._workspace.scheduler.has(SLOT):
+            return False
+        self._called_off = task
+        self._workspace.scheduler.cancel(SLOT)
+        return True
 
     def can_delete(self, ids: Collection[int]) -> bool:
         """Return whether objects can be deleted now: none is outside, and some are left."""
@@ -113,7 +125,8 @@ class RepairTools(QObject):
             notifications.inform("The last repair is still being worked out: wait a moment.")
             return
         with notifications.errors_shown():
-            self._start(session, task_of(session.label_editor))
+            self._asked = task_of(session.label_editor)
+            self._start(session, self._asked)
 
     def _ask(self, task: Task[Any]) -> bool:
         # The stroke is compared again a moment later.
@@ -123,14 +136,15 @@ class RepairTools(QObject):
         return True
 
     def _start(self, session: Session, task: Task[Any]) -> None:
-        take = partial(self._take, session)
+        take = partial(self._take, session, task)
         self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
         self.busy.emit(True)
 
-    def _take(self, session: Session, edit: EditedLabels | None) -> None:
+    def _take(self, session: Session, task: Task[Any], edit: EditedLabels | None) -> None:
         self.busy.emit(False)
         # A repair of a session that is no longer shown would come as a surprise.
-        if edit is None or session is not self._workspace.session:
+        gone = session is not self._workspace.session or task is self._called_off
+        if edit is None or gone:
             return
         with notifications.errors_shown():
             if not session.label_editor.apply(edit):
@@ -138,7 +152,8 @@ class RepairTools(QObject):
 
     def _fail(self, error: Exception) -> None:
         self.busy.emit(False)
-        notifications.show_error(error)
+        if not isinstance(error, Cancelled):
+            notifications.show_error(error)
 
     def _follow(self) -> None:
         from napari_unpack.viewer.label_sync import LabelSync

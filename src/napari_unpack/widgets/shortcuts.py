@@ -65,7 +65,7 @@ class Shortcuts:
     planner : RevealPlanner
         Its plan is dismissed by Escape.
     repair : RepairTools
-        It deletes.
+        It deletes, and is called off by undo.
     others : mapping of str to callable
         Further keys, as napari writes them, and what each does.
     """
@@ -79,7 +79,7 @@ class Shortcuts:
         others: Mapping[str, Callable[[], None]],
     ) -> None:
         self._workspace, self._commands = workspace, commands
-        self._planner = planner
+        self._planner, self._repair = planner, repair
         self._bound: list[tuple[napari.Viewer | Layer, str, KeyAction | None]] = []
         self._actions: dict[str, Callable[[], None]] = {
             "N": commands.unpack,
@@ -91,7 +91,7 @@ class Shortcuts:
             "Delete": repair.delete_selected,
             # The key that is called delete on a Mac.
             "Backspace": repair.delete_selected,
-            "Control-Z": commands.undo,
+            "Control-Z": self._undo,
             "Control-Shift-Z": commands.redo,
             "Escape": self._escape,
             FIT_KEY: commands.fit,
@@ -123,6 +123,11 @@ class Shortcuts:
         """Give all keys back."""
         self._workspace.switched.disconnect(self._bind)
         self._release()
+
+    def _undo(self) -> None:
+        """Take back what was done last, also where it is still being worked out."""
+        if not self._repair.call_off():
+            self._commands.undo()
 
     def _escape(self) -> None:
         """End what was begun last."""
