@@ -206,5 +206,13 @@ def test_solid_things_have_nothing_inside_however_noisy_or_blurred_they_are() ->
     hollow = solid.copy()
     hollow[8:24, 8:24, 8:24] = 2
     assert _opened_or_not(hollow) == nothing
+    # A lighter place of its wall is not inside it.
+    thin = hollow.copy()
+    thin[:8, 10:22, 10:22] = 800
+    assert _opened_or_not(thin) == nothing
+    # What it encloses is, however little it differs.
+    liquid = hollow.copy()
+    liquid[8:24, 8:24, 8:24] = 800
+    assert _opened_or_not(liquid) == "2 parts"
     hollow[12:20, 12:20, 12:20] = 2500
     assert _opened_or_not(hollow) == "2 parts"

@@ -33,14 +33,15 @@ LEAST_CORE = 0.1
 less is the blurred border between two densities, unless it is the densest, as wires are."""
 
 LEAST_CONTRAST = 2.0
-"""How often denser than the lightest part the densest is, above air, where no part surrounds the
+"""How often denser than the lightest part the densest is, above air, where no part encloses the
 others: cloth in folds and pages have less."""
 
 AIR_SHARE = 0.15
 """Of the way from the lightest to the densest in the object's box: parts below are air."""
 
-INSIDE = 2
-"""Along so many of the three axes an object stands on both sides of what lies in it."""
+INSIDE, ENCLOSED = 2, 3
+"""Along so many of the three axes an object stands on both sides of what lies in it; of what it
+encloses along all, which a thin place of its wall, or the sole of a boot, is not."""
 
 
 def open_container(session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
@@ -141,7 +142,7 @@ def _alone(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     return np.where(inside, volume, np.zeros((), volume.dtype))
 
 
-def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
+def surrounded(labels: NDArray[Any], object_id: int, axes: int = INSIDE) -> set[int]:
     """Return the objects that another one surrounds.
 
     Parameters
@@ -150,12 +151,14 @@ def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
         Object IDs.
     object_id : int
         Who may surround others.
+    axes : int
+        Along how many it must stand on both sides.
 
     Returns
     -------
     set of int
-        Objects of which more than half lies between parts of that one along two axes or three:
-        what is in a cup that is open at the top does.
+        Objects of which more than half lies between parts of that one along two axes or three,
+        or as many as asked for: what is in a cup that is open at the top does along two.
     """
     mine = labels == object_id
     sides = np.zeros(labels.shape, np.uint8)
@@ -163,15 +166,15 @@ def surrounded(labels: NDArray[Any], object_id: int) -> set[int]:
         before = np.maximum.accumulate(mine, axis=axis)
         behind = np.flip(np.maximum.accumulate(np.flip(mine, axis), axis=axis), axis)
         sides += before & behind
-    inside = np.bincount(labels[(sides >= INSIDE) & ~mine & (labels > 0)])
+    inside = np.bincount(labels[(sides >= axes) & ~mine & (labels > 0)])
     whole = np.bincount(labels.ravel(), minlength=len(inside))[: len(inside)]
     return {int(i) for i in np.flatnonzero(2 * inside > whole)}
 
 
-def _shell(parts: NDArray[Any], ids: list[int]) -> int:
+def _shell(parts: NDArray[Any], ids: list[int], axes: int = INSIDE) -> int:
     """Return the part that surrounds all others, 0 where there is none."""
     for part in ids:
-        if len(surrounded(parts, part)) == len(ids) - 1:
+        if len(surrounded(parts, part, axes)) == len(ids) - 1:
             return part
     return 0
 
@@ -260,6 +263,8 @@ def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
     from scipy import ndimage
 
     ids = np.unique(parts[parts > 0])
+    # Blurred over into air, every surface is a skin of less density.
+    within = ndimage.binary_erosion(parts > 0)
     means = ndimage.mean(np.nan_to_num(volume), parts, ids)
     low = min(float(np.nanmin(volume)), *means)
     air = low + AIR_SHARE * (max(means) - low)
@@ -268,7 +273,8 @@ def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
     if len(left) < 2:
         return False
     contrast = kept.max() / max(kept.min(), 1e-12)
-    return bool(contrast >= LEAST_CONTRAST or _shell(parts, [int(i) for i in left]))
+    enclosed = _shell(parts * within, [int(i) for i in left], ENCLOSED)
+    return bool(contrast >= LEAST_CONTRAST or enclosed)
 
 
 def _family(objects: pd.DataFrame, object_id: int) -> set[int]:
