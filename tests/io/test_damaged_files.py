@@ -5,11 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import damaged_files
+import numpy as np
 import pytest
 
+from napari_unpack.appearance import Background
 from napari_unpack.io import load_volume, open_session
 from napari_unpack.io.label_names import load_label_names
 from napari_unpack.io.napari_reader import get_reader
+from napari_unpack.io.scoring import score_report
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation import Oracle
@@ -78,6 +81,29 @@ def test_what_is_no_file_is_refused_at_once(
         # Neither waits for a pipe, nor fails on a name.
         get_reader(str(file))
         holds_session(file)
+
+
+def scored_by(table: Path) -> str:
+    labels = np.ones((2, 2, 2), np.uint16)
+    return score_report(labels, labels, (1.0, 1.0, 1.0), table, "kind", False)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes")
+@pytest.mark.parametrize(("read", "suffix"), [(Background.of, ".png"), (scored_by, ".csv")])
+def test_pictures_and_tables_that_are_none_are_told(
+    tmp_path: Path, read: Callable[[Path], object], suffix: str
+) -> None:
+    names = ("empty", "folder", "pipe", "noise", "nowhere")
+    empty, folder, pipe, noise, nowhere = (tmp_path / f"{name}{suffix}" for name in names)
+    empty.touch()
+    folder.mkdir()
+    os.mkfifo(pipe)
+    noise.write_bytes(np.random.default_rng(0).bytes(3000))
+    for file in (empty, folder, pipe, noise, nowhere):
+        with pytest.raises((ValueError, FileNotFoundError)) as told:
+            read(file)
+        assert file.name in str(told.value)
+        assert "\n" not in str(told.value)
 
 
 def test_what_a_person_may_not_read_is_told() -> None:

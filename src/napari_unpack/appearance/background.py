@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.read_errors import read_errors_told
+
 Color = tuple[float, float, float, float]
 
 # Names anyone can ask for, and their colours from the top down.
@@ -122,10 +124,9 @@ def _is_file(wanted: str | Path) -> bool:
 def _read(path: Path) -> NDArray[Any]:
     import imageio.v3 as iio
 
-    try:
-        picture: NDArray[Any] = np.asarray(iio.imread(path))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"background: {path.name!r} cannot be read as a picture") from error
+    # By name: what Pillow cannot read, imageio would hand to ITK and to ffmpeg.
+    with read_errors_told(path, "a picture"):
+        picture: NDArray[Any] = np.asarray(iio.imread(path, plugin="pillow"))
     return np.stack([picture] * 3, axis=2) if picture.ndim == 2 else picture
 
 

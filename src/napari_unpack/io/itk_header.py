@@ -76,7 +76,7 @@ def stored_as(path: Path) -> tuple[str, int, bool]:
         found = list(_META.finditer(head))
         ended = ended or bool(found)
         if not found and ended:
-            raise ValueError(f"{path} is no MetaImage: no line says where its voxels are")
+            raise ValueError(f"{path} is neither NRRD nor MetaImage: it names no voxels")
         packed = _META_PACKED.search(head[: found[0].start()] if found else head) is not None
         values = [match[1] for match in found if match[1].strip().upper() != b"LOCAL"]
         listed = head[found[0].end() :].splitlines() if found else []

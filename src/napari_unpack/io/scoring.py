@@ -8,6 +8,8 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from napari_unpack.file_sizes import check_plain_file
+from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation import score, score_by, score_objects
 
 MEANINGS = {
@@ -91,7 +93,9 @@ def table_text(summary: pd.DataFrame) -> str:
 
 
 def _groups(path: Path, by: str) -> dict[int, str]:
-    table = pd.read_csv(path)
+    with read_errors_told(path, "a table (.csv)"):
+        check_plain_file(path)
+        table = pd.read_csv(path)
     for column in ("id", by):
         if column not in table.columns:
             raise ValueError(

@@ -455,7 +455,7 @@ def _decoded(text: str) -> Any:
     import imageio.v3 as iio
 
     try:
-        picture = np.asarray(iio.imread(base64.b64decode(text, validate=True), extension=".png"))
+        picture = np.asarray(iio.imread(base64.b64decode(text, validate=True), plugin="pillow"))
     except (binascii.Error, OSError, ValueError, SyntaxError) as error:
         raise ValueError("picture must be a PNG in base 64") from error
     return Background.of(picture).image
