@@ -17,7 +17,7 @@ from napari_unpack.io.recovery import recovery_folder
 from napari_unpack.layers import compat
 from napari_unpack.viewer.viewer_state import SavedView
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import add_bag, controller_with, press, rest, states
+from opened_panel import add_bag, controller_with, open_panel, press, rest, states
 from tin import tin
 
 Button = QMessageBox.StandardButton
@@ -204,6 +204,35 @@ def test_closing_the_window_asks_once_and_cancel_keeps_it_open(
     assert closed.count == 1
     assert panel.unsaved.question is None
     window.removeEventFilter(closed)
+
+
+def test_exit_asks_for_each_window_once_and_cancel_keeps_them_all(
+    make_napari_viewer: Any, worked: UnpackingWidget, qtbot: QtBot
+) -> None:
+    other, closed = make_napari_viewer(show=True), Closed()
+    second = open_panel(other, qtbot)
+    image, expert = add_bag(other)
+    second.workspace.open(nu.Session(image.data, expert.data), [image, expert])
+    second.workspace.session.unpack(1)
+    window, panels = compat.native_window(other), (second, worked)
+    # Behind the panels', which are asked first; else napari would end the tests.
+    for filtering in (closed, *panels):
+        window.installEventFilter(filtering)
+    window.close(quit_app=True)
+    first = next(one for one in panels if one.unsaved.question is not None)
+    assert "Quitting napari ends it." in answer(first, qtbot, Button.Discard)
+    (last,) = set(panels) - {first}
+    answer(last, qtbot, Button.Cancel)
+    assert closed.count == 0
+    assert all(one.unsaved.changed and one.workspace.controller.is_open for one in panels)
+    # What was discarded a moment ago is asked for again, since it is still there.
+    window.close(quit_app=True)
+    for _ in panels:
+        one = next(one for one in panels if one.unsaved.question is not None)
+        answer(one, qtbot, Button.Discard)
+    assert closed.count == 1
+    window.removeEventFilter(closed)
+    compat.call_off_exit(window)
 
 
 def test_what_is_done_inside_a_container_is_asked_for_and_kept(

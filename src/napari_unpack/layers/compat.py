@@ -26,6 +26,7 @@ from vispy.gloo.context import get_current_canvas
 if TYPE_CHECKING:
     import napari
     from napari.utils.colormaps import CyclicLabelColormap, DirectLabelColormap
+    from qtpy.QtCore import QObject
     from qtpy.QtWidgets import QMainWindow
     from vispy.scene import SceneCanvas
 
@@ -126,6 +127,17 @@ def is_shown(viewer: napari.Viewer) -> bool:
     with suppress(RuntimeError):
         return native is not None and bool(native.isVisible())
     return False
+
+
+def quits_with(window: QObject) -> bool:
+    """Return whether closing a window of napari's is to end the application: *Exit*."""
+    return bool(getattr(window, "_quit_app", False))
+
+
+def call_off_exit(window: QObject) -> None:
+    """Have a window of napari's end nothing but itself when it is closed next."""
+    if quits_with(window):
+        window._quit_app = False
 
 
 class RedrawHook:

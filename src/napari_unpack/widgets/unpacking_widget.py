@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import napari
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
-from qtpy.QtWidgets import QDockWidget, QScrollArea, QVBoxLayout, QWidget
+from qtpy.QtWidgets import (
+    QApplication,
+    QDockWidget,
+    QMainWindow,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
 
 from napari_unpack.layers import compat
 from napari_unpack.viewer.scheduler import Worker
@@ -187,6 +195,7 @@ class UnpackingWidget(QWidget):
         """Watch the viewer's window, to end when that closes."""
         super().showEvent(event)
         outermost(self).installEventFilter(self)
+        self._watch_windows()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Ask before the window closes with unsaved work, and end after it closed.
@@ -196,17 +205,53 @@ class UnpackingWidget(QWidget):
         watched : QObject
         event : QEvent
         """
+        if self._ended:
+            return False
+        if event.type() == QEvent.Type.WindowDeactivate:
+            # Another window may have been opened, from which one can quit as well.
+            self.workspace.scheduler.soon(self._watch_windows)
+        if event.type() == QEvent.Type.Close and compat.quits_with(watched):
+            windows = [watched, *QApplication.topLevelWidgets()]
+            panels = [one for window in windows for one in window.findChildren(UnpackingWidget)]
+            if self._asked_before(watched, event, panels):
+                return True
         if event.type() == QEvent.Type.Close and watched is outermost(self):
-            # Where the canvas is gone already, a program closes the viewer: nobody is asked.
-            if self.unsaved.worth_keeping and compat.is_shown(self._viewer):
-                event.ignore()
-                # Not by napari's own `close`, which asks whether one is sure.
-                again = partial(QWidget.close, watched)
-                self.unsaved.ask("Closing the window ends it.", again, quitting=True)
+            if self._asked_before(watched, event, [self]):
                 return True
             # Only after: the user may still call a close off, and then nothing may have ended.
             self.workspace.scheduler.soon(self._end_with_window)
         return False
+
+    def _watch_windows(self) -> None:
+        # *Exit* in any of them closes all, and lets nobody but itself be asked.
+        for window in QApplication.topLevelWidgets():
+            if isinstance(window, QMainWindow):
+                window.installEventFilter(self)
+
+    def _asked_before(
+        self, window: QObject, event: QEvent, panels: Sequence[UnpackingWidget]
+    ) -> bool:
+        """Keep a window open until the first of the panels with unsaved work was asked about it."""
+        # Where the canvas is gone already, a program closes the viewer: nobody is asked.
+        one = next(
+            (p for p in panels if p.unsaved.worth_keeping and compat.is_shown(p._viewer)), None
+        )
+        if one is None:
+            return False
+
+        def stay() -> None:
+            compat.call_off_exit(window)
+            for panel in panels:
+                panel.unsaved.take_back()
+                panel.keeper.follow()
+
+        event.ignore()
+        # Not by napari's own `close`, which asks whether one is sure; the next is asked then.
+        again = partial(QWidget.close, window)
+        quits = compat.quits_with(window)
+        reason = "Quitting napari ends it." if quits else "Closing the window ends it."
+        one.unsaved.ask(reason, again, quitting=True, cancelled=stay)
+        return True
 
     def _end_with_window(self) -> None:
         if not outermost(self).isVisible():
