@@ -16,7 +16,7 @@ from napari_unpack.geometry.transforms import Pose, packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.memory import PICTURE_BYTES
-from napari_unpack.rendering import compose
+from napari_unpack.rendering import compose, object_casting
 from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
@@ -189,6 +189,25 @@ def test_an_image_takes_the_memory_that_is_asked_for() -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert 0.4 < peak / (600 * 800 * PICTURE_BYTES) < 1.0
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_no_rim_of_an_object_near_the_eye_is_cut_by_its_window(
+    smooth: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Fog around the objects: all that the labels claim shows.
+    white = [(0.0, (1, 1, 1)), (1.0, (1, 1, 1))]
+    fog = TransferFunction([(0, 0.3), (1000, 0.3)], white)
+    scene = replace(make_scene(), transfer_function=fog)
+    camera = View((0.0, 0.3, 1.0), fov=40, height=90.0).camera((40, 48, 56), (1, 1, 1))
+    pose = Pose(np.array([0.6 * camera.distance, 2.0, -3.0]), rotation_about((1, 2, 0), 0.7))
+    patch = object_image(scene, 1, pose, camera, SIZE, smooth=smooth)
+    assert patch.size < SIZE
+    monkeypatch.setattr(object_casting, "window_of", lambda *_: (0, 0, *SIZE))
+    whole = object_image(scene, 1, pose, camera, SIZE, smooth=smooth)
+    np.testing.assert_allclose(
+        compose.compose(SIZE, [patch]), compose.compose(SIZE, [whole]), atol=3 / 255
+    )
 
 
 def test_a_sprite_needs_a_resolution() -> None:

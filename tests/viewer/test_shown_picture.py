@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,3 +109,43 @@ def test_a_sprite_turned_and_turned_back_at_once_is_as_before(
     controller.undo()
     at_rest(controller, qtbot)
     assert np.abs(canvas(viewer) - before).max() < 12
+
+
+TWICE = """
+import napari
+from test_shown_picture import differs, shown_times
+from viewer_fixtures import phantom
+from napari_unpack.layers import compat
+from napari_unpack.session import Session
+from napari_unpack.viewer.controller import SessionController
+
+viewer = napari.Viewer()
+viewer.window.resize(420, 300)
+controller = SessionController(viewer, Session(*phantom(), spacing=(1.5, 1.5, 1.5)))
+controller.seconds = 0.1
+controller.open()
+controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+assert controller.settle(60)
+for steps in (1, 0):
+    # Back at once, before the sprites are there.
+    controller.unpack(3)
+    controller.go_to(steps)
+    controller.finish()
+    assert controller.settle(30)
+    assert set(shown_times(controller).values()) == {1}, steps
+    assert differs(viewer, controller) < 20, steps
+print("pixels a point:", compat.pixel_scale(viewer))
+viewer.close()
+"""
+
+
+def test_nothing_is_drawn_twice_on_a_screen_of_twice_the_pixels() -> None:
+    tests = Path(__file__).parents[1]
+    path = os.pathsep.join(map(str, (tests, tests / "viewer")))
+    child = subprocess.run(
+        [sys.executable, "-c", TWICE],
+        env={**os.environ, "QT_SCALE_FACTOR": "2", "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert "pixels a point: 2.0" in child.stdout, child.stderr

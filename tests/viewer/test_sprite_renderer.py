@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.session import Session
-from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, resolution
+from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, SpriteRenderer, resolution
 
 CANVAS = 1024, 1024
 
@@ -45,3 +48,32 @@ def test_forty_sprites_take_less_than_four_full_view_images() -> None:
     assert 0 < layer.nbytes < 4 * CANVAS[0] * CANVAS[1] * 4
     held = sum(s.patch.rgba.nbytes + s.patch.depth.nbytes for s in sprites.values())
     assert layer.nbytes > held
+
+
+def test_a_sprite_is_cast_anew_where_labels_beside_it_were_edited_and_only_there() -> None:
+    labels = np.zeros((24, 24, 70), np.uint16)
+    labels[4:20, 4:20, 4:20], labels[4:20, 4:20, 20:36], labels[4:20, 4:20, 50:60] = 1, 2, 3
+    labels[4:20, 4:20, 62:68] = 4
+    volume = np.choose(labels, (0, 1500, 3000, 1500, 1500)).astype(np.uint16)
+    session, shown = Session(volume, labels), {}
+    session.backend = "cpu"
+    at_once: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
+    renderer = SpriteRenderer(session, at_once, shown.update)
+
+    def casts() -> int:
+        renderer.want(session.poses, frozenset(session.poses), 2.0)
+        ((one, pose),) = session.poses.items()
+        fresh = sprite_image(session.scene(), one, pose, 1.0 / shown[one].mm, 1.0, "cpu")
+        np.testing.assert_allclose(shown[one].patch.rgba, fresh.rgba, atol=2e-3)
+        return renderer.casts
+
+    session.force_unpack(1)
+    assert casts() == 1
+    session.delete(2)
+    assert casts() == 2
+    session.delete(3)
+    assert casts() == 2
+    session.undo()
+    assert casts() == 2
+    session.undo()
+    assert casts() == 3

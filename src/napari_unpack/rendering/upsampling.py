@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PchipInterpolator
 
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.boxes import box_corners, label_boxes
 from napari_unpack.rendering import TransferFunctionLike
 from napari_unpack.rendering.cpu import Bricks
 from napari_unpack.rendering.object_casting import Appearance
@@ -76,12 +77,18 @@ def upsampled(
         volume = np.rint(volume)
     density = np.ascontiguousarray(volume.astype(subvolume.volume.dtype))
     labels = np.ascontiguousarray(np.where(coverage > REACH, object_id, 0).astype(np.uint16))
+    voxel_from_world: Matrix = fine_from_coarse(finer) @ subvolume.voxel_from_world
+    # Smoothed coverage reaches beyond the voxels that the labels claim.
+    reached = label_boxes(labels)
+    ends = box_corners(reached.lower[-1] - 0.5, reached.upper[-1] - 0.5)
+    corners = transform_points(np.linalg.inv(voxel_from_world).astype(np.float64), ends)
     return replace(
         subvolume,
         volume=density,
         labels=labels,
         bricks=Bricks.of(labels, density),
-        voxel_from_world=fine_from_coarse(finer) @ subvolume.voxel_from_world,
+        voxel_from_world=voxel_from_world,
+        corners=corners,
         finer=finer,
         edit=None,
     )

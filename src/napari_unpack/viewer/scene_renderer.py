@@ -213,6 +213,7 @@ class SceneRenderer:
         scene = self.session.scene()
         self.packed_renderer.set_scene(scene)
         self._upload.make_ready(scene, relabelled=True)
+        self.show_sprites()
 
     def hues_changed(self) -> None:
         """Follow the session's hues."""

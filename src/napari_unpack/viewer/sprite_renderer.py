@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from typing import TYPE_CHECKING
+from weakref import ReferenceType, ref
 
 import numpy as np
 
@@ -11,11 +12,15 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.rendering.scene import Scene
+from napari_unpack.rendering.subvolumes import Subvolume
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
+
+# All a sprite depends on: the labels' revision, and before it everything else.
+Key = tuple[tuple[Hashable, ...], int]
 
 # No sprite is finer than this: more pixels show nothing more of the volume.
 PIXELS_PER_VOXEL = 6.0
@@ -63,8 +68,10 @@ class SpriteRenderer:
     ) -> None:
         self.casts = 0
         self._session, self._scheduler, self.show = session, scheduler, show
-        self._made: dict[int, tuple[Hashable, Sprite]] = {}
-        self._asked: dict[int, Hashable] = {}
+        self._made: dict[int, tuple[Key, Sprite]] = {}
+        # What each was cast from, by whichever worker cast it.
+        self._sources: dict[int, tuple[Hashable, ReferenceType[Subvolume]]] = {}
+        self._asked: dict[int, Key] = {}
         self._wanted: dict[int, Pose] = {}
         self._shown: frozenset[int] = frozenset()
         self._revision = 0
@@ -124,17 +131,31 @@ class SpriteRenderer:
                 self._ask(scene, object_id, pose, sharpness, key)
         self._publish()
 
-    def _key(self, scene: Scene, object_id: int, pose: Pose, sharpness: float) -> Hashable:
+    def _key(self, scene: Scene, object_id: int, pose: Pose, sharpness: float) -> Key:
         tint, style = scene.tint_alone(object_id).tobytes(), scene.style(object_id)
         held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
-        return *held, tint, sharpness, style, self._revision
+        # The labels last: where an edit was elsewhere the sprite stays.
+        labels = self._session.label_data.revision
+        return (*held, tint, sharpness, style, self._revision), labels
 
     def _ask(
-        self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Hashable
+        self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Key
     ) -> None:
+        have, alike = self._made.get(object_id), key[0]
+
+        def cast() -> Sprite | None:
+            source = scene.subvolumes.of_object(object_id)
+            before = self._sources.get(object_id)
+            if have is not None and before is not None and before[0] == have[0][0] == alike:
+                # An edit of labels elsewhere leaves what an object is cast from as it is.
+                if before[1]() is source:
+                    return have[1]
+            self._sources[object_id] = alike, ref(source)
+            return self._cast(scene, object_id, pose, sharpness)
+
         # Sprites are cast once, in worker threads, which have no GL context: on the CPU.
         self._scheduler.submit(
-            Task(("sprite", object_id), lambda _: self._cast(scene, object_id, pose, sharpness)),
+            Task(("sprite", object_id), lambda _: cast()),
             Worker.PREVIEW,
             lambda sprite: self._finish(object_id, key, sprite),
         )
@@ -144,7 +165,7 @@ class SpriteRenderer:
         patch = sprite_image(scene, object_id, pose, sharpness, 1.0, "cpu")
         return Sprite.of(patch, pose, 1.0 / sharpness)
 
-    def _finish(self, object_id: int, key: Hashable, sprite: Sprite | None) -> None:
+    def _finish(self, object_id: int, key: Key, sprite: Sprite | None) -> None:
         if object_id not in self._asked:
             return
         if self._asked[object_id] == key:
