@@ -138,18 +138,16 @@ class SpriteRenderer:
         labels = self._session.label_data.revision
         return (*held, tint, sharpness, style, self._revision), labels
 
-    def _ask(
-        self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Key
-    ) -> None:
+    def _ask(self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Key) -> None:
         have, alike = self._made.get(object_id), key[0]
 
         def cast() -> Sprite | None:
             source = scene.subvolumes.of_object(object_id)
             before = self._sources.get(object_id)
-            if have is not None and before is not None and before[0] == have[0][0] == alike:
-                # An edit of labels elsewhere leaves what an object is cast from as it is.
-                if before[1]() is source:
-                    return have[1]
+            # An edit of labels elsewhere leaves what an object is cast from as it is.
+            kept = before is not None and before[0] == alike and before[1]() is source
+            if kept and have is not None and have[0][0] == alike:
+                return have[1]
             self._sources[object_id] = alike, ref(source)
             return self._cast(scene, object_id, pose, sharpness)
 
