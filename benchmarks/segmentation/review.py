@@ -208,12 +208,12 @@ def examples(case: Case) -> list[tuple[Doubt, bool]]:
     """Return every decision behind a bag's labels, and whether both sides are one object."""
     made = segment(case.volume, case.spacing)
     assert made.evidence is not None
-    pieces, found = made.evidence.pieces, doubts(made.evidence, made.labels, least=0.0, most=1000)
+    pieces, found = made.evidence.pieces, doubts(made.evidence, made.labels, least=0.0, share=2.0)
     said = [said_by(case.labels, made.labels, pieces, doubt) for doubt in found]
     return [(doubt, word == "same") for doubt, word in zip(found, said, strict=True)]
 
 
-def fitted(rows: list[tuple[Doubt, bool]], restraint: float = 12.0) -> NDArray[np.float64]:
+def fitted(rows: list[tuple[Doubt, bool]], restraint: float = 4.0) -> NDArray[np.float64]:
     """Return how far the method's odds are believed, and the weights before any answer.
 
     Parameters

@@ -8,6 +8,7 @@ from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
+from napari_unpack.segmentation.confidence.reasons import reasons
 from napari_unpack.segmentation.training import halves, merged_pairs, true_objects
 
 UNIT = (1.0, 1.0, 1.0)
@@ -268,3 +269,16 @@ def test_two_scanners_objects_are_both_known_though_they_look_unlike():
         assert oracle.scores(wrong).mean() < 0.2
     with pytest.raises(ValueError, match="8 wrong"):
         fit_features(good, [bad[0], bad[1][:3]])
+
+
+def test_the_measures_that_lowered_a_confidence_are_named():
+    rng = np.random.default_rng(0)
+    good = rng.normal(0, 1, (400, len(FEATURES)))
+    at = FEATURES.index("two_materials")
+    bad = good + 6 * (np.arange(len(FEATURES)) == at)
+    oracle = fit_features(good, bad)
+    usual, odd = oracle.center.copy(), oracle.center.copy()
+    odd[at] += 6
+    assert reasons(oracle, usual) == ()
+    assert reasons(oracle, odd)[0] == "it is of two materials"
+    assert len(reasons(oracle, rng.normal(4, 2, len(FEATURES)))) <= 3

@@ -58,7 +58,7 @@ def test_a_sure_join_leaves_one_piece_and_a_doubtful_one_two() -> None:
 
 def test_an_answer_cuts_where_the_decision_was_joins_or_deletes() -> None:
     found, (parts, labels) = evidence(), bars()
-    left = doubts(found, labels)
+    left = doubts(found, labels, share=2.0)
     join, border = asked("join", left), asked("border", left)
     assert join.objects == (1, 1)
     assert set(border.objects) == {2, 3}
@@ -133,7 +133,7 @@ def test_the_order_is_by_what_a_wrong_decision_costs() -> None:
 
 def test_an_answer_remembers_what_was_measured() -> None:
     found, (_, labels) = evidence(), bars()
-    join = asked("join", doubts(found, labels))
+    join = asked("join", doubts(found, labels, share=2.0))
     answer = join.answered("different")
     assert isinstance(answer, Answer)
     assert answer.chance == pytest.approx(0.4)

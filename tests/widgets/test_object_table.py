@@ -272,6 +272,17 @@ def test_a_row_tells_all_facts_in_its_tooltip(table: ObjectTable) -> None:
     assert tip == "Shoe, object 5, in the bag\n300 mm³, 25 × 6 × 2 mm\nmean density 1001"
 
 
+def test_the_confidence_says_why_it_is_low(session: SimpleNamespace) -> None:
+    model = ObjectModel(session.rename, reasons=lambda i: f"Lowered because of {i}.")
+    session.objects["confidence"] = [0.2, np.nan, 0.9]
+    model.load(session)
+    tips = [
+        model.index(row, Column.CONFIDENCE).data(Qt.ItemDataRole.ToolTipRole)
+        for row in range(model.rowCount())
+    ]
+    assert [tip.partition("Lowered because")[2] for tip in tips] == [" of 3.", "", " of 8."]
+
+
 def test_a_thousand_rows_refresh_within_a_frame(qtbot: QtBot) -> None:
     from time import thread_time
 

@@ -25,6 +25,7 @@ from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
+from napari_unpack.io.answers import answers_from, answers_record
 from napari_unpack.io.cut_json import cut_from, cut_record
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.measurements_json import measurements_from, measurements_record
@@ -212,6 +213,7 @@ def state_record(session: Session) -> dict[str, Any]:
             {i: style for i, style in now.styles.items() if i in session.label_data.known}
         ),
         "measurements": measurements_record(now.measurements),
+        "answers": answers_record(now.answers),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
         "colors": {str(i): list(color) for i, color in now.colors.items()},
@@ -273,6 +275,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
         transfer_function=densities_from(fields.part("transfer_function")),
         styles=styles_from(fields, known),
         measurements=measurements_from(fields, known),
+        answers=answers_from(fields),
         hues=hues,
         names=names,
         colors=_colors_from(fields, known),

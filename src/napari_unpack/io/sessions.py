@@ -131,8 +131,10 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
     """
     from importlib.metadata import version
 
+    from napari_unpack.io.answers import evidence_record
     from napari_unpack.io.session_json import record_of
 
+    evidence = session.review.evidence
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -140,6 +142,7 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
         "session": record_of(session),
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
         "containers": _containers_record(session),
+        **({} if evidence is None else {"evidence": evidence_record(evidence)}),
     }
 
 
@@ -214,6 +217,7 @@ def open_session(
         If it is damaged, no session, of a newer version, or refers to other data than it was
         saved with; the message says what.
     """
+    from napari_unpack.io.answers import evidence_from
     from napari_unpack.io.session_json import session_from
 
     source = Path(path).expanduser()
@@ -239,6 +243,9 @@ def open_session(
         report(0.8, "Making the session ready")
         session = session_from(fields["session"], found["volume"], found["labels"])
         _restore_containers(session, fields)
+        if fields.has("evidence"):
+            shape = session.labels.shape
+            session.review.evidence = evidence_from(fields.part("evidence"), shape)
     report(1.0, "Opened")
     return session
 

@@ -160,12 +160,12 @@ def edit_of_answer(
         Of the first side, where it becomes an object of its own.
     """
     one, two = doubt.objects
-    if said == "same" and doubt.kind == "border":
-        return merge_objects(labels, boxes, doubt.objects)
-    if said == "nothing" and doubt.kind != "join":
-        return delete_objects(labels, boxes, [one])
-    if doubt.kind != "join" or said not in ("different", "nothing"):
+    if not doubt.changed_by(said):
         return None
+    if said == "same":
+        return merge_objects(labels, boxes, doubt.objects)
+    if doubt.kind != "join":
+        return delete_objects(labels, boxes, [one])
     box = boxes.slices(one)
     side = np.zeros(len(evidence.sums), np.bool_)
     side[doubt.side] = True

@@ -27,6 +27,7 @@ class SessionEvents(SignalGroup):
     surroundings = Signal(object, description="the new decorations: background, box, scale")
     selected = Signal(frozenset, description="IDs selected")
     measurements = Signal(tuple, description="all of them, after one was made or removed")
+    review = Signal(tuple, description="all answers, after one was given or undone")
     message = Signal(str, description="a sentence for the user")
 
     def emit_changes(
@@ -66,6 +67,8 @@ class SessionEvents(SignalGroup):
             self.states.emit(frozenset(changed))
         if after.measurements is not before.measurements:
             self.measurements.emit(after.measurements)
+        if after.answers is not before.answers:
+            self.review.emit(after.answers)
         if after.queue is not before.queue or after.direction != before.direction:
             self.queue.emit(after.queue.ids)
 

@@ -17,6 +17,7 @@ from napari_unpack.segmentation.repair import (
     merge_objects,
     split_between,
 )
+from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session import commands
 from napari_unpack.session.errors import listed
 from napari_unpack.session.labels import Confidence, LabelData
@@ -189,8 +190,37 @@ class LabelEditor:
 
         return self._task("paint", change)
 
-    def apply(self, edited: EditedLabels | None) -> bool:
+    def change_task(
+        self, verb: str, ids: list[int], change: Callable[[LabelData, int], LabelEdit | None]
+    ) -> Task[EditedLabels | None]:
+        """Return the task that changes labels as a function says.
+
+        Parameters
+        ----------
+        verb : str
+            What is done, for people.
+        ids : list of int
+            Objects that it may touch.
+        change : callable
+            Given the labels and an ID that no object has, returns the edit.
+
+        Raises
+        ------
+        ValueError
+            If one of the objects is outside the bag.
+        """
+        self._refuse_outside(ids)
+        new_id = _unused_id(self._session.label_data)
+        return self._task(verb, lambda data: (change(data, new_id), data.given_ids))
+
+    def apply(self, edited: EditedLabels | None, answers: tuple[Answer, ...] | None = None) -> bool:
         """Make the result of a task the session's labels; return False where it is out of date.
+
+        Parameters
+        ----------
+        edited : EditedLabels, optional
+        answers : tuple of Answer, optional
+            A person's of the review then, where the edit is one; by default those that were.
 
         Raises
         ------
@@ -212,6 +242,7 @@ class LabelEditor:
         # Another oracle may have scored the objects while the task ran.
         data = replace(edited.data, facts=now.facts_after(edit))
         new = commands.edit_labels(state, edit, known, fresh)
+        new = new if answers is None else replace(new, answers=answers)
         self._session.commit(edited.verb, new, data=data)
         return True
 

@@ -28,6 +28,8 @@ class Facts:
         NaN where it is not known.
     neighbours : tuple of int
         Objects that share a voxel's face with it, the most faces first.
+    reasons : tuple of str
+        What lowered its confidence, in words.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Facts:
     spread: float
     confidence: float
     neighbours: tuple[int, ...]
+    reasons: tuple[str, ...] = ()
 
 
 def facts_of(session: Session, object_id: int) -> Facts:
@@ -69,7 +72,31 @@ def facts_of(session: Session, object_id: int) -> Facts:
         float(densities.std()) if densities.size else float("nan"),
         float(row["confidence"]),
         _neighbours(labels, mine),
+        reasons_of(session, object_id) if np.isfinite(float(row["confidence"])) else (),
     )
+
+
+def reasons_of(session: Session, object_id: int) -> tuple[str, ...]:
+    """Say what lowered an object's confidence; tenths of a second, on any thread.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
+    from napari_unpack.segmentation.common.region import Region
+    from napari_unpack.segmentation.confidence.features import features
+    from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
+    from napari_unpack.segmentation.confidence.reasons import reasons
+
+    oracle = session.label_editor.oracle or default_oracle()
+    if not isinstance(oracle, Oracle):
+        return ()
+    bag = session.bag
+    box = bag.boxes.slices(object_id)
+    z, y, x = (float(v) for v in session.spacing)
+    region = Region.of(bag.labels[box] == object_id, session.volume, box, (z, y, x))
+    return reasons(oracle, features(region))
 
 
 def _neighbours(labels: NDArray[np.uint16], mine: NDArray[np.bool_]) -> tuple[int, ...]:

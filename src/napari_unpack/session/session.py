@@ -28,6 +28,7 @@ from napari_unpack.session.label_edits import EditedLabels, LabelEditor
 from napari_unpack.session.labels import LabelData, object_table
 from napari_unpack.session.measurements import Measurements
 from napari_unpack.session.ray_queries import RayQueries
+from napari_unpack.session.review import Review
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
 from napari_unpack.session.validation import checked_kind, checked_labels, checked_volume
@@ -73,6 +74,8 @@ class Session:
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
     opened_bags : OpenedBags
+    review : Review
+        Doubts about the labels, and a person's answers.
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
@@ -140,6 +143,7 @@ class Session:
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
+        self.review = Review(document, self.label_editor)
 
     # The parts, and what they hold.
 

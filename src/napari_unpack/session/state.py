@@ -15,6 +15,7 @@ from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.labels import Edit
 from napari_unpack.session.measurements import Measurement
@@ -152,6 +153,8 @@ class SessionState:
         Lengths and angles a person measured.
     cut : Cut
         The cutting plane and the clipping box; their planes are among `ViewState.clipping`.
+    answers : tuple of Answer
+        What a person said of doubtful decisions.
     """
 
     transfer_function: TransferFunction
@@ -171,6 +174,7 @@ class SessionState:
     flags: Mapping[int, Flag] = field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
     cut: Cut = field(default_factory=Cut)
+    answers: tuple[Answer, ...] = ()
 
     @property
     def removals(self) -> tuple[Group, ...]:

@@ -176,7 +176,8 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
         f"mean density {facts.mean:.0f} ± {facts.spread:.0f}",
     ]
     if not np.isnan(facts.confidence):
-        lines.append(f"confidence {percent(facts.confidence)} that it is one whole object")
+        why = f": {'; '.join(facts.reasons)}" if facts.reasons else ""
+        lines.append(f"confidence {percent(facts.confidence)} that it is one whole object{why}")
     if neighbours:
         rest = len(neighbours) - NAMED_NEIGHBOURS
         more = f" and {rest} more" if rest > 0 else ""

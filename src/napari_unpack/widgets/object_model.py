@@ -66,9 +66,11 @@ class ObjectModel(QAbstractTableModel):
         parent: QObject | None = None,
         note: Callable[[int, str], None] = lambda _id, _text: None,
         sizes: ObjectSizes | None = None,
+        reasons: Callable[[int], str] = lambda _id: "",
     ) -> None:
         super().__init__(parent)
         self._rename, self._note, self._measures = rename, note, sizes
+        self._reasons = reasons
         self._sizes: Sizes = {}
         self._blockers: dict[int, tuple[int, ...]] | None = None
         self._session: Session | None = None
@@ -282,6 +284,8 @@ class ObjectModel(QAbstractTableModel):
                 return QColor.fromRgbF(*row.color, row.opacity)
             case Role.TextAlignmentRole:
                 return _alignment(column)
+            case Role.ToolTipRole if column == Column.CONFIDENCE and not np.isnan(row.confidence):
+                return f"{row.tooltip(column, self.units)}\n{self._reasons(row.id)}"
             case Role.ToolTipRole:
                 return row.tooltip(column, self.units)
             case _ if role == SORT:

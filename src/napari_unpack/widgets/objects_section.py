@@ -8,12 +8,14 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.confidence_box import ConfidenceBox
+from napari_unpack.widgets.confidence_reasons import ConfidenceReasons
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_sizes import ObjectSizes
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
+from napari_unpack.widgets.review_box import ReviewBox
 from napari_unpack.widgets.section import LAID_OUT_MS, Section, button, label, row, scroll_to
 from napari_unpack.widgets.table_dock import TableButton
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -36,7 +38,8 @@ class ObjectsSection(Section):
         self.repair = RepairTools(workspace, self)
         self.chooser = ColorChooser(workspace, commands, self)
         self._sizes = ObjectSizes(workspace, self)
-        self.model = ObjectModel(commands.rename, self, commands.annotate.note, self._sizes)
+        why = ConfidenceReasons(workspace, self).of
+        self.model = ObjectModel(commands.rename, self, commands.annotate.note, self._sizes, why)
         self._actions = ObjectMenu(workspace, commands, planner, self.repair, self.chooser)
         self.pane = self.new_pane("panel")
         self.table, self.search, self.filter = self.pane.table, self.pane.search, self.pane.filter
@@ -65,6 +68,8 @@ class ObjectsSection(Section):
         self.contents.addLayout(row(self.split, self.merge, self.delete))
         self.contents.addWidget(self.next_click)
         self.contents.addWidget(self.table_button.button)
+        self.review = ReviewBox(workspace, self.repair)
+        self.contents.addWidget(self.review)
         self.confidence = ConfidenceBox(workspace, commands, self.chosen, self._reload)
         self.contents.addWidget(self.confidence)
         self._connect()

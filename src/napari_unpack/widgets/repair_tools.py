@@ -15,10 +15,13 @@ from napari_unpack.widgets import notifications
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from napari_unpack.segmentation.review.doubts import Doubt, Said
     from napari_unpack.session import Session
     from napari_unpack.session.label_edits import EditedLabels, LabelEditor
     from napari_unpack.viewer.label_sync import LabelSync
     from napari_unpack.viewer.split_tool import SplitTool, Voxel
+
+    Apply = Callable[[EditedLabels | None], bool]
 
 SLOT = "repair"
 
@@ -112,12 +115,25 @@ class RepairTools(QObject):
         """Make background of objects."""
         self._put(lambda editor: editor.delete_task(ids))
 
+    def answer(self, doubt: Doubt, said: Said) -> None:
+        """Do what a person's answer to a doubt wants.
+
+        Parameters
+        ----------
+        doubt : Doubt
+        said : {"same", "different", "nothing", "skip"}
+        """
+        session = self._workspace.session
+        if session is not None:
+            review = session.review
+            self._put(lambda _: review.answer_task(doubt, said), partial(review.apply, doubt, said))
+
     def _split_between(self, found: tuple[int, Voxel, Voxel] | None) -> None:
         self._split_tool = None
         if found is not None:
             self._put(lambda editor: editor.split_task(*found))
 
-    def _put(self, task_of: Callable[[LabelEditor], Task[Any]]) -> None:
+    def _put(self, task_of: Callable[[LabelEditor], Task[Any]], apply: Apply | None = None) -> None:
         session = self._workspace.session
         if session is None:
             return
@@ -126,7 +142,7 @@ class RepairTools(QObject):
             return
         with notifications.errors_shown():
             self._asked = task_of(session.label_editor)
-            self._start(session, self._asked)
+            self._start(session, self._asked, apply)
 
     def _ask(self, task: Task[Any]) -> bool:
         # The stroke is compared again a moment later.
@@ -135,19 +151,20 @@ class RepairTools(QObject):
         self._start(self._workspace.session, task)
         return True
 
-    def _start(self, session: Session, task: Task[Any]) -> None:
-        take = partial(self._take, session, task)
+    def _start(self, session: Session, task: Task[Any], apply: Apply | None = None) -> None:
+        take = partial(self._take, session, task, apply or partial(_applied, session))
         self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
         self.busy.emit(True)
 
-    def _take(self, session: Session, task: Task[Any], edit: EditedLabels | None) -> None:
+    def _take(
+        self, session: Session, task: Task[Any], apply: Apply, edit: EditedLabels | None
+    ) -> None:
         self.busy.emit(False)
         # A repair of a session that is no longer shown would come as a surprise.
-        gone = session is not self._workspace.session or task is self._called_off
-        if edit is None or gone:
+        if session is not self._workspace.session or task is self._called_off:
             return
         with notifications.errors_shown():
-            if not session.label_editor.apply(edit):
+            if not apply(edit):
                 notifications.warn("The labels changed meanwhile: repair once more.")
 
     def _fail(self, error: Exception) -> None:
@@ -172,3 +189,8 @@ class RepairTools(QObject):
                 self._ask,
                 notifications.warn,
             )
+
+
+def _applied(session: Session, edit: EditedLabels | None) -> bool:
+    # None changes nothing, which is no step of undo.
+    return edit is None or session.label_editor.apply(edit)

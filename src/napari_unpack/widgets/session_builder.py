@@ -91,6 +91,7 @@ def _build(
     density = in_memory(volume)
     objects = named_objects(names)
     found: NDArray[np.int32] | None = None
+    evidence = None
     if labels is None:
         from napari_unpack.segmentation import segment
 
@@ -102,7 +103,7 @@ def _build(
                 **settings,
             )
         labels = found = segmentation.labels
-        objects = segmentation.objects
+        objects, evidence = segmentation.objects, segmentation.evidence
     progress(SEGMENTING_SHARE, "Measuring the objects")
     ids = np.asarray(labels)
     if not ids.any():
@@ -115,6 +116,7 @@ def _build(
     from napari_unpack.session.framing import fitted
 
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
+    session.review.evidence = evidence
     session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
     color_labels(ids.dtype)

@@ -31,6 +31,7 @@ from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
+from napari_unpack.widgets.review_box import KEYS
 from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import Shortcuts, help_text
@@ -109,6 +110,7 @@ class UnpackingWidget(QWidget):
             "T": self.color.background.names.toggle,
             "M": lambda: self.measure.measure(2),
             "A": lambda: self.measure.measure(3),
+            **{key: partial(self.objects.review.answer, said) for key, said in KEYS.items()},
         }
         self.shortcuts = Shortcuts(
             self.workspace, self.commands, self.planner, self.objects.repair, keys

@@ -39,6 +39,7 @@ class Change(Flag):
     SELECTED = auto()
     MEASUREMENTS = auto()
     SURROUNDINGS = auto()
+    REVIEW = auto()
 
 
 @dataclass(frozen=True)
@@ -277,6 +278,7 @@ class Workspace(QObject):
             Change.SELECTED: events.selected,
             Change.MEASUREMENTS: events.measurements,
             Change.SURROUNDINGS: events.surroundings,
+            Change.REVIEW: events.review,
         }
         for change, signal in watched.items():
             self._connect(signal, lambda *_, change=change: self._heard.emit(change))

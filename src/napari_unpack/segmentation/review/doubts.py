@@ -16,8 +16,10 @@ Kind = Literal["join", "border", "object"]
 Said = Literal["same", "different", "nothing", "skip"]
 SAID: tuple[Said, ...] = ("same", "different", "nothing", "skip")
 
-# Decisions less likely to be wrong are not asked about, and no more than so many at once.
-LEAST_DOUBT, MOST_DOUBTS = 0.05, 60
+# Decisions less likely to be wrong are not asked about.
+LEAST_DOUBT = 0.05
+# Of what answers may win, all told: the many doubts that share the rest are not worth the time.
+SHARE = 0.9
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,10 @@ class Doubt:
         """How likely the decision is wrong."""
         return self.chance if self.kind == "border" else 1 - self.chance
 
+    def changed_by(self, said: Said) -> bool:
+        """Return whether an answer changes the labels."""
+        return said == "nothing" or (self.kind, said) in (("border", "same"), ("join", "different"))
+
     def answered(self, said: Said) -> Answer:
         """Return the record of an answer to it."""
         row = tuple(float(v) for v in self.row)
@@ -92,7 +98,7 @@ def doubts(
     labels: NDArray[np.integer[Any]],
     answers: Sequence[Answer] = (),
     least: float = LEAST_DOUBT,
-    most: int = MOST_DOUBTS,
+    share: float = SHARE,
 ) -> list[Doubt]:
     """Return what is left to review, the most worthwhile first.
 
@@ -105,8 +111,8 @@ def doubts(
         Given so far.
     least : float
         How likely a decision is wrong that is asked about.
-    most : int
-        Doubts returned.
+    share : float
+        Of what they are all worth: of the first doubts, as many as have so much are returned.
     """
     objects = objects_of(evidence, labels)
     found = [*_joins(evidence, objects, answers), *_borders(evidence, objects, answers)]
@@ -121,8 +127,11 @@ def doubts(
     chances = model.chances(np.array([d.row for d in found]), np.array([d.shipped for d in found]))
     total = float(evidence.sums[:, 0].sum())
     made = [_weighed(d, float(c), total) for d, c in zip(found, chances, strict=True)]
-    made = [d for d in made if d.doubt >= least]
-    return sorted(made, key=lambda d: (-d.worth, d.pieces))[:most]
+    made = sorted((d for d in made if d.doubt >= least), key=lambda d: (-d.worth, d.pieces))
+    before = np.cumsum([0.0, *(d.worth for d in made)])
+    return [
+        d for d, sum_before in zip(made, before, strict=False) if sum_before < share * before[-1]
+    ]
 
 
 def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[np.int64]:

@@ -58,6 +58,27 @@ class Evidence:
     chance: Floats
     tree: NDArray[np.bool_]
 
+    @staticmethod
+    def of(
+        pieces: NDArray[np.int32],
+        sums: Floats,
+        pairs: Pairs,
+        contact: Floats,
+        chance: Floats,
+        tree: NDArray[np.bool_],
+    ) -> Evidence:
+        """Return the evidence of pieces that are not compressed yet.
+
+        Parameters
+        ----------
+        pieces : (Z, Y, X) ndarray of int32
+        sums, pairs, contact, chance, tree
+            As in the class.
+        """
+        z, y, x = pieces.shape
+        packed = zlib.compress(pieces.tobytes(), 1)
+        return Evidence(packed, (z, y, x), sums, pairs, contact, chance, tree)
+
     @property
     def pieces(self) -> NDArray[np.int32]:
         """Return the piece of every voxel, (Z, Y, X), 0 for none; unpacked anew each time."""
@@ -88,7 +109,9 @@ def gather(labels: NDArray[np.int32], steps: Steps) -> Evidence | None:
     names[:, 0] = 0
     lifted = log_density(steps.seen.density, labels > 0, steps.seen.scale)
     sums, pairs, contact = _measured(raw, lifted, steps.seen.matter)
-    final = _without_slivers(sums[:, 0], pairs, contact[:, 0], names[0])
+    # What no step has seen is the air that a wall holds: it goes with the wall.
+    unseen = np.asarray(~names[1:].any(axis=0))
+    final = _without_slivers(sums[:, 0], pairs, contact[:, 0], names[0], unseen)
     stays = np.unique(final)
     number = np.zeros(count, np.int64)
     number[stays] = np.arange(len(stays))
@@ -99,8 +122,7 @@ def gather(labels: NDArray[np.int32], steps: Steps) -> Evidence | None:
     names = names[:, stays]
     chance, order = _chances(pairs, names, steps.levels)
     tree = _tree(pairs, names[0], order, contact[:, 0])
-    packed = zlib.compress(final.astype(np.int32)[raw].tobytes(), 1)
-    return Evidence(packed, labels.shape, total, pairs, contact, chance, tree)  # type: ignore[arg-type]
+    return Evidence.of(final.astype(np.int32)[raw], total, pairs, contact, chance, tree)
 
 
 def _measured(
@@ -131,7 +153,9 @@ def _measured(
     return sums, np.stack(np.divmod(found, count), axis=1), np.stack(contact, axis=1)
 
 
-def _without_slivers(voxels: Floats, pairs: Pairs, area: Floats, label: Pairs) -> Pairs:
+def _without_slivers(
+    voxels: Floats, pairs: Pairs, area: Floats, label: Pairs, unseen: NDArray[np.bool_]
+) -> Pairs:
     """Return the piece that each becomes part of, itself where it is no sliver."""
     inner = label[pairs[:, 0]] == label[pairs[:, 1]]
     pairs, area = pairs[inner], area[inner]
@@ -141,9 +165,9 @@ def _without_slivers(voxels: Floats, pairs: Pairs, area: Floats, label: Pairs) -
     for k in np.argsort(area, kind="stable").tolist():
         one, two = pairs[k]
         most[one], most[two] = two, one
-    sliver = (voxels < MIN_OBJECT_VOXELS) | (voxels < THINNEST * surface)
+    sliver = unseen | (voxels < MIN_OBJECT_VOXELS) | (voxels < THINNEST * surface)
     owner = np.arange(count)
-    for name in np.argsort(voxels, kind="stable").tolist():
+    for name in np.lexsort((voxels, ~unseen)).tolist():
         if not (sliver[name] and most[name]):
             continue
         root = int(most[name])

@@ -1,0 +1,186 @@
+"""Review: the most doubtful decisions one at a time, shown close up, answered by one key."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from qtpy.QtCore import Qt
+from qtpy.QtGui import QImage, QPixmap
+from qtpy.QtWidgets import QFileDialog, QLabel
+
+from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.widgets.notifications import errors_shown
+from napari_unpack.widgets.repair_tools import RepairTools
+from napari_unpack.widgets.section import Collapsible, button, label, row
+from napari_unpack.widgets.workspace import Change, Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.segmentation.review.doubts import Doubt, Said
+    from napari_unpack.session import Session
+
+SLOT, PICTURE_SLOT = "review", "review picture"
+# Pixels: two pictures side by side fit the panel at its narrowest.
+SIDE = 140
+# Keys that no other command of the panel has.
+KEYS: dict[str, Said] = {"S": "same", "D": "different", "X": "nothing", "K": "skip"}
+QUESTIONS = {
+    "join": "One object now. Are orange and blue the same thing?",
+    "border": "Two objects now. Are orange and blue the same thing?",
+    "object": "Is the orange one a thing, or specks and streaks?",
+}
+
+
+class ReviewBox(Collapsible):
+    """Questions about the labels, the most worthwhile first; each answer is applied at once.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    repair : RepairTools
+        It changes the labels, one repair at a time.
+    """
+
+    def __init__(self, workspace: Workspace, repair: RepairTools) -> None:
+        super().__init__(
+            "Review", "Answer questions about what the segmentation was least sure of."
+        )
+        self._workspace, self._repair = workspace, repair
+        self._left: list[Doubt] = []
+        self.sentence = label("", "hint", wrap=True)
+        self.picture = QLabel()
+        self.picture.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.picture.setFixedHeight(SIDE)
+        self.picture.setToolTip(
+            "Left both sides in 3D, right the slice through where they meet: "
+            "orange is the first side, blue the second."
+        )
+        self.picture.setAccessibleName("The decision, close up")
+        self.answers = {
+            "same": button("Same", "They are one object: join them, or leave them joined (S)."),
+            "different": button(
+                "Different", "They are two objects: cut them, or leave them apart (D)."
+            ),
+            "nothing": button(
+                "Not an object", "The orange side is no object: remove it from the labels (X)."
+            ),
+            "skip": button("Skip", "Leave it as it is, and ask no more (K)."),
+        }
+        self.save = button(
+            "Save answers…",
+            "Save the answers as training data: what was measured, and what you said.",
+        )
+        self.contents.addWidget(self.sentence)
+        self.contents.addWidget(self.picture)
+        self.contents.addLayout(row(self.answers["same"], self.answers["different"]))
+        self.contents.addLayout(row(self.answers["nothing"], self.answers["skip"]))
+        self.contents.addWidget(self.save)
+        for said in KEYS.values():
+            self.answers[said].clicked.connect(partial(self.answer, said))
+        self.save.clicked.connect(self._ask_where_to_save)
+        self.toggle.toggled.connect(lambda _: self._ask())
+        repair.busy.connect(lambda _: self._enable())
+        workspace.switched.connect(self._follow)
+        workspace.changed.connect(
+            lambda change: self._ask() if change & (Change.LABELS | Change.REVIEW) else None
+        )
+        self._follow()
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """What is asked now."""
+        return self._left[0] if self._left else None
+
+    def answer(self, said: Said, _checked: bool = False) -> None:
+        """Answer what is asked now, and ask the next.
+
+        Parameters
+        ----------
+        said : {"same", "different", "nothing", "skip"}
+        """
+        doubt, session = self.doubt, self._workspace.session
+        # A key may come while the last answer is still being worked out.
+        if doubt is None or session is None or not self.answers[said].isEnabled():
+            return
+        self._repair.answer(doubt, said)
+
+    def _follow(self) -> None:
+        self._left = []
+        self.picture.clear()
+        self._ask()
+
+    def _ask(self) -> None:
+        """Have the doubts found, where somebody looks at them."""
+        session = self._workspace.session
+        self._left = []
+        task = None if session is None else session.review.doubts_task()
+        if session is not None and task is not None and self.toggle.isChecked():
+            self.sentence.setText("Looking for what is doubtful…")
+            take = partial(self._take, session, session.review.answers)
+            self._workspace.scheduler.submit(task, Worker.LONG, take, slot=SLOT)
+        elif task is None:
+            self.sentence.setText(
+                "There is nothing to review: only objects that Segment has found here have "
+                "questions."
+            )
+        self._enable()
+
+    def _take(self, session: Session, answers: object, left: list[Doubt]) -> None:
+        # Of another session, or of before the last answer: its own will come.
+        if session is not self._workspace.session or answers is not session.review.answers:
+            return
+        self._left = left
+        doubt, done = self.doubt, len(session.review.answers)
+        if doubt is None:
+            self.picture.clear()
+            self.sentence.setText(f"All is reviewed: {done} answered.")
+        else:
+            known = [i for i in doubt.objects if i and i in session.label_data.known]
+            names = " and ".join(dict.fromkeys(str(session.objects["name"][i]) for i in known))
+            total = done + len(left)
+            self.sentence.setText(
+                f"<b>{done + 1} of {total}</b> {names}<br>{QUESTIONS[doubt.kind]}"
+            )
+            pixels = round(SIDE * self.devicePixelRatioF())
+            self._workspace.scheduler.submit(
+                session.review.picture_task(doubt, pixels),
+                Worker.LONG,
+                partial(self._show_picture, doubt),
+                slot=PICTURE_SLOT,
+            )
+        self._enable()
+
+    def _show_picture(self, doubt: Doubt, pixels: NDArray[np.uint8]) -> None:
+        if doubt is not self.doubt:
+            return
+        height, width = pixels.shape[:2]
+        kept = np.ascontiguousarray(pixels)
+        image = QImage(kept.data, width, height, 4 * width, QImage.Format.Format_RGBA8888)
+        # A copy: the array goes when this call ends.
+        picture = QPixmap.fromImage(image.copy())
+        picture.setDevicePixelRatio(self.devicePixelRatioF())
+        self.picture.setPixmap(picture)
+
+    def _enable(self) -> None:
+        session, doubt = self._workspace.session, self.doubt
+        idle = doubt is not None and not self._repair.running
+        for said, pressed in self.answers.items():
+            pressed.setEnabled(idle)
+            pressed.setVisible(doubt is None or doubt.kind != "object" or said != "different")
+        self.answers["same"].setText(
+            "An object" if doubt is not None and doubt.kind == "object" else "Same"
+        )
+        self.save.setEnabled(session is not None and bool(session.review.answers))
+
+    def _ask_where_to_save(self) -> None:
+        path, _ = QFileDialog.getSaveFileName(
+            self, "Save the answers", "answers.npz", "Training data (*.npz)"
+        )
+        session = self._workspace.session
+        if path and session is not None:
+            from napari_unpack.io.answers import save_answers
+
+            with errors_shown():
+                save_answers(session, path if path.endswith(".npz") else f"{path}.npz")

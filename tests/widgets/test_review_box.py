@@ -1,0 +1,99 @@
+"""A review in a real viewer: questions, a picture, keys, undo, and what is kept of answers."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+
+from napari_unpack.io.session_json import state_record
+from napari_unpack.layers import compat
+from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
+from napari_unpack.segmentation.review.evidence import gather
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import controller_with, press
+
+BAR, CUBE = 1, 2
+
+
+@pytest.fixture
+def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Two touching blocks that are one object, hardly sure of it, and a cube beside them."""
+    parts = np.zeros((24, 24, 64), np.int32)
+    parts[6:18, 6:18, 4:24], parts[6:18, 6:18, 24:44], parts[8:16, 8:16, 48:56] = 1, 2, 3
+    labels = np.array([0, BAR, BAR, CUBE], np.int32)[parts]
+    volume = np.array([0, 900, 1500, 1200], np.uint16)[parts]
+    layer = viewer.add_labels(labels, name="found", visible=False)
+    viewer.add_image(volume, name="bag")
+    made = controller_with(panel, qtbot, layer)
+    panel.workspace.controller.recolor_at_rest = False
+    level = Level.of(JoinLog([(1, 2, 0.3)]), parts, np.array([[1, 2]]), np.ones(1))
+    seen = Seen(volume, DensityScale(0.0, 250.0), np.full(parts.shape, 255, np.uint8))
+    made.review.evidence = gather(labels, Steps([level], seen))
+    assert panel.workspace.controller.settle(200)
+    return made
+
+
+def asked(panel: UnpackingWidget, qtbot: QtBot, answered: int) -> Any:
+    """Wait for the question after so many answers, with its picture; return the box."""
+    box = panel.objects.review
+    qtbot.waitUntil(lambda: f"{answered + 1} of" in box.sentence.text(), timeout=20000)
+    qtbot.waitUntil(lambda: not box.picture.pixmap().isNull(), timeout=60000)
+    return box
+
+
+def test_one_key_answers_is_applied_at_once_and_undone(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, tmp_path: Path
+) -> None:
+    canvas = compat.native_canvas(viewer).native
+    panel.objects.review.toggle.setChecked(True)
+    box = asked(panel, qtbot, 0)
+    assert box.doubt.kind == "join"
+    assert "Are orange and blue the same thing?" in box.sentence.text()
+    assert not box.save.isEnabled()
+    image = box.picture.pixmap().toImage()
+    colors = {image.pixelColor(x, image.height() // 2).name() for x in range(image.width())}
+    shown = [tuple(int(name[k : k + 2], 16) for k in (1, 3, 5)) for name in colors]
+    assert any(r > 2 * b for r, _, b in shown)
+    assert any(b > 2 * r for r, _, b in shown)
+
+    qtbot.keyClick(canvas, Qt.Key.Key_D)
+    qtbot.waitUntil(lambda: len(session.ids) == 3, timeout=20000)
+    assert session.labels[12, 12, 10] != session.labels[12, 12, 40]
+    assert [a.said for a in session.review.answers] == ["different"]
+    qtbot.waitUntil(lambda: box.save.isEnabled(), timeout=20000)
+
+    panel.commands.undo()
+    assert len(session.ids) == 2
+    assert session.review.answers == ()
+    asked(panel, qtbot, 0)
+    assert box.doubt.kind == "join"
+
+    press(qtbot, box.answers["same"])
+    qtbot.waitUntil(lambda: len(session.review.answers) == 1, timeout=20000)
+    assert len(session.ids) == 2
+    qtbot.waitUntil(lambda: box.doubt is None or box.doubt.kind != "join", timeout=20000)
+    qtbot.waitUntil(lambda: box.save.isEnabled(), timeout=20000)
+
+    from napari_unpack.io.answers import save_answers
+
+    with np.load(save_answers(session, tmp_path / "answers.npz")) as found:
+        assert found["said"].tolist() == ["same"]
+        assert found["rows"].shape == (1, len(found["features"]))
+    assert "answers" in state_record(session)
+
+
+def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    session.review.evidence = None
+    box = panel.objects.review
+    box.toggle.setChecked(True)
+    assert "only objects that Segment has found" in box.sentence.text()
+    assert not any(b.isEnabled() for b in (*box.answers.values(), box.save))
+    for key in (Qt.Key.Key_S, Qt.Key.Key_D, Qt.Key.Key_X, Qt.Key.Key_K):
+        qtbot.keyClick(compat.native_canvas(viewer).native, key)
+    assert session.review.answers == ()
