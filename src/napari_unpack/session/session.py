@@ -75,7 +75,6 @@ class Session:
         The cutting plane and the clipping box, which are among `clipping`.
     opened_bags : OpenedBags
     review : Review
-        Doubts about the labels, and a person's answers.
     flights, history, events
         What is in the air, by ID; steps done and undone; signals.
     log : list of LogEntry
