@@ -27,6 +27,7 @@ ORDER = (
     "accuracy",
     "confidence",
     "scaling",
+    "cancelling",
     "costs",
     "plugin_start",
     "stalls",

@@ -1,4 +1,5 @@
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -68,7 +69,7 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
     class Echo:
         """A network that says what it is shown."""
 
-        def run(self, names, feed):
+        def run(self, names, feed, options):
             cells = feed["cells"][0]
             said = np.zeros((boundary_network.CHANNELS, *cells.shape[1:]), np.uint8)
             said[:8] = np.rint(np.expm1(cells) * 100)
@@ -97,6 +98,29 @@ def test_tiny_and_flat_volumes_are_looked_at(shape):
     said = default_boundaries().predict(np.full(shape, np.nan), SCALE, silent)
     assert said.foreground.shape == shape
     assert said.next.shape == (3, *shape)
+
+
+def test_cancelling_ends_the_run_of_a_tile():
+    class Endless:
+        """A network that runs until it is told to end, as onnxruntime does."""
+
+        ended = False
+
+        def run(self, names, feed, options):
+            while not options.terminate:
+                sleep(0.01)
+            self.ended = True
+            raise RuntimeError("terminated")
+
+    def cancel(fraction, text):
+        # While the tile runs, not before it.
+        if fraction > 0:
+            raise KeyboardInterrupt
+
+    network = Endless()
+    with pytest.raises(KeyboardInterrupt):
+        BoundaryNetwork(network).predict(np.zeros((16, 16, 16)), SCALE, cancel)
+    assert network.ended
 
 
 def test_progress_is_told_and_raising_in_it_cancels():

@@ -223,6 +223,25 @@ def test_a_large_volume_of_nothing_is_refused(value):
         segment(np.full((20, 20, 20), value), MM, working=500)
 
 
+def test_cancelling_stops_the_threads_that_refine(monkeypatch):
+    import napari_unpack.segmentation.large_volumes as large
+
+    truth, densities = packed_shapes()
+    stored = Stored(scanned(truth, densities), 4_000)
+    monkeypatch.setitem(large.segment_large.__kwdefaults__, "block", 500)
+    read = []
+
+    def cancel(fraction, text):
+        if text == "Refining the borders" and fraction > 0.7:
+            read.append(stored.read)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        segment(stored, MM, progress=cancel, working=20_000)
+    # What was being read then, and nothing that waited.
+    assert stored.read - read[0] <= 9 * stored.most
+
+
 def test_cancelling_stops_the_refinement():
     truth, densities = packed_shapes()
 

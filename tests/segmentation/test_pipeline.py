@@ -1,7 +1,10 @@
+from collections import Counter
+
 import numpy as np
 import pytest
 from phantoms import box, packed, scanned, two_balls
 
+from napari_unpack import tasks
 from napari_unpack.segmentation import score, segment
 
 
@@ -57,11 +60,32 @@ def test_the_table_of_objects_tells_what_was_put_in():
 
 
 @pytest.fixture(scope="module")
-def few():
+def reports():
+    """Return what was told while `few` was segmented, with slabs of a sixteenth of it."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def few(reports):
     """Return a small packed volume and what is found in it."""
     truth, densities = packed(3, (64, 64, 64), 6, 12)
     volume = scanned(truth, densities)
-    return volume, segment(volume)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tasks, "VOXELS_PER_CHECK", volume.size // 16)
+        return volume, segment(volume, progress=lambda *told: reports.append(told))
+
+
+def test_every_stage_checks_at_every_slab_and_progress_never_falls(few, reports):
+    # Of 16 slabs: each of the six stages goes over the volume that often at least, or over so
+    # many objects. A kernel that takes the volume whole again would be missed here.
+    checks = Counter(text for _, text in reports)
+    assert checks["Drawing borders"] >= 3 * 16
+    assert checks["Merging parts"] >= 8 * 16
+    assert checks["Drawing fine borders"] >= 2 * 16
+    assert checks["Measuring objects"] >= len(few[1].objects)
+    fractions = [fraction for fraction, _ in reports]
+    assert (np.diff(fractions) >= 0).all()
+    assert len(set(fractions)) > 0.9 * len(fractions) - len(checks)
 
 
 def test_ids_run_from_the_largest_object_to_the_smallest_without_gaps(few):

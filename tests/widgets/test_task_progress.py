@@ -1,6 +1,7 @@
 """A section's progress bar, its words and its Cancel."""
 
 import threading
+from time import monotonic
 
 import pytest
 from pytestqt.qtbot import QtBot
@@ -33,3 +34,28 @@ def test_progress_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) ->
     assert heard.args[0].cancelled
     assert progress_bar.isHidden()
     assert not progress_bar.running
+
+
+def test_cancel_answers_within_a_second_whatever_the_work_is_doing(qtbot: QtBot) -> None:
+    bar, go_on, ended = TaskProgress(Scheduler(), "Nothing changes."), threading.Event(), []
+    qtbot.addWidget(bar)
+    bar.ended.connect(ended.append)
+
+    def deaf(progress: Progress) -> str:
+        progress(0.5, "in a library's code")
+        go_on.wait(20)
+        return "of no use any more"
+
+    bar.begin(deaf)
+    qtbot.waitUntil(lambda: bar.text.text() == "in a library's code", timeout=20000)
+    begun = monotonic()
+    with qtbot.waitSignal(bar.ended, timeout=20000):
+        bar.cancel.click()
+    assert monotonic() - begun < 1
+    assert ended.pop().cancelled
+    assert bar.isHidden()
+    # The next does not wait for it, and is not disturbed when it ends after all.
+    with qtbot.waitSignal(bar.ended, timeout=20000):
+        bar.begin(lambda _: "the next")
+    go_on.set()
+    assert [outcome.get() for outcome in ended] == ["the next"]

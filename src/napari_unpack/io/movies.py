@@ -25,8 +25,9 @@ from napari_unpack.io.headless import copy_session, decorated, packed_count
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.memory import ENCODER_BYTES, PICTURE_BYTES, check_picture
 from napari_unpack.rendering.compose import scene_image
+from napari_unpack.rendering.cpu import CANCELLING
 from napari_unpack.session.framing import contained, fitted
-from napari_unpack.tasks import Progress, no_progress
+from napari_unpack.tasks import BEAT_SECONDS, SILENT, Progress, Share, no_progress
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -61,7 +62,9 @@ def checked_movie_path(path: str | Path, size: tuple[int, int]) -> Path:
 
 
 @contextmanager
-def movie_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+def movie_writer(
+    path: Path, size: tuple[int, int], fps: int, share: Share = SILENT
+) -> Iterator[Callable[[Frame], None]]:
     """Open a movie that appears once it is whole; what it yields takes its frames.
 
     Parameters
@@ -71,6 +74,8 @@ def movie_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callab
     size : (int, int)
         Height and width of the frames, even.
     fps : int
+    share : Share
+        Of writing what the frames make, once they are all there.
     """
     # Two ways to be whole or absent: a folder of images is swapped, a file is renamed.
     suffix = path.suffix.lower()
@@ -79,12 +84,14 @@ def movie_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callab
             yield _images_writer(folder)
         return
     writing = mp4_writer if suffix == ".mp4" else _gif
-    with written_atomically(path) as temporary, writing(temporary, size, fps) as write:
+    with written_atomically(path) as temporary, writing(temporary, size, fps, share) as write:
         yield write
 
 
 @contextmanager
-def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+def mp4_writer(
+    path: Path, size: tuple[int, int], fps: int, share: Share = SILENT
+) -> Iterator[Callable[[Frame], None]]:
     """Open an H.264 movie; what it yields takes (H, W, 3) uint8 frames of an even size.
 
     Parameters
@@ -93,6 +100,8 @@ def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable
     size : (int, int)
         Height and width, even.
     fps : int
+    share : Share
+        As for `movie_writer`.
 
     Raises
     ------
@@ -103,12 +112,15 @@ def mp4_writer(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable
     codec = ("-vcodec", "libx264", "-pix_fmt", "yuv420p")
     # Of 0 to 51, where ffmpeg's own 23 blurs the grain of textures. The index stands in front,
     # so that a browser plays it while it loads.
-    with _encoded(path, size, fps, *codec, "-crf", "10", "-movflags", "+faststart") as write:
+    more = ("-crf", "10", "-movflags", "+faststart")
+    with _encoded(path, size, fps, share, *codec, *more) as write:
         yield write
 
 
 @contextmanager
-def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Frame], None]]:
+def _gif(
+    path: Path, size: tuple[int, int], fps: int, share: Share
+) -> Iterator[Callable[[Frame], None]]:
     """Open a GIF: its 256 colours are chosen once all frames are known and kept without loss.
 
     A ninth as large as with colours chosen frame by frame and dithered: what stands still
@@ -117,17 +129,18 @@ def _gif(path: Path, size: tuple[int, int], fps: int) -> Iterator[Callable[[Fram
     with TemporaryDirectory(dir=path.parent, prefix=f"{path.stem}-") as folder:
         # Without loss in between: a second encoder would turn noise of the first into colours.
         lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
-        with _encoded(lossless, size, fps, "-vcodec", "ffv1", "-pix_fmt", "bgr0") as write:
+        with _encoded(lossless, size, fps, SILENT, "-vcodec", "ffv1", "-pix_fmt", "bgr0") as write:
             yield write
-        _ffmpeg("-i", str(lossless), "-vf", "palettegen", str(colors))
+        _ffmpeg(share.part(0.0, 0.4), "-i", str(lossless), "-vf", "palettegen", str(colors))
         # No dithering: its pattern changes from frame to frame, and nothing would stand still.
         palette = "paletteuse=dither=none:diff_mode=rectangle"
-        _ffmpeg("-i", str(lossless), "-i", str(colors), "-lavfi", palette, "-f", "gif", str(path))
+        films = ("-i", str(lossless), "-i", str(colors), "-lavfi", palette)
+        _ffmpeg(share.part(0.4, 1.0), *films, "-f", "gif", str(path))
 
 
 @contextmanager
 def _encoded(
-    path: Path, size: tuple[int, int], fps: int, *options: str
+    path: Path, size: tuple[int, int], fps: int, share: Share, *options: str
 ) -> Iterator[Callable[[Frame], None]]:
     # ffmpeg counts width first.
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[1]}x{size[0]}", "-r", str(fps))
@@ -148,7 +161,7 @@ def _encoded(
                 # ffmpeg has ended early; what it said tells why.
                 broken = True
             # imageio-ffmpeg's own writer ignores this status: a full disk left half a film.
-            if process.wait() or broken:
+            if _status(process, share) or broken:
                 said.seek(0)
                 raise _unwritten(process, said.read().decode(errors="replace"))
         finally:
@@ -162,13 +175,30 @@ def _send(stream: IO[bytes], frame: Frame) -> None:
     stream.write(np.ascontiguousarray(frame).data)
 
 
-def _ffmpeg(*arguments: str) -> None:
-    # No stdin: ffmpeg would read the terminal's keys.
-    done = subprocess.run(
-        _command(*arguments), capture_output=True, text=True, stdin=subprocess.DEVNULL
-    )
-    if done.returncode:
-        raise _unwritten(done, done.stderr)
+def _ffmpeg(share: Share, *arguments: str) -> None:
+    with TemporaryFile() as said:
+        # No stdin: ffmpeg would read the terminal's keys.
+        process = subprocess.Popen(
+            _command(*arguments), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said
+        )
+        try:
+            if _status(process, share):
+                said.seek(0)
+                raise _unwritten(process, said.read().decode(errors="replace"))
+        finally:
+            process.kill()
+            process.wait()
+
+
+def _status(process: subprocess.Popen[bytes], share: Share) -> int:
+    """Wait for a process to end; return its exit status."""
+    beats = 0
+    while True:
+        try:
+            return process.wait(BEAT_SECONDS)
+        except subprocess.TimeoutExpired:
+            beats += 1
+            share(beats / (beats + 1 / BEAT_SECONDS))
 
 
 def _command(*arguments: str) -> list[str]:
@@ -177,9 +207,7 @@ def _command(*arguments: str) -> list[str]:
     return [get_ffmpeg_exe(), "-loglevel", "error", "-y", *arguments]
 
 
-def _unwritten(
-    process: subprocess.Popen[bytes] | subprocess.CompletedProcess[str], said: str
-) -> OSError:
+def _unwritten(process: subprocess.Popen[bytes], said: str) -> OSError:
     # Its last words: those before repeat them for every stream. A killed one says nothing.
     return OSError(said.strip()[-300:] or f"ffmpeg ended with status {process.returncode}")
 
@@ -247,7 +275,7 @@ def movie(
     decorations : sequence of str, optional
         Out of "box" and "scale"; by default the session's.
     progress : callable, optional
-        Takes (fraction, text) before every flight and frame; raising in it cancels and leaves
+        Takes (fraction, text) before and during every frame; raising in it cancels and leaves
         no file.
     kind : {"unpacking", "turntable"}
         A turntable shows the session as it stands, from all around.
@@ -275,19 +303,21 @@ def movie(
             f"{(seconds, turn_seconds)!r}"
         )
     around = decorated(session, background, decorations)
-    report = progress or no_progress
-    with movie_writer(target, even, fps) as write:
+    share = Share(progress or no_progress)
+    ending = Share(share.report, 0.9, 1.0, "Writing the movie")
+    with movie_writer(target, even, fps, ending) as write:
         turntable = kind == "turntable"
         shown = copy_session(session, packed=not turntable)
         shown.decorations = around
         # Before the slots are asked for, which are planned for it.
         shown.canvas_size = even if window is None else window
-        shooting = _Shooting(shown, even, fps, backend, report)
+        shooting = _Shooting(shown, even, fps, backend, share.part(0.0, 0.9, "Rendering"))
         frames = (
             _turning(shooting, turn_seconds) if turntable else _unpacking(shooting, count, seconds)
         )
         for frame in frames:
             write(frame)
+    share(1.0, "Written")
     return target
 
 
@@ -299,7 +329,7 @@ class _Shooting:
     size: tuple[int, int]
     fps: int
     backend: str
-    progress: Progress
+    share: Share
 
     @property
     def camera(self) -> Camera:
@@ -310,6 +340,7 @@ class _Shooting:
     def image(
         self,
         camera: Camera,
+        share: Share,
         time: float | None = None,
         before: Mapping[int, Pose] | None = None,
         gone: float = 1.0,
@@ -318,24 +349,24 @@ class _Shooting:
         scene, was = self.session.scene(), before or {}
         poses = {i: was.get(i, pose).toward(pose, gone) for i, pose in scene.poses.items()}
         # Premultiplied, so over black where nothing is: movies have no alpha.
-        image = scene_image(replace(scene, poses=poses), camera, self.size, time, self.backend)
+        with CANCELLING.by(share):
+            image = scene_image(replace(scene, poses=poses), camera, self.size, time, self.backend)
         return straight_bytes(image[..., :3])
 
-    def still(self, rest: float) -> Iterator[Frame]:
+    def still(self, rest: float, share: Share) -> Iterator[Frame]:
         # Rendered once: nothing moves while it stands.
-        frame = self.image(self.camera)
+        frame = self.image(self.camera, share)
         for _ in range(max(1, round(rest * self.fps))):
             yield frame
 
 
 def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterator[Frame]:
-    session, report = shooting.session, shooting.progress
+    session, share = shooting.session, shooting.share
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
     # Without a screen, flights are off: the movie is what they are for.
     session.animated, session.seconds = True, seconds
-    report(0.0, "Rendering")
-    yield from shooting.still(STANDSTILL[0])
+    yield from shooting.still(STANDSTILL[0], share.part(0.0, 0.0))
     gone, camera, poses = 0, shooting.camera, session.poses
     while gone < wanted and session.unpack(1):
         flights = dict(session.flights)
@@ -346,17 +377,17 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
         # As in the window: there is room for a sprite before it comes.
         glide = CameraGlide(camera, camera := shooting.camera, start)
         for i in range(frames):
-            part = gone + len(flights) * i / frames
-            report(min(part / wanted, 1.0), f"Rendering: {gone} of {wanted} objects out")
+            at, ended = (min((gone + len(flights) * k / frames) / wanted, 1.0) for k in (i, i + 1))
+            part = share.part(at, ended, f"Rendering: {gone} of {wanted} objects out")
             time = start + (i + 1) * length / frames
-            yield shooting.image(glide.camera(time), time, poses, glide.gone(time))
+            yield shooting.image(glide.camera(time), part, time, poses, glide.gone(time))
         for object_id in flights:
             # By hand: no clock runs here, so none would land by itself.
             session.land(object_id)
         gone, poses = gone + len(flights), session.poses
-        yield from shooting.still(STANDSTILL[1])
-    yield from shooting.still(STANDSTILL[2])
-    report(1.0, "Rendered")
+        at = min(gone / wanted, 1.0)
+        yield from shooting.still(STANDSTILL[1], share.part(at, at))
+    yield from shooting.still(STANDSTILL[2], share.part(1.0, 1.0))
 
 
 def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
@@ -364,11 +395,11 @@ def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:
     frames = max(2, round(seconds * shooting.fps))
     camera = _close(shooting)
     for i in range(frames):
-        shooting.progress(i / frames, f"Rendering: {i} of {frames} images")
+        text = f"Rendering: {i} of {frames} images"
+        part = shooting.share.part(i / frames, (i + 1) / frames, text)
         # The last image is one step before the first, so that a loop has no double frame.
         angle = 2 * np.pi * i / frames
-        yield shooting.image(turned(camera, angle, shooting.session.away_from_table))
-    shooting.progress(1.0, "Rendered")
+        yield shooting.image(turned(camera, angle, shooting.session.away_from_table), part)
 
 
 def _close(shooting: _Shooting) -> Camera:

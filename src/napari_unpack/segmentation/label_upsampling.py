@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.array_source import Box, Source, grown, within
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.working_grid import Factors
+from napari_unpack.tasks import SILENT, Share
 
 # Standard deviation of a label's density here, as a share of the contrast around a voxel.
 MISFIT_DEVIATION = 0.1
@@ -107,7 +108,7 @@ def lifted(density: NDArray[Any], air: float, unit: float) -> NDArray[np.float32
 
 
 def refined(
-    source: Source, grid: GridLabels, box: Box, cells: Box
+    source: Source, grid: GridLabels, box: Box, cells: Box, share: Share = SILENT
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Label one block at full resolution.
 
@@ -118,6 +119,7 @@ def refined(
         The working grid.
     box, cells : tuple of slice
         The block in the volume and on the grid, see `array_source.blocks`.
+    share : Share
 
     Returns
     -------
@@ -132,10 +134,11 @@ def refined(
     wide = grown(outer, 1, source.shape)
     levels = grid.levels
     values = lifted(source.read(wide), levels.air, grid.unit)
+    share(0.1)
     place = within(outer, wide)
     labels = np.zeros(tuple(s.stop - s.start for s in outer), np.int32)
     unexplained = np.zeros(tuple(s.stop - s.start for s in cells), np.int32)
-    _choose(
+    given = (
         values,
         np.array([s.start for s in place]),
         np.array([s.start for s in outer]),
@@ -149,12 +152,17 @@ def refined(
         # The mean of a voxel, counted twice, and its six neighbours keeps 0.4 of white noise.
         np.float32((0.4 * levels.noise / grid.unit) ** 2),
         np.float32(MISFIT_DEVIATION**2),
-        labels,
-        unexplained,
     )
+    # Layers of cells that begin or end within the block.
+    depth = grid.factors[0]
+    first, last = outer[0].start // depth, (outer[0].stop - 1) // depth + 1
+    for a, b in share.part(0.1, 0.9).slabs((last - first, depth, *labels.shape[1:])):
+        _choose(*given, (first + a, first + b), labels, unexplained)
     inner = within(box, outer)
     clean = np.empty(tuple(s.stop - s.start for s in box), np.int32)
-    _drop_single(labels, np.array([s.start for s in inner]), clean)
+    start = np.array([s.start for s in inner])
+    for slab in share.part(0.9, 1.0).slabs(clean.shape):
+        _drop_single(labels, start, slab, clean)
     # Only now: at borders it had to hold its own against the objects.
     clean[clean == grid.left_out] = 0
     return clean, unexplained
@@ -171,9 +179,9 @@ def _lift(density, air, scale, result):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
 def _choose(  # type: ignore[no-untyped-def]
     values, place, first, coarse, density, factors, cells, left_out, low, high, noise, tolerance,
-    labels, unexplained,
+    layers, labels, unexplained,
 ):  # fmt: skip
-    """Choose the label of every voxel, cell by cell; see `refined` for what the arguments are."""
+    """Choose the labels in some layers of cells; see `refined` for what the arguments are."""
     fz, fy, fx = factors[0], factors[1], factors[2]
     spline_z, spline_y, spline_x = _splines(fz), _splines(fy), _splines(fx)
     depth, height, width = labels.shape
@@ -182,7 +190,7 @@ def _choose(  # type: ignore[no-untyped-def]
     weights = np.zeros(27, np.float32)
     shares = np.zeros(27, np.float32)
     who = np.zeros(27, np.int64)
-    for k in range(first[0] // fz, (first[0] + depth - 1) // fz + 1):
+    for k in range(layers[0], layers[1]):
         for j in range(first[1] // fy, (first[1] + height - 1) // fy + 1):
             for i in range(first[2] // fx, (first[2] + width - 1) // fx + 1):
                 z0, z1 = max(k * fz - first[0], 0), min((k + 1) * fz - first[0], depth)
@@ -326,11 +334,11 @@ def _smooth(values, z, y, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _drop_single(labels, first, clean):  # type: ignore[no-untyped-def]
+def _drop_single(labels, first, slab, clean):  # type: ignore[no-untyped-def]
     """Copy the inner labels; a voxel that none of its neighbours equals takes their commonest."""
     depth, height, width = labels.shape
     near = np.zeros(6, np.int32)
-    for k in range(clean.shape[0]):
+    for k in range(slab[0], slab[1]):
         for j in range(clean.shape[1]):
             for i in range(clean.shape[2]):
                 z, y, x = k + first[0], j + first[1], i + first[2]

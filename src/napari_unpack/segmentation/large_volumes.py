@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import islice
+from threading import Event
 from typing import Any, TypeVar
 
 import cc3d
@@ -28,7 +29,7 @@ from napari_unpack.segmentation.label_upsampling import (
 )
 from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import BEAT_SECONDS, Cancelled, Progress, Share
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
 T = TypeVar("T")
@@ -85,13 +86,15 @@ def segment_large(
     # objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
     # bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
     # may come out as an object.
-    progress(0.0, "Reducing the volume")
-    grid = reduced(source, spacing, reduction(source.shape, spacing, working), block)
+    share = Share(progress)
+    begun = share.part(0.0, 0.03, "Reducing the volume")
+    grid = reduced(source, spacing, reduction(source.shape, spacing, working), block, begun)
     levels = foreground_levels(grid.sample, foreground)
-    labels = find(grid.density, grid.spacing, lambda f, text: progress(0.03 + 0.57 * f, text))
-    progress(0.6, "Refining the borders")
+    labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
+    refining = share.part(0.6, 0.9, "Refining the borders")
     hidden = needs_denoising(grid.density, foreground) if grainy is None else grainy
-    left_out = labels == 0 if hidden else _left_out(grid, labels, foreground)
+    looking = refining.part(0.0, 0.1)
+    left_out = labels == 0 if hidden else _left_out(grid, labels, foreground, looking)
     rough = grid_labels(labels, grid.density, left_out, grid.factors, levels)
     if out is None:
         out = np.zeros(source.shape, np.int32)
@@ -100,23 +103,25 @@ def segment_large(
     places = list(blocks(source.shape, grid.factors, block))
     unexplained = np.zeros(labels.shape, np.int32)
     # A generator: only the blocks in work are in memory.
-    jobs = (lambda place=place: refined(source, rough, *place) for place in places)
-    for n, (box, cells), (found, rest) in _paired(places, jobs):
+    jobs = (lambda part, at=place: refined(source, rough, at[0], at[1], part) for place in places)
+    for (box, cells), (found, rest) in _paired(places, jobs, refining.part(0.1, 0.9)):
         with source.lock:
             out[box] = found
         unexplained[cells] = rest
-        progress(0.6 + 0.3 * n / len(places), "Refining the borders")
+    refining(0.9)
     things = named_things(unexplained, labels, fewest)
     _check_room(out, int(things.max(initial=0)))
-    _recover(source, rough, things, places, out)
-    progress(0.9, "Measuring objects")
+    _recover(source, rough, things, places, out, refining.part(0.95, 1.0))
+    measuring = share.part(0.9, 1.0, "Measuring objects")
     labels = np.where(things > 0, things, labels)
-    sums = _measured(source, out, places, int(labels.max()), spacing)
-    confidence = confidences(labels, grid.density, grid.spacing, oracle)
+    top = int(labels.max())
+    sums = _measured(source, out, places, top, spacing, measuring.part(0.0, 0.5))
+    rating = measuring.part(0.5, 0.8)
+    confidence = confidences(labels, grid.density, grid.spacing, oracle, rating)
     names = ranks(sums.totals[:, 0])
     # Another pass over a store, which is often needless.
     if (names != np.arange(len(names))).any():
-        _rename(source, out, places, names)
+        _rename(source, out, places, names, measuring.part(0.8, 1.0))
     table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
@@ -130,10 +135,10 @@ def _check_room(out: Any, top: int) -> None:
 
 
 def _left_out(
-    grid: WorkingGrid, labels: NDArray[np.int32], foreground: str | float
+    grid: WorkingGrid, labels: NDArray[np.int32], foreground: str | float, share: Share
 ) -> NDArray[np.bool_]:
     """Return the foreground cells that are deliberately no object: tables, shells, the rim."""
-    mask, _ = find_foreground(grid.density, grid.spacing, foreground)
+    mask, _ = find_foreground(grid.density, grid.spacing, foreground, share)
     mask &= labels == 0
     # What is in too few cells to show a shape may be an object at full resolution.
     left_out = np.asarray(cc3d.dust(mask, threshold=MIN_OBJECT_VOXELS, connectivity=26), np.bool_)
@@ -149,9 +154,10 @@ def _recover(
     things: NDArray[np.int32],
     places: list[tuple[Box, Box]],
     out: Any,
+    share: Share,
 ) -> None:
     """Write the labels of things that the grid did not show, block by block."""
-    for box, cells in places:
+    for box, cells in share.over(places):
         if things[cells].any():
             with source.lock:
                 found = np.array(out[box], np.int32)
@@ -161,22 +167,27 @@ def _recover(
 
 
 def _measured(
-    source: Source, out: Any, places: list[tuple[Box, Box]], top: int, spacing: Spacing
+    source: Source,
+    out: Any,
+    places: list[tuple[Box, Box]],
+    top: int,
+    spacing: Spacing,
+    share: Share,
 ) -> ObjectSums:
     """Add up all objects; every thread has sums of its own, added in order."""
 
-    def one(box: Box) -> ObjectSums:
+    def one(part: Share, box: Box) -> ObjectSums:
         outer = grown(box, 1, source.shape)
         with source.lock:
             found = np.asarray(out[outer]).astype(np.int32, copy=False)
         sums = ObjectSums.empty(top)
         start = (outer[0].start, outer[1].start, outer[2].start)
-        sums.add(found, source.read(outer), spacing, start, within(box, outer))
+        sums.add(found, source.read(outer), spacing, start, within(box, outer), part)
         return sums
 
     total = ObjectSums.empty(top)
-    jobs = (lambda box=box: one(box) for box, _ in places)
-    for _, _, sums in _paired(places, jobs):
+    jobs = (lambda part, box=box: one(part, box) for box, _ in places)
+    for _, sums in _paired(places, jobs, share):
         # In the order of blocks: sums of floats depend on it, and must not on threads.
         total.totals[:] += sums.totals
         total.area[:] += sums.area
@@ -184,28 +195,49 @@ def _measured(
 
 
 def _rename(
-    source: Source, out: Any, places: list[tuple[Box, Box]], names: NDArray[np.int32]
+    source: Source,
+    out: Any,
+    places: list[tuple[Box, Box]],
+    names: NDArray[np.int32],
+    share: Share,
 ) -> None:
     """Rename all labels, block by block."""
-    for box, _ in places:
+    for box, _ in share.over(places):
         with source.lock:
             out[box] = names[np.asarray(out[box])]
 
 
 def _paired(
-    places: list[tuple[Box, Box]], jobs: Iterator[Callable[[], T]]
-) -> Iterator[tuple[int, tuple[Box, Box], T]]:
-    """Yield results in order, with their number from 1, a few jobs ahead on threads."""
+    places: list[tuple[Box, Box]], jobs: Iterator[Callable[[Share], T]], share: Share
+) -> Iterator[tuple[tuple[Box, Box], T]]:
+    """Yield results in order; jobs are a few ahead on threads and end when this is cancelled."""
     # More threads than eight wait for the store, and each holds a block in memory.
     count = min(os.cpu_count() or 1, 8)
+    stopping, done, numbered = Event(), [0.0] * len(places), enumerate(jobs)
+
+    def told(n: int) -> Progress:
+        def report(fraction: float, _text: str) -> None:
+            if stopping.is_set():
+                raise Cancelled
+            done[n] = fraction
+
+        return report
+
     with ThreadPoolExecutor(count, "unpack") as threads:
-        waiting: list[Future[T]] = [threads.submit(job) for job in islice(jobs, count + 1)]
+
+        def begun(most: int) -> list[Future[T]]:
+            return [threads.submit(job, Share(told(n))) for n, job in islice(numbered, most)]
+
+        waiting = begun(count + 1)
         try:
-            for n, place in enumerate(places, 1):
+            for place in places:
+                while not wait(waiting[:1], BEAT_SECONDS).done:
+                    share(sum(done) / len(places))
                 result = waiting.pop(0).result()
-                waiting += [threads.submit(job) for job in islice(jobs, 1)]
-                yield n, place, result
+                waiting += begun(1)
+                yield place, result
         finally:
-            # The user cancelled, or a block failed: what waits must not run on.
+            # The user cancelled, or a block failed: what runs ends soon, what waits never begins.
+            stopping.set()
             for future in waiting:
                 future.cancel()

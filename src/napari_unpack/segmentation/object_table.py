@@ -14,6 +14,7 @@ from napari_unpack.segmentation.common.array_source import Box
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing, in_common_range
 from napari_unpack.segmentation.confidence.oracle import default_oracle
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class ObjectSums:
         spacing: Spacing,
         start: tuple[int, int, int] = (0, 0, 0),
         inner: Box | None = None,
+        share: Share = SILENT,
     ) -> None:
         """Add a block.
 
@@ -57,6 +59,7 @@ class ObjectSums:
             First of these voxels in the volume.
         inner : tuple of slice, optional
             Those of them that count; the others are neighbours only. By default all.
+        share : Share
         """
         box = inner or (
             slice(0, labels.shape[0]),
@@ -64,8 +67,10 @@ class ObjectSums:
             slice(0, labels.shape[2]),
         )
         bounds = np.array([(s.start, s.stop) for s in box], np.int64)
-        faces = np.prod(spacing) / np.array(spacing)
-        _add(labels, density, bounds, np.array(start), faces, self.totals, self.area)
+        faces, first = np.prod(spacing) / np.array(spacing), box[0].start
+        for slab in share.slabs((box[0].stop - first, *labels.shape[1:])):
+            bounds[0] = slab[0] + first, slab[1] + first
+            _add(labels, density, bounds, np.array(start), faces, self.totals, self.area)
 
     def table(self, spacing: Spacing, confidence: dict[int, float]) -> pd.DataFrame:
         """Return the table of all labels that have voxels, columns as in `Segmentation`.
@@ -100,6 +105,7 @@ def object_table(
     density: NDArray[np.generic],
     spacing: Spacing,
     oracle: Oracle | None = None,
+    share: Share = SILENT,
 ) -> pd.DataFrame:
     """Measure every object; columns as in `pipeline.Segmentation`.
 
@@ -110,10 +116,11 @@ def object_table(
     spacing : (float, float, float) of mm, z y x
     oracle : callable, optional
         Confidence of a region; by default the oracle that ships with the package.
+    share : Share
     """
     sums = ObjectSums.empty(int(labels.max(initial=0)))
     sums.add(labels, density, spacing)
-    return sums.table(spacing, confidences(labels, density, spacing, oracle))
+    return sums.table(spacing, confidences(labels, density, spacing, oracle, share))
 
 
 def confidences(
@@ -121,18 +128,19 @@ def confidences(
     density: NDArray[np.generic],
     spacing: Spacing,
     oracle: Oracle | None = None,
+    share: Share = SILENT,
 ) -> dict[int, float]:
     """Rate every object, by label; 0 where the oracle has no number, as of densities too large.
 
     Parameters
     ----------
-    labels, density, spacing, oracle
+    labels, density, spacing, oracle, share
         As for `object_table`.
     """
     boxes, density = label_boxes(labels), in_common_range(density)[0]
     confidence_of = oracle or default_oracle()
     found = {}
-    for name in boxes.ids.tolist():
+    for name in share.over(boxes.ids.tolist()):
         box = boxes.slices(name)
         value = float(confidence_of(Region.of(labels[box] == name, density, box, spacing)))
         found[name] = value if np.isfinite(value) else 0.0

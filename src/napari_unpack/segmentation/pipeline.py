@@ -44,7 +44,7 @@ from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_fold
 from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
 from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
-from napari_unpack.tasks import Progress, no_progress
+from napari_unpack.tasks import Progress, Share, no_progress
 
 METHODS = ("learned", "cuts")
 # Folds of cloth are at most this many times as dense as the median of the foreground.
@@ -129,7 +129,7 @@ def segment(
         `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
         oracle that ships with the package; with method "cuts" it also decides about cuts.
     progress : callable, optional
-        Called with (fraction, text) before every step; raising in it cancels.
+        Called with (fraction, text) twice a second or more often; raising in it cancels.
     method : {"learned", "cuts"}
         "learned" merges what a boundary network predicts to belong together. "cuts" is the method
         of the paper (section 3), recursive cuts chosen by the oracle; it is slow and splits more.
@@ -179,7 +179,7 @@ def segment(
     if out is not None:
         check_out(out, source.shape)
     _check_sizes(smallest, step, working)
-    progress = progress or no_progress
+    share = Share(progress or no_progress)
     least = default_smallest_object(source.shape, size) if smallest is None else smallest
     wanted = SegmentOptions(
         method, ForegroundOptions(level, supports, shell), least, grainy, step, rule, oracle
@@ -191,7 +191,7 @@ def segment(
             source,
             size,
             find,
-            progress,
+            share,
             working=working,
             foreground=level,
             grainy=grainy,
@@ -199,18 +199,18 @@ def segment(
             oracle=oracle,
             out=out,
         )
-        progress(1.0, f"{len(table)} objects")
+        share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
     density = checked_volume(np.asarray(source.array))
     noted = Steps()
-    labels = find(density, size, progress, noted=noted)
-    progress(0.95, "Measuring objects")
-    evidence = gather(labels, noted)
-    table = object_table(labels, density, size, oracle)
+    labels = find(density, size, share.part(0.0, 0.95, "Reading the volume"), noted=noted)
+    measuring = share.part(0.95, 1.0, "Measuring objects")
+    evidence = gather(labels, noted, measuring.part(0.0, 0.5))
+    table = object_table(labels, density, size, oracle, measuring.part(0.5, 1.0))
     if out is not None:
         out[...] = labels
         labels = out
-    progress(1.0, f"{len(table)} objects")
+    share(1.0, f"{len(table)} objects")
     return Segmentation(labels, table, evidence)
 
 
@@ -229,7 +229,7 @@ def _check_sizes(smallest: float | None, step: float, working: int) -> None:
 def _segment_grid(
     density: NDArray[np.generic],
     spacing: Spacing,
-    progress: Progress,
+    share: Share,
     options: SegmentOptions,
     noted: Steps | None = None,
 ) -> NDArray[np.int32]:
@@ -240,30 +240,37 @@ def _segment_grid(
     if options.grainy is not None:
         noisy = options.grainy
     if noisy:
-        progress(0.0, "Removing noise and haze")
-        density = denoised(density, spacing, foreground.method)
+        clearing = share.part(0.0, 0.05, "Removing noise and haze")
+        density = denoised(density, spacing, foreground.method, clearing)
         # Under a microscope there is neither a table nor a bag.
         foreground = ForegroundOptions(supports=False, shell=False)
     if options.method == "cuts":
-        labels = _cut_objects(density, spacing, progress, foreground, options)
+        labels = _cut_objects(density, spacing, share.part(0.05, 0.9), foreground, options)
     else:
         # Haze removal leaves no densities to compare.
         labels = find_objects(
             density,
             spacing,
-            progress,
+            share.part(0.05, 0.9),
             foreground,
             smallest=options.smallest,
             steps=not noisy,
             noted=noted,
         )
         if not noisy:
-            labels = gather_cables(labels, density)
-            labels = separate_inclusions(labels, density, spacing, options.smallest)
+            apart = share.part(0.9, 0.95, "Telling apart what lies in each other")
+            labels = gather_cables(labels, density, share=apart.part(0.0, 0.4))
+            least, rest = options.smallest, apart.part(0.4, 1.0)
+            labels = separate_inclusions(labels, density, spacing, least, share=rest)
     if noisy:
-        labels = grow_to_half_height(labels, given, spacing)
-    filled = fill_cavities(labels, spacing, leaky=not noisy)
-    labels = rank_labels(filled if noisy else join_suspended(labels, filled, spacing))
+        growing = share.part(0.9, 0.95, "Drawing borders")
+        labels = grow_to_half_height(labels, given, spacing, growing)
+    closing = share.part(0.95, 0.99, "Filling cavities")
+    filled = fill_cavities(labels, spacing, leaky=not noisy, share=closing)
+    closing(1.0)
+    labels = filled if noisy else join_suspended(labels, filled, spacing)
+    share(1.0)
+    labels = rank_labels(labels)
     if not labels.any():
         raise ValueError(
             f"nothing found: no object has {options.smallest:g} mm^3; "
@@ -275,7 +282,7 @@ def _segment_grid(
 def _cut_objects(
     density: NDArray[np.generic],
     spacing: Spacing,
-    progress: Progress,
+    share: Share,
     foreground: ForegroundOptions,
     options: SegmentOptions,
 ) -> NDArray[np.int32]:
@@ -283,10 +290,12 @@ def _cut_objects(
     oracle = options.oracle or default_oracle()
     # Parts are cut down to twice the least object, since every cut may halve the last one.
     rule = options.rule or SplitRule(smallest=2 * options.smallest)
-    parts, scale = split_parts(density, spacing, progress, oracle, foreground, options.step, rule)
+    first = share.part(0.0, 0.9)
+    parts, scale = split_parts(density, spacing, first, oracle, foreground, options.step, rule)
     # The knee is a quarter of the foreground's median density above air.
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
-    parts = join_touching(parts, density, spacing, oracle, progress=progress)
+    joining = share.part(0.92, 1.0, "Merging parts")
+    parts = join_touching(parts, density, spacing, oracle, progress=joining)
     voxel = float(np.prod(spacing))
     return absorb_small(parts, spacing, max(options.smallest, MIN_OBJECT_VOXELS * voxel))

@@ -15,7 +15,7 @@ from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import SILENT, Progress, Share, no_progress
 
 
 def true_objects(
@@ -91,7 +91,7 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     seed : int
         Of the planes that cut objects in two, and of the mixtures.
     progress : callable, optional
-        Called with (fraction in [0, 1], text) after every volume; the fraction stays 0 where the
+        Called with (fraction in [0, 1], text) for every object; the fraction stays 0 where the
         number of volumes is not known. Raising in it cancels.
 
     Raises
@@ -102,17 +102,15 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     good: list[NDArray[np.float64]] = []
     bad: list[NDArray[np.float64]] = []
     total = len(bags) if isinstance(bags, Sized) else 0
+    share = Share(progress or no_progress)
     for k, bag in enumerate(bags):
-        for rows, more in zip((good, bad), oracle_examples(bag, seed + k), strict=True):
+        at, ended = (0.9 * n / total if total else 0.0 for n in (k, k + 1))
+        part = share.part(at, ended, f"Learning from volume {k + 1}: {len(good)} objects so far")
+        for rows, more in zip((good, bad), oracle_examples(bag, seed + k, part), strict=True):
             rows.extend(more)
-        if progress is not None:
-            progress(
-                (k + 1) / total if total else 0.0,
-                f"Learned from volume {k + 1}: {len(good)} objects",
-            )
-    if len(bad) < 8:
-        return fit_features(np.array(good), None, seed)
-    return fit_features(np.array(good), np.array(bad), seed)
+    fitting = share.part(0.9, 1.0, f"Learning from {len(good)} objects")
+    wrong = np.array(bad) if len(bad) >= 8 else None
+    return fit_features(np.array(good), wrong, seed, fitting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +126,7 @@ def train_on_examples(
     spacing: Sequence[float],
     examples: Iterable[int],
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> Oracle:
     """Learn a confidence from the objects of one volume that a person marked as examples.
 
@@ -139,7 +138,7 @@ def train_on_examples(
     spacing : (3,) sequence of float, mm z y x
     examples : iterable of int
         Labels of those that are exactly one object each; at least eight.
-    seed : int
+    seed, progress
         As for `train`.
 
     Raises
@@ -154,11 +153,11 @@ def train_on_examples(
         )
     a, b, c = (float(v) for v in spacing)
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    return train([_Examples(np.asarray(volume), kept, (a, b, c))], seed)
+    return train([_Examples(np.asarray(volume), kept, (a, b, c))], seed, progress)
 
 
 def oracle_examples(
-    bag: Labelled, seed: int = 0
+    bag: Labelled, seed: int = 0, share: Share = SILENT
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Return the feature rows of the true objects of a volume, and of false ones.
 
@@ -168,6 +167,7 @@ def oracle_examples(
         Objects of fewer than 64 voxels are left out.
     seed : int
         Of the planes that cut objects in two.
+    share : Share
 
     Raises
     ------
@@ -178,9 +178,11 @@ def oracle_examples(
         raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
     a, b, c = (float(v) for v in bag.spacing)
     objects = list(true_objects(bag.volume, bag.labels, (a, b, c)))
-    good = [features(region) for region in objects]
-    bad = [features(region) for region in merged_pairs(bag.volume, bag.labels, (a, b, c))]
-    bad += [features(region) for region in halves(objects, np.random.default_rng(seed))]
+    share(0.1)
+    merged = list(merged_pairs(bag.volume, bag.labels, (a, b, c)))
+    halved = list(halves(objects, np.random.default_rng(seed)))
+    good = [features(region) for region in share.part(0.2, 0.5).over(objects)]
+    bad = [features(region) for region in share.part(0.5, 1.0).over(merged + halved)]
     return good, bad
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.array_source import Source, blocks
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
+from napari_unpack.tasks import SILENT, Share
 
 # Voxels that are segmented whole, a bag of 250 in each direction.
 WORKING_VOXELS = 16_000_000
@@ -72,7 +73,9 @@ def reduction(shape: tuple[int, int, int], spacing: Spacing, most: int = WORKING
     return factors[0], factors[1], factors[2]
 
 
-def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOCK) -> WorkingGrid:
+def reduced(
+    source: Source, spacing: Spacing, factors: Factors, most: int = BLOCK, share: Share = SILENT
+) -> WorkingGrid:
     """Reduce a volume in one pass, block by block.
 
     Parameters
@@ -83,6 +86,7 @@ def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOC
         See `reduction`.
     most : int
         Voxels read at once.
+    share : Share
 
     Raises
     ------
@@ -95,7 +99,7 @@ def reduced(source: Source, spacing: Spacing, factors: Factors, most: int = BLOC
     stride = max(1, int(np.ceil((source.size / MOST_SAMPLES) ** (1 / 3))))
     sample = np.empty(tuple(-(-n // stride) for n in source.shape), source.dtype)
     low, high = np.inf, -np.inf
-    for box, cells in blocks(source.shape, factors, most):
+    for box, cells in share.over(list(blocks(source.shape, factors, most))):
         block = source.read(box)
         least, largest = _means(block, np.array(factors), means[cells])
         low, high = min(low, least), max(high, largest)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtWidgets import QFileDialog
 
-from napari_unpack.tasks import Progress, Task
-from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.section import Collapsible, button, label, row
+from napari_unpack.widgets.task_progress import TaskProgress
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     Scored = tuple[Oracle | None, Mapping[int, float]]
 
-SLOT = "confidence"
 FILES = "Model of the confidence (*.npz)"
 # The fewest examples that `train_on_examples` accepts.
 NEEDED = 8
@@ -71,6 +70,10 @@ class ConfidenceBox(Collapsible):
         self.contents.addWidget(self.sentence)
         self.contents.addLayout(row(self.mark, self.unmark))
         self.contents.addLayout(row(self.train, self.load, self.restore))
+        self.progress = TaskProgress(workspace.scheduler, "Stop; the model in use stays.")
+        self.contents.addWidget(self.progress)
+        self._scored: Session | None = None
+        self.progress.ended.connect(self._end)
         self.mark.clicked.connect(lambda: self._mark(True))
         self.unmark.clicked.connect(lambda: self._mark(False))
         self.train.clicked.connect(self._ask_where_to_save)
@@ -141,10 +144,16 @@ class ConfidenceBox(Collapsible):
         def work(progress: Progress) -> Scored:
             from napari_unpack.segmentation.training import train_on_examples
 
-            progress(0.0, "Training")
-            oracle = train_on_examples(session.volume, labels, tuple(session.spacing), examples)
+            share = Share(progress)
+            oracle = train_on_examples(
+                session.volume,
+                labels,
+                tuple(session.spacing),
+                examples,
+                progress=share.part(0.0, 0.7),
+            )
             oracle.save(path)
-            return oracle, _scores(session, labels, oracle)
+            return oracle, _scores(session, labels, oracle, share.part(0.7, 1.0, "Scoring"))
 
         self._begin(session, work)
 
@@ -158,40 +167,37 @@ class ConfidenceBox(Collapsible):
         def work(progress: Progress) -> Scored:
             from napari_unpack.segmentation import Oracle
 
-            progress(0.0, "Scoring")
             # None stands for the built-in one, also in the session.
             oracle = None if path is None else Oracle.load(path)
-            return oracle, _scores(session, labels, oracle)
+            return oracle, _scores(session, labels, oracle, Share(progress, text="Scoring"))
 
         self._begin(session, work)
 
     @property
     def running(self) -> bool:
         """Whether an oracle is being trained or used."""
-        return self._workspace.scheduler.has(SLOT)
+        return self.progress.running
 
     def _begin(self, session: Session, work: Callable[[Progress], Scored]) -> None:
         if not self.running:
-            finish = partial(self._finish, session)
-            task = Task(object(), work)
-            self._workspace.scheduler.submit(
-                task, Worker.LONG, finish, failed=self._fail, slot=SLOT
-            )
+            self._scored = session
+            self.progress.begin(work)
             self.refresh()
 
-    def _finish(self, session: Session, scored: Scored) -> None:
+    def _end(self, outcome: TaskResult[Scored]) -> None:
+        session = self._scored
+        if outcome.cancelled or session is None:
+            self.refresh()
+            return
         with notifications.errors_shown():
+            oracle, scores = outcome.get()
             # Kept for the sessions that are opened after this one.
-            self._oracle, scores = scored
-            session.use_oracle(self._oracle, scores)
+            self._oracle = oracle
+            session.use_oracle(oracle, scores)
             self._rescored()
         # Opened meanwhile, when this work was in its way.
         if self._workspace.session is not session:
             self._follow()
-        self.refresh()
-
-    def _fail(self, error: Exception) -> None:
-        notifications.show_error(error)
         self.refresh()
 
     def _follow(self) -> None:
@@ -199,13 +205,16 @@ class ConfidenceBox(Collapsible):
         session, oracle = self._workspace.session, self._oracle
         if session is not None and oracle is not None:
             labels = session.labels
-            self._begin(session, lambda _: (oracle, _scores(session, labels, oracle)))
+            work = partial(_scores, session, labels, oracle)
+            self._begin(session, lambda report: (oracle, work(Share(report, text="Scoring"))))
         self.refresh()
 
 
-def _scores(session: Session, labels: NDArray[Any], oracle: Oracle | None) -> dict[int, float]:
+def _scores(
+    session: Session, labels: NDArray[Any], oracle: Oracle | None, share: Share
+) -> dict[int, float]:
     """Score the objects; the labels are those of when it was asked, since repairs replace them."""
     from napari_unpack.segmentation.object_table import confidences
 
     z, y, x = (float(v) for v in session.spacing)
-    return confidences(labels, session.volume, (z, y, x), oracle)
+    return confidences(labels, session.volume, (z, y, x), oracle, share)

@@ -12,7 +12,7 @@ from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.file_sizes import TooLargeError
-from napari_unpack.tasks import Progress, TaskResult
+from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.file_names import FileNames
@@ -88,13 +88,15 @@ def _picture(session: Session, path: Path, options: ExportOptions, progress: Pro
     from napari_unpack.io import save_png
     from napari_unpack.io.headless import copy_session
     from napari_unpack.rendering.compose import scene_image
+    from napari_unpack.rendering.cpu import CANCELLING
     from napari_unpack.session.framing import contained
 
-    progress(0.0, "Drawing the picture")
+    drawing = Share(progress).part(0.0, 0.9, "Drawing the picture")
     shown = copy_session(session, packed=False).scene()
     # All that the window shows, whatever the picture's shape.
     camera = contained(session.camera, session.canvas_size, options.size)
-    image = scene_image(shown, camera, options.size, backend="cpu")
+    with CANCELLING.by(drawing):
+        image = scene_image(shown, camera, options.size, backend="cpu")
     progress(0.9, "Writing the picture")
     return save_png(image, path)
 

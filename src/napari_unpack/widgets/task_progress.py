@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Signal
 from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
-from napari_unpack.tasks import Progress, Task, TaskResult
+from napari_unpack.tasks import Cancelled, Progress, Task, TaskResult
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.section import button, column, label
 
@@ -17,6 +18,9 @@ STEPS = 1000
 
 # About the time between two reports of a segmentation, so that the bar hardly ever stands.
 GLIDE_MS = 400
+
+# Cancel is over after this, whatever the work is doing then: within a second for a person.
+PATIENCE_MS = 700
 
 
 class SmoothBar(QProgressBar):
@@ -67,7 +71,8 @@ class TaskProgress(QWidget):
     def __init__(self, scheduler: Scheduler, promise: str) -> None:
         super().__init__()
         self._scheduler = scheduler
-        # Its own slot: sections work at the same time.
+        # Of the work shown. A slot for each, as sections work at the same time, and work that was
+        # cancelled may still be under way.
         self._slot = object()
         self.bar = SmoothBar()
         self.text = label("", "hint", wrap=True)
@@ -101,12 +106,13 @@ class TaskProgress(QWidget):
         """
         if self.running:
             raise RuntimeError("earlier work is still under way; cancel it first")
+        self._slot = slot = object()
         self._scheduler.submit(
-            Task(self._slot, work),
+            Task(slot, work),
             Worker.LONG,
-            lambda result: self._end(TaskResult(result)),
-            self._show,
-            lambda error: self._end(TaskResult(error=error)),
+            lambda result: self._end(slot, TaskResult(result)),
+            partial(self._show, slot),
+            lambda error: self._end(slot, TaskResult(error=error)),
         )
         self.cancel.setEnabled(True)
         self.bar.start()
@@ -115,17 +121,29 @@ class TaskProgress(QWidget):
 
     def stop(self) -> None:
         """Ask the task to stop; does nothing when none runs."""
-        # The task stops at its next report, which can take seconds: say that it was heard.
+        if not self.running:
+            return
         self.cancel.setEnabled(False)
         self.text.setText("Stopping")
-        self._scheduler.cancel(self._slot)
+        slot = self._slot
+        self._scheduler.cancel(slot)
+        # The task ends at its next report. In a library, or while a kernel is compiled, that may
+        # take longer: then it is left to itself, and what it returns is thrown away.
+        given_up = TaskResult[Any](error=Cancelled())
+        self._scheduler.later(PATIENCE_MS, lambda: self._end(slot, given_up))
 
-    def _show(self, fraction: float, text: str) -> None:
+    def _show(self, slot: object, fraction: float, text: str) -> None:
+        if slot is not self._slot:
+            return
         self.progressed.emit(fraction, text)
         self.bar.move_to(fraction)
         if self.cancel.isEnabled():
             self.text.setText(text)
 
-    def _end(self, outcome: TaskResult[Any]) -> None:
+    def _end(self, slot: object, outcome: TaskResult[Any]) -> None:
+        if slot is not self._slot:
+            return
+        # From now on nothing runs here, though the task may.
+        self._slot = object()
         self.hide()
         self.ended.emit(outcome)

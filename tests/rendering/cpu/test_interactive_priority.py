@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from threading import Event, Thread
+from time import sleep
+
+import pytest
 
 from napari_unpack.rendering.cpu.thread_pool import (
+    CANCELLING,
     INTERACTIVE_PRIORITY,
     InteractivePriority,
     over_bands,
 )
+from napari_unpack.tasks import Cancelled, Share
 
 
 def test_bands_begun_by_others_wait_and_own_ones_do_not() -> None:
@@ -30,6 +35,28 @@ def test_bands_begun_by_others_wait_and_own_ones_do_not() -> None:
     other.join(20)
     assert not INTERACTIVE_PRIORITY.mine
     assert done == [("slow", 0), ("own", 0), ("own", 1), ("own", 2), ("slow", 1)]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_passes_end_where_their_thread_is_cancelled(threads: int) -> None:
+    done = []
+
+    def check(fraction: float, _: str) -> None:
+        assert 0 <= fraction <= 1
+        if len(done) > 3:
+            raise Cancelled
+
+    def band(_: None, first: int, last: int) -> None:
+        del last
+        sleep(0.01)
+        done.append(first)
+
+    with CANCELLING.by(Share(check)), pytest.raises(Cancelled):
+        over_bands(1000, band, lambda: None, threads, 1)
+    # Threads are asked every fifth of a second.
+    assert len(done) < 200
+    over_bands(5, band, lambda: None, threads, 1)
+    assert done[-1] == 4
 
 
 def test_patience_ends() -> None:

@@ -7,10 +7,11 @@ from napari_unpack.rendering.cpu.label_runs import Runs
 from napari_unpack.rendering.cpu.object_ids import id_layers
 from napari_unpack.rendering.cpu.occlusion import occlusion_counts, occlusion_runs
 from napari_unpack.rendering.cpu.picking import by_contribution, contributions
-from napari_unpack.rendering.cpu.thread_pool import INTERACTIVE_PRIORITY
+from napari_unpack.rendering.cpu.thread_pool import CANCELLING, INTERACTIVE_PRIORITY
 from napari_unpack.rendering.cpu.tinted import tinted
 
 __all__ = [
+    "CANCELLING",
     "INTERACTIVE_PRIORITY",
     "Bricks",
     "OcclusionCounts",

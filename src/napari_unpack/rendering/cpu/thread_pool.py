@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from threading import Condition, Lock, get_ident
+from threading import Condition, Event, Lock, get_ident
 from time import monotonic
 from typing import TypeVar
+
+from napari_unpack.tasks import BEAT_SECONDS, SILENT, Share
 
 # Seconds that one worker lets others go first in all: nothing waits for ever.
 PATIENCE = 0.25
@@ -59,6 +61,32 @@ class InteractivePriority:
 INTERACTIVE_PRIORITY = InteractivePriority()
 
 
+class Cancelling:
+    """Lets the passes that a thread begins be called off between two bands."""
+
+    def __init__(self) -> None:
+        self._shares: dict[int, Share] = {}
+
+    @contextmanager
+    def by(self, share: Share) -> Iterator[None]:
+        """Report to a share while passes begun by this thread run, which may cancel them."""
+        own = get_ident()
+        self._shares[own] = share
+        try:
+            yield
+        finally:
+            del self._shares[own]
+
+    @property
+    def mine(self) -> Share:
+        """What passes begun by this thread report to."""
+        return self._shares.get(get_ident(), SILENT)
+
+
+# By thread, for the same reason.
+CANCELLING = Cancelling()
+
+
 State = TypeVar("State")
 
 
@@ -86,28 +114,39 @@ def over_bands(
 
     Notes
     -----
-    Between bands, workers let those go first that a thread with the interactive priority has begun.
+    Between bands, workers let those go first that a thread with the interactive priority has begun,
+    and end where the thread that began them is cancelled; see `Cancelling`.
     """
     workers = max(1, threads or os.cpu_count() or 1)
     height = band or max(1, -(-rows // (16 * workers)))
     workers = min(workers, -(-rows // height))
     starts = iter(range(0, rows, height))
-    lock = Lock()
-    goes_first = INTERACTIVE_PRIORITY.mine
+    lock, begun = Lock(), 0
+    goes_first, share, stopping = INTERACTIVE_PRIORITY.mine, CANCELLING.mine, Event()
+    caller = get_ident()
 
     def worker() -> State:
+        nonlocal begun
         own = state()
         patience = 0.0 if goes_first else PATIENCE
         while True:
             patience = INTERACTIVE_PRIORITY.give(patience)
+            if get_ident() == caller:
+                share(begun / rows)
             with lock:
-                first = next(starts, None)
-            if first is None:
-                return own
+                first = None if stopping.is_set() else next(starts, None)
+                if first is None:
+                    return own
+                begun = first
             work(own, first, min(first + height, rows))
 
     if workers <= 1:
         return [worker()]
     with ThreadPoolExecutor(workers, "unpack") as pool:
         futures = [pool.submit(worker) for _ in range(workers)]
+        try:
+            while wait(futures, BEAT_SECONDS).not_done:
+                share(begun / rows)
+        finally:
+            stopping.set()
         return [future.result() for future in futures]

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ def density_regions(
     scale: DensityScale,
     smallest: int,
     hosts: NDArray[np.int32] | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Split a mask at its density steps into 6-connected regions 1, 2, ...; 0 is outside.
 
@@ -75,22 +77,29 @@ def density_regions(
         Parts of fewer voxels join the neighbour they differ least from.
     hosts : (Z, Y, X) ndarray of int32, optional
         Labels, not 0 in the mask, that no part crosses the borders of.
+    share : Share
     """
     # Linear in the voxels but for sorting the boundaries of basins.
     lifted = log_density(density, mask, scale)
+    share(0.05)
     noise = _noise(lifted, mask)
+    share(0.1)
     # Smoothed twice with weights 2 and 1: noise must not make a basin of every voxel.
     smooth = _mean_of_neighbours(_mean_of_neighbours(lifted, mask), mask)
+    share(0.2)
     gradient = _gradient(smooth, mask)
     # Below a third of the median slope all is flat; above 0.8 a factor of e, all is a step.
     floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
     levels[~mask] = 255
+    share(0.3)
     # Flooded in 255 levels: an array of buckets takes linear time, where a heap of floats sorts.
-    basins = flood(regional_minima(levels, mask), mask, levels)
+    minima = regional_minima(levels, mask)
+    basins = flood(minima, mask, levels, share.part(0.5, 0.7))
     if hosts is not None:
         basins = intersected_labels(basins, hosts)
-    return _merge_basins(basins, smooth, gradient, noise, scale.step, smallest, hosts)
+    rest = share.part(0.7, 1.0)
+    return _merge_basins(basins, smooth, gradient, noise, scale.step, smallest, hosts, rest)
 
 
 def regional_minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -250,14 +259,15 @@ def _merge_basins(
     noise: float,
     step: float,
     smallest: int,
-    hosts: NDArray[np.int32] | None = None,
+    hosts: NDArray[np.int32] | None,
+    share: Share,
 ) -> NDArray[np.int32]:
     """Merge adjacent basins whose mean values do not differ; see Nock & Nielsen 2004."""
     # Basins in different hosts stay apart; small ones are merged with the neighbour that differs
     # least in any case.
     count = int(basins.max())
     sizes, sums = _statistics(basins, values, count)
-    pairs, faces, slopes = _adjacency(basins, gradient, count)
+    pairs, faces, slopes = _adjacency(basins, gradient, count, share.part(0.0, 0.6))
     if hosts is not None:
         host = np.zeros(count + 1, np.int32)
         host[basins.reshape(-1)] = hosts.reshape(-1)
@@ -266,8 +276,10 @@ def _merge_basins(
     owner = np.arange(count + 1)
     # The most alike first, so that a region does not creep across a slow ramp.
     for limit in (step / 4, step / 2, step):
+        share(0.7)
         _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise)
     _absorb_small(pairs, faces, owner, sizes, sums, smallest)
+    share(0.9)
     roots = np.array([_find(owner, k) for k in range(count + 1)])
     present = np.zeros(count + 1, np.bool_)
     present[roots[1:]] = True
@@ -289,11 +301,11 @@ def _statistics(basins, values, count):  # type: ignore[no-untyped-def]
 
 
 def _adjacency(
-    basins: NDArray[np.int32], gradient: NDArray[np.float32], count: int
+    basins: NDArray[np.int32], gradient: NDArray[np.float32], count: int, share: Share
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Return the (P, 2) touching pairs, their faces and the mean slope across them."""
     keys, slopes = [], []
-    for axis in range(3):
+    for axis in share.part(0.0, 0.6).over(range(3)):
         one = np.moveaxis(basins, axis, 0)[:-1]
         two = np.moveaxis(basins, axis, 0)[1:]
         touch = (one != two) & (one > 0) & (two > 0)
@@ -302,6 +314,7 @@ def _adjacency(
         keys.append(np.minimum(a, b) * (count + 1) + np.maximum(a, b))
         steep = np.moveaxis(gradient, axis, 0)
         slopes.append(np.maximum(steep[:-1][touch], steep[1:][touch]))
+    share(0.6)
     found, where, faces = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
     mean = np.bincount(where, np.concatenate(slopes), minlength=len(found)) / np.maximum(faces, 1)
     return np.stack([found // (count + 1), found % (count + 1)], axis=1), faces, mean

@@ -6,9 +6,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.tasks import SILENT, VOXELS_PER_CHECK, Share
+
 
 def flood(
-    seeds: NDArray[np.int32], mask: NDArray[np.bool_], cost: NDArray[np.uint8] | None = None
+    seeds: NDArray[np.int32],
+    mask: NDArray[np.bool_],
+    cost: NDArray[np.uint8] | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Grow seeds over a mask in order of cost (Meyer's watershed in buckets); 0 where none reaches.
 
@@ -20,6 +25,7 @@ def flood(
         Where labels may grow to, through faces.
     cost : (Z, Y, X) ndarray of uint8, optional
         Height of the landscape, flooded from low to high; None floods by steps from the seeds.
+    share : Share
     """
     # Linear in the voxels. Equal costs are flooded first come, first served, so that plateaus are
     # shared half-way between their seeds.
@@ -31,21 +37,27 @@ def flood(
     heights = np.zeros(shape, np.uint8)
     if cost is not None:
         heights[1:-1, 1:-1, 1:-1] = cost
+    share(0.1)
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
-    _flood(labels.reshape(-1), heights.reshape(-1), strides)
+    steps = np.stack([-strides, strides], axis=1).reshape(-1)
+    flat = labels.reshape(-1), heights.reshape(-1), steps
+    lists = _queue(*flat)
+    share(0.2)
+    level, flooded = 0, 0
+    while level < 256:
+        level = _flood(level, VOXELS_PER_CHECK, *flat, *lists)
+        flooded += VOXELS_PER_CHECK
+        share(0.2 + 0.7 * min(flooded / mask.size, 1.0))
     return np.where(mask, inner, 0).astype(np.int32, copy=False)
 
 
 @njit(cache=True, nogil=True)
-def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
-    """Flood padded labels: -1 is outside, 0 is to be flooded."""
+def _queue(labels, heights, steps):  # type: ignore[no-untyped-def]
+    """Return first-in, first-out lists of the seeds to flood from, one for each height."""
     head = np.full(256, -1, np.int64)
-    # One first-in, first-out list of voxels for each height.
     tail = np.full(256, -1, np.int64)
     # int32: 2^31 voxels are more than is ever flooded at once, and this is the largest array here.
     after = np.full(len(labels), -1, np.int32)
-    steps = np.array([-strides[0], strides[0], -strides[1], strides[1], -strides[2], strides[2]])
-    lowest = np.int64(256)
     for voxel in range(len(labels)):
         if labels[voxel] <= 0:
             continue
@@ -58,14 +70,22 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
                 else:
                     after[tail[level]] = voxel
                 tail[level] = voxel
-                lowest = min(lowest, level)
                 break
-    level = lowest
-    while level < 256:
+    return head, tail, after
+
+
+@njit(cache=True, nogil=True)
+def _flood(level, most, labels, heights, steps, head, tail, after):  # type: ignore[no-untyped-def]
+    """Flood from so many voxels of padded labels: -1 is outside, 0 is to be flooded.
+
+    Return the level to go on from, 256 where all is flooded.
+    """
+    while level < 256 and most > 0:
         voxel = head[level]
         if voxel < 0:
             level += 1
             continue
+        most -= 1
         head[level] = after[voxel]
         if head[level] < 0:
             tail[level] = -1
@@ -81,3 +101,4 @@ def _flood(labels, heights, strides):  # type: ignore[no-untyped-def]
             else:
                 after[tail[height]] = other
             tail[height] = other
+    return level

@@ -21,6 +21,7 @@ from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture, fit_mixture, pooled
+from napari_unpack.tasks import SILENT, Share
 
 FORMAT = "napari-unpack oracle 3"
 # Deviations; one feature that is far off must not outweigh all others.
@@ -181,7 +182,9 @@ def _fits(oracle: Oracle) -> bool:
     return all(a.shape == shape and np.isfinite(a).all() for a, shape in shapes)
 
 
-def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
+def fit_features(
+    good: Rows, bad: Rows | None = None, seed: int = 0, share: Share = SILENT
+) -> Oracle:
     """Fit an oracle to feature rows.
 
     Parameters
@@ -193,6 +196,7 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
         Of wrong regions; M at least 8.
     seed : int
         Of the mixtures' initialisation.
+    share : Share
 
     Raises
     ------
@@ -216,15 +220,16 @@ def fit_features(good: Rows, bad: Rows | None = None, seed: int = 0) -> Oracle:
         center, scale, axes, Mixture(*(np.zeros(1),) * 3), np.zeros(101), None, np.zeros(2)
     )
 
-    def fit(side: list[NDArray[np.float64]]) -> Mixture:
+    def fit(side: list[NDArray[np.float64]], share: Share) -> Mixture:
         parts = [rows for group in side for rows in _resampled(blank.project(group))]
-        return pooled([fit_mixture(rows, seed) for rows in parts], [len(rows) for rows in parts])
+        fitted = [fit_mixture(rows, seed) for rows in share.over(parts)]
+        return pooled(fitted, [len(rows) for rows in parts])
 
-    model = fit(kinds)
+    model = fit(kinds, share.part(0.0, 0.5))
     quantiles = np.quantile(model.log_density(blank.project(true)), np.linspace(0, 1, 101))
     if bad is None:
         return Oracle(center, scale, axes, model, quantiles, None, np.array([1.0, 0.0]))
-    other = fit(wrong)
+    other = fit(wrong, share.part(0.5, 1.0))
     ratios = [
         model.log_density(blank.project(rows)) - other.log_density(blank.project(rows))
         for rows in (true, np.concatenate(wrong))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.tasks import SILENT, Share
 
 
 def find_shell(
@@ -18,6 +19,7 @@ def find_shell(
     extent: float = 0.94,
     outermost: float = 0.6,
     fewest: int = 3,
+    share: Share = SILENT,
 ) -> NDArray[np.bool_]:
     """Return by label, (M,), which parts are the bag and not its content.
 
@@ -34,6 +36,7 @@ def find_shell(
         Share of its voxels that are the first seen along an axis from outside.
     fewest : int
         There is no bag around fewer other parts.
+    share : Share
     """
     # Where there is a skin, other thin parts nearly all of which are outermost belong to it. Four
     # passes over the volume.
@@ -49,14 +52,16 @@ def find_shell(
         return shell
     reach = np.maximum(np.round(thickness / 2 / np.array(spacing)).astype(np.int64), 1)
     outer = _outermost(labels, top, reach)
+    share(0.2)
     depth = edt.edt(labels, anisotropy=spacing, black_border=True)
+    share(0.7)
     depths = np.bincount(labels.reshape(-1), depth.reshape(-1), top + 1)[boxes.ids]
     # A plate of thickness t has mean depth t / 4.
     thin = 4 * depths / boxes.counts <= thickness
-    share = outer[boxes.ids] / boxes.counts
-    skin = wide & thin & (share >= outermost)
+    first = outer[boxes.ids] / boxes.counts
+    skin = wide & thin & (first >= outermost)
     if skin.any() and len(boxes.ids) - int(skin.sum()) >= fewest:
-        shell[boxes.ids[skin | (thin & (share >= 0.8))]] = True
+        shell[boxes.ids[skin | (thin & (first >= 0.8))]] = True
     return shell
 
 

@@ -10,6 +10,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filte
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.tasks import SILENT, Share
 
 # Of neighbouring voxels, below which a volume is mostly noise. Measured: 0.83 and above on scans
 # of bags, also by few photons; 0.44 on nuclei.
@@ -70,7 +71,7 @@ def _neighbour_correlation(density: NDArray[np.generic]) -> float:
 
 
 def denoised(
-    density: NDArray[np.generic], spacing: Spacing, foreground: str | float
+    density: NDArray[np.generic], spacing: Spacing, foreground: str | float, share: Share = SILENT
 ) -> NDArray[np.float32]:
     """Remove noise and haze, and what lies below a foreground that is a density.
 
@@ -80,14 +81,17 @@ def denoised(
     spacing : (float, float, float) of mm, z y x
     foreground : str or float
         See `methods.checked_foreground`.
+    share : Share
     """
-    clear = without_noise_and_haze(density, spacing)
+    clear = without_noise_and_haze(density, spacing, share)
     if not isinstance(foreground, str):
         clear[~(_smooth(density, NOISE_WIDTH, spacing) >= foreground)] = 0
     return clear
 
 
-def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> NDArray[np.float32]:
+def without_noise_and_haze(
+    density: NDArray[np.generic], spacing: Spacing, share: Share = SILENT
+) -> NDArray[np.float32]:
     """Remove noise and haze.
 
     Parameters
@@ -96,6 +100,7 @@ def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> ND
         NaN counts as the median.
     spacing : (float, float, float)
         Voxel size z y x, mm; its proportions count.
+    share : Share
 
     Returns
     -------
@@ -106,7 +111,7 @@ def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> ND
     # Linear in the voxels. Haze is the result of three running means.
     values = _smooth(density, NOISE_WIDTH, spacing)
     haze = values
-    for _ in range(3):
+    for _ in share.part(0.4, 1.0).over(range(3)):
         # Three running means of width w have the variance w^2 / 4.
         widths = [max(1, round(2 * HAZE_WIDTH * min(spacing) / s)) for s in spacing]
         haze = uniform_filter(haze, widths)
@@ -117,7 +122,10 @@ def without_noise_and_haze(density: NDArray[np.generic], spacing: Spacing) -> ND
 
 
 def grow_to_half_height(
-    labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing
+    labels: NDArray[np.int32],
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Move every object's border to half its height above ground, by four voxels at most.
 
@@ -128,18 +136,20 @@ def grow_to_half_height(
     density : (Z, Y, X) ndarray
         With its noise and haze.
     spacing : (float, float, float) of mm, z y x
+    share : Share
     """
     # A blurred edge lies at half of its height, and staining differs from object to object.
     found = np.zeros_like(labels)
     if not labels.any():
         return found
     values = _smooth(density, BORDER_ERROR / 2, spacing)
+    share(0.1)
     low, high = float(values.min()), float(values.max())
     cost = ((high - values) * (255 / max(high - low, 1e-6))).astype(np.uint8)
     near = distance_transform_edt(labels == 0, sampling=spacing) <= BORDER_ERROR * min(spacing)
-    basins = flood(labels, near, cost)
+    basins = flood(labels, near, cost, share.part(0.4, 0.5))
     boxes = label_boxes(basins)
-    for name in boxes.ids.tolist():
+    for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         mine, here, inside = basins[box] == name, values[box], labels[box] == name
         around = here[mine & ~inside]

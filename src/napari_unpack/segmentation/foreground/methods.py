@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.mumford_shah import mumford_shah
 from napari_unpack.segmentation.foreground.thresholds import Levels, above_levels, find_levels, peel
+from napari_unpack.tasks import SILENT, Share
 
 # Names of methods; a number is a fixed density.
 FOREGROUND_METHODS = ("hysteresis", "otsu", "mumford-shah")
@@ -73,7 +74,7 @@ def foreground_levels(sample: NDArray[np.generic], method: str | float) -> Level
 
 
 def find_foreground(
-    density: NDArray[np.generic], spacing: Spacing, method: str | float
+    density: NDArray[np.generic], spacing: Spacing, method: str | float, share: Share = SILENT
 ) -> tuple[NDArray[np.bool_], Levels]:
     """Tell foreground from air.
 
@@ -84,6 +85,7 @@ def find_foreground(
     spacing : (float, float, float) of mm, z y x
     method : str or float
         See `checked_foreground`.
+    share : Share
 
     Returns
     -------
@@ -98,15 +100,18 @@ def find_foreground(
         If no voxel is foreground.
     """
     levels = foreground_levels(density, method)
+    share(0.3)
     if method == "mumford-shah":
-        foreground = mumford_shah(density, levels, spacing)
+        foreground = mumford_shah(density, levels, spacing, share.part(0.3, 1.0))
         if not foreground.any():
             raise ValueError(
                 "nothing found in the foreground: all of it is smooth; "
                 "pass foreground= with a density to choose it yourself"
             )
         return peel(foreground, density, levels.air), levels
-    return peel(above_levels(density, levels), density, levels.air), levels
+    foreground = above_levels(density, levels)
+    share(0.7)
+    return peel(foreground, density, levels.air), levels
 
 
 def typical_knee(density: NDArray[np.generic], foreground: NDArray[np.bool_], air: float) -> float:

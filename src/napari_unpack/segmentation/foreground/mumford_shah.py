@@ -17,6 +17,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.tasks import SILENT, Share
 
 
 def least_boundary(
@@ -27,6 +28,7 @@ def least_boundary(
     active: NDArray[np.bool_],
     rounds: int = 200,
     close: float = 0.01,
+    share: Share = SILENT,
 ) -> NDArray[np.bool_]:
     """Choose the voxels that cost least together with the boundary around them.
 
@@ -46,6 +48,7 @@ def least_boundary(
         Iterations at most.
     close : float
         Done when no value changed by more than this in ten iterations.
+    share : Share
 
     Notes
     -----
@@ -68,7 +71,8 @@ def least_boundary(
     ends, voxels = np.flatnonzero(edges), np.flatnonzero(active)
     scale = np.float32(1.0 / max(price, 1e-12))
     for k in range(0, rounds, 10):
-        for _ in range(9):
+        for n in range(9):
+            share((k + n) / rounds)
             _ascend(dual, ahead, bounds * scale, ends)
             _descend(cost, dual, u, ahead, scale, voxels)
         _ascend(dual, ahead, bounds * scale, ends)
@@ -168,7 +172,9 @@ class Weights:
         return cls((length * unit / edge) ** 2, price * unit / edge, squeeze, faces)  # type: ignore[arg-type]
 
 
-def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mask:
+def mumford_shah(
+    density: NDArray[Any], levels: Levels, spacing: Spacing, share: Share = SILENT
+) -> Mask:
     """Tell foreground from air where neither has one density everywhere.
 
     Parameters
@@ -177,6 +183,7 @@ def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mas
         NaN is background.
     levels : Levels
     spacing : (float, float, float) of mm, z y x
+    share : Share
 
     Notes
     -----
@@ -203,15 +210,21 @@ def mumford_shah(density: NDArray[Any], levels: Levels, spacing: Spacing) -> Mas
         if smaller[0].size == grids[-1][0].size:
             break
         grids.append(smaller)
+    share(0.1)
     foreground, inside, outside = _started(grids[-1][0], Weights.of(grids[-1][1], unit))
     for (data, size), coarser in zip(grids[-2::-1], grids[:0:-1], strict=True):
+        # Every finer grid takes twice the time of all before it, or more.
+        at, ended = data.size / 4 / density.size, data.size / density.size
+        grid_share = share.part(0.1 + 0.9 * at, 0.1 + 0.9 * ended)
         foreground, inside, outside = (
             _enlarged(field, data.shape, coarser[1], size)
             for field in (foreground, inside, outside)
         )
         weights = Weights.of(size, unit)
         active = _doubtful(data, foreground, inside, outside, weights)
-        foreground = descend(data, foreground, inside, outside, weights, active, 1)
+        foreground = descend(
+            data, foreground, inside, outside, weights, active, 1, share=grid_share
+        )
     return foreground & np.isfinite(density)
 
 
@@ -300,6 +313,7 @@ def descend(
     active: Mask,
     rounds: int,
     close: float = 0.005,
+    share: Share = SILENT,
 ) -> Mask:
     """Alternate between fields and mask while the energy falls; return the mask.
 
@@ -319,20 +333,26 @@ def descend(
         At most.
     close : float
         How far the fields are relaxed; see `relax`.
+    share : Share
     """
-    for _ in range(rounds):
-        relax(data, foreground, inside, weights, active, close)
-        relax(data, ~foreground, outside, weights, active, close)
+    # The rounds take the first 0.8 of the time, relaxing 0.3 of each for either field.
+    for n in range(rounds):
+        turn = share.part(0.8 * n / rounds, 0.8 * (n + 1) / rounds)
+        relax(data, foreground, inside, weights, active, close, share=turn.part(0.0, 0.3))
+        relax(data, ~foreground, outside, weights, active, close, share=turn.part(0.3, 0.6))
         before = energy(data, foreground, inside, outside, weights)
-        cost = _preferences(data, inside, outside, weights)
-        changed = least_boundary(cost, foreground, weights.boundary, weights.faces, active)
+        turn(0.65)
+        cost, cut = _preferences(data, inside, outside, weights), turn.part(0.7, 1.0)
+        changed = least_boundary(
+            cost, foreground, weights.boundary, weights.faces, active, share=cut
+        )
         if np.array_equal(changed, foreground):
             return foreground
         if energy(data, changed, inside, outside, weights) > before:
             return foreground
         foreground = changed
-    relax(data, foreground, inside, weights, active, close)
-    relax(data, ~foreground, outside, weights, active, close)
+    relax(data, foreground, inside, weights, active, close, share=share.part(0.8, 0.9))
+    relax(data, ~foreground, outside, weights, active, close, share=share.part(0.9, 1.0))
     return foreground
 
 
@@ -373,6 +393,7 @@ def relax(
     active: NDArray[np.bool_],
     close: float = 0.005,
     sweeps: int = 100,
+    share: Share = SILENT,
 ) -> int:
     """Make a field fit the data of its side and be smooth; return the sweeps made.
 
@@ -392,6 +413,7 @@ def relax(
         Done when no value changed by more in a sweep.
     sweeps : int
         Done after so many in any case.
+    share : Share
     """
     # Red-black Gauss-Seidel: every step solves one voxel's equation exactly, so that no sweep
     # raises the energy.
@@ -399,6 +421,7 @@ def relax(
     where = np.flatnonzero(active)
     made, largest = 0, np.inf
     while made < sweeps and largest > close:
+        share(made / sweeps)
         largest = max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1))
         made += 1
     return made

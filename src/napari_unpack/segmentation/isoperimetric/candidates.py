@@ -27,6 +27,7 @@ from napari_unpack.segmentation.isoperimetric.candidate_sources import (
     tree_candidates,
 )
 from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
+from napari_unpack.tasks import SILENT, Share
 
 SOURCES: tuple[Callable[[PreparedRegion], Proposals], ...] = (
     tree_candidates,
@@ -59,7 +60,9 @@ class Candidate:
     source: str
 
 
-def candidate_cuts(region: Region, smallest: float, most_parts: int = 5) -> list[Candidate]:
+def candidate_cuts(
+    region: Region, smallest: float, most_parts: int = 5, share: Share = SILENT
+) -> list[Candidate]:
     """Propose cuts of a region from every source.
 
     Parameters
@@ -70,6 +73,7 @@ def candidate_cuts(region: Region, smallest: float, most_parts: int = 5) -> list
         No part is smaller than this, mm^3.
     most_parts : int
         Cuts into more are not proposed.
+    share : Share
 
     Returns
     -------
@@ -82,14 +86,16 @@ def candidate_cuts(region: Region, smallest: float, most_parts: int = 5) -> list
     if region.volume < 2 * smallest or region.voxels < 16:
         return []
     if region.voxels > MOST_VOXELS:
-        return _reduced_candidates(region, smallest, most_parts)
+        return _reduced_candidates(region, smallest, most_parts, share)
     piece = PreparedRegion.of(region, smallest)
     fewest = max(int(smallest / region.voxel_volume), 1)
     areas = region.voxel_volume / np.array(region.spacing)
     found: list[Candidate] = []
     blocks: list[NDArray[np.int32]] = []
-    for source in SOURCES:
+    for source in share.over(SOURCES):
         for name, sides, edges in source(piece):
+            # Some twelve are proposed.
+            share(min(len(blocks) / 12, 1.0))
             if any(_alike(sides, other) for other in blocks):
                 continue
             blocks.append(sides)
@@ -114,14 +120,17 @@ def _connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int3
     return seeds if large[1:].all() else flood(seeds, parts > 0)
 
 
-def _reduced_candidates(region: Region, smallest: float, most_parts: int) -> list[Candidate]:
+def _reduced_candidates(
+    region: Region, smallest: float, most_parts: int, share: Share
+) -> list[Candidate]:
     """Search on a copy of at most a million voxels, and carry its candidates back."""
     depth = chamfer_depth(region.mask, region.spacing)
     small = coarsened(region.mask, depth, region.density, region.spacing, MOST_VOXELS)
     copy = Region(small.mask, small.density, (0, 0, 0), small.spacing)
     fewest = max(int(smallest / region.voxel_volume), 1)
     found = []
-    for candidate in candidate_cuts(copy, smallest, most_parts):
+    candidates = candidate_cuts(copy, smallest, most_parts, share.part(0.0, 0.6))
+    for candidate in share.part(0.6, 1.0).over(candidates):
         parts = carried_back(candidate.parts, small.factor, region.mask, depth)
         parts = _connected_parts(parts, fewest)
         if parts.max() >= 2:

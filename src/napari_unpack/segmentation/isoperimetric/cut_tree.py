@@ -10,13 +10,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle, Region
 from napari_unpack.segmentation.isoperimetric.candidates import candidate_cuts
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import SILENT, Progress, Share, no_progress
 
 
 @dataclass(frozen=True)
@@ -97,32 +96,26 @@ def split_recursively(
     smallest : float
         No part is smaller, mm^3.
     progress : callable, optional
-        Called before every split with the fraction of voxels seen; raising in it cancels.
+        Called before every proposal with the fraction of voxels seen; raising in it cancels.
     """
     # The share of voxels seen is the progress; trees differ too much for more.
     total = max(sum(region.voxels for region in regions), 1)
-    seen = 0
+    seen, share = 0, Share(progress or no_progress)
     trees = []
     for region in regions:
-        share = seen / total
-        report = None if progress is None else partial(_at_share, progress, share)
-        trees.append(grow_cut_tree(region, oracle, smallest, report))
+        part = share.part(seen / total, (seen + region.voxels) / total, "Splitting")
+        trees.append(grow_cut_tree(region, oracle, smallest, part))
         seen += region.voxels
     if not trees:
         return []
     return [node.region for node in _all(trees, best_rule(trees))]
 
 
-def _at_share(progress: Progress, share: float, _: float, text: str) -> None:
-    """Report a text at a fixed share of the work."""
-    progress(share, text)
-
-
 def grow_cut_tree(
     region: Region,
     oracle: Oracle,
     smallest: float,
-    progress: Progress | None = None,
+    share: Share = SILENT,
     depth: int = 0,
     confidence: float | None = None,
 ) -> Node:
@@ -136,8 +129,7 @@ def grow_cut_tree(
         Confidence in [0, 1] that a region is exactly one object.
     smallest : float
         No part is smaller, mm^3.
-    progress : callable, optional
-        Called before every split with (0, text); raising in it cancels.
+    share : Share
     depth : int
         Of this region in the tree; below 6 nothing is cut.
     confidence : float, optional
@@ -150,12 +142,14 @@ def grow_cut_tree(
     sure = oracle(region) if confidence is None else confidence
     if sure >= SURE_OF_ONE_OBJECT or depth >= DEEPEST_CUT:
         return Node(region, sure)
-    if progress is not None:
-        progress(0.0, f"Splitting: {region.voxels} voxels")
+    text = f"Splitting: {region.voxels} voxels"
     best: tuple[float, list[Region], list[float], float, str] | None = None
-    for candidate in candidate_cuts(
-        region, max(smallest, MIN_OBJECT_VOXELS * region.voxel_volume / 2)
-    ):
+    candidates = candidate_cuts(
+        region,
+        max(smallest, MIN_OBJECT_VOXELS * region.voxel_volume / 2),
+        share=share.part(0.0, 0.3, text),
+    )
+    for candidate in share.part(0.3, 0.5, text).over(candidates):
         parts = [region.part(candidate.parts == k) for k in range(1, candidate.parts.max() + 1)]
         scores = [oracle(part) for part in parts]
         volumes = [part.volume for part in parts]
@@ -167,11 +161,13 @@ def grow_cut_tree(
         sure - MOST_CONFIDENCE_LOST, LEAST_CONFIDENCE_BELOW_FIRST_CUT if depth else 0.0
     ):
         return Node(region, sure)
-    nodes = tuple(
-        grow_cut_tree(part, oracle, smallest, progress, depth + 1, score)
-        for part, score in zip(best[1], best[2], strict=True)
-    )
-    return Node(region, sure, nodes, best[3], best[4])
+    nodes, seen = [], 0.5
+    for part, score in zip(best[1], best[2], strict=True):
+        ended = seen + 0.5 * part.voxels / region.voxels
+        below = share.part(seen, min(ended, 1.0), text)
+        nodes.append(grow_cut_tree(part, oracle, smallest, below, depth + 1, score))
+        seen = ended
+    return Node(region, sure, tuple(nodes), best[3], best[4])
 
 
 def selected(node: Node, rule: CutRule) -> list[Node]:

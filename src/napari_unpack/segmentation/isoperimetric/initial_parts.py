@@ -19,7 +19,7 @@ from napari_unpack.segmentation.foreground.methods import (
 )
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, Share
 
 
 @dataclass(frozen=True)
@@ -66,29 +66,26 @@ def split_parts(
         How densities were compared.
     """
     limits = rule or SplitRule()
-    progress(0.0, "Finding the foreground")
-    mask, levels = find_foreground(density, spacing, foreground.method)
+    share = Share(progress)
+    begun = share.part(0.0, 0.1, "Finding the foreground")
+    mask, levels = find_foreground(density, spacing, foreground.method, begun)
     section = measured_section(density)
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.
         mask &= section
     if foreground.supports:
         mask &= ~find_supports(mask, spacing)
-    progress(0.1, "Finding density regions")
+    dividing = share.part(0.1, 0.25, "Finding density regions")
     fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
     scale = DensityScale(levels.air, typical_knee(density, mask, levels.air), step)
-    regions = density_regions(density, mask, scale, fewest)
-    progress(0.25, "Finding components")
+    regions = density_regions(density, mask, scale, fewest, share=dividing)
+    share(0.25, "Finding components")
     components = _components(regions, density, spacing, limits.smallest)
-
-    def report(fraction: float, text: str) -> None:
-        progress(0.3 + 0.5 * fraction, text)
-
-    found = split_recursively(components, oracle, limits.smallest, report)
+    found = split_recursively(components, oracle, limits.smallest, share.part(0.3, 0.9))
     parts = _label(found, density.shape)
     if foreground.shell:
         # After the cuts: the shell touches most objects, and before them it is one with these.
-        skin = find_shell(parts, spacing)
+        skin = find_shell(parts, spacing, share=share.part(0.9, 1.0, "Leaving out the bag"))
         parts[skin[parts]] = 0
     return parts, scale
 

@@ -16,7 +16,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     mean_confidence,
     selected,
 )
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, Share, no_progress
 
 
 def join_touching(
@@ -43,7 +43,7 @@ def join_touching(
     touching : float
         Parts that touch over a smaller share of the lesser surface are not merged.
     progress : callable, optional
-        Called with (fraction, text) before every merge; raising in it cancels.
+        Called with (fraction, text) before every rating and merge; raising in it cancels.
     """
     # `grow_cut_tree` turned round: two of the five pieces of a suitcase are no better an object
     # than one, so that a rule which asks a gain of every merge would leave all five apart. The
@@ -51,23 +51,24 @@ def join_touching(
     # are rated anew, and from the tree of merges `selected` then takes those unions of higher
     # confidence than the best of what they are made of. This undoes premature cuts, and merges
     # shell and content of a container where the oracle prefers it.
+    share = Share(progress or no_progress)
     boxes = label_boxes(labels)
     inner = touching_area_matrix(labels, spacing)
     surface = inner.sum(axis=1)
     # Background counts as surface above, and is nothing to merge with.
     inner[0] = inner[:, 0] = 0
     nodes: dict[int, Node] = {}
-    for name in boxes.ids.tolist():
+    for name in share.part(0.0, 0.2).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         part = Region.of(labels[box] == name, density, box, spacing)
         nodes[name] = Node(part, oracle(part))
     # Every union is rated once: that is nearly all of the time.
     unions: dict[tuple[int, int], Node] = {}
 
-    def gains() -> list[tuple[float, int, int]]:
+    def gains(share: Share) -> list[tuple[float, int, int]]:
         found = []
         near = inner > touching * np.minimum.outer(surface, surface)
-        for one, two in np.argwhere(np.triu(near, 1)).tolist():
+        for one, two in share.over(np.argwhere(np.triu(near, 1)).tolist()):
             parts = nodes[one], nodes[two]
             if (one, two) not in unions:
                 both = united(parts[0].region, parts[1].region, density)
@@ -77,9 +78,11 @@ def join_touching(
                 found.append((-gain, one, two))
         return sorted(found)
 
-    while waiting := gains():
-        if progress is not None:
-            progress(0.9, f"Merging: {len(waiting)} pairs")
+    # Where every round begins: the first one rates nearly all.
+    marks, merged = [0.2, *np.linspace(0.6, 1.0, len(nodes) + 1).tolist()], 0
+    while waiting := gains(share.part(marks[merged], marks[merged + 1])):
+        merged += 1
+        share(marks[merged], f"Merging: {len(waiting)} pairs")
         _, one, two = waiting[0]
         nodes[one] = unions[one, two]
         del nodes[two]

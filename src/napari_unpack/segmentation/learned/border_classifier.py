@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_refinement import find_inside
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
+from napari_unpack.tasks import SILENT, Share
 
 # Labels at most that are compared at a voxel: its own, those across its six faces, and others.
 MOST_RIVALS = 7
@@ -303,6 +304,7 @@ def draw_borders(
     evidence: BorderEvidence,
     classifier: PairClassifier | None = None,
     rounds: int = ROUNDS,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Give every voxel at a border to the label around it that it most likely belongs to.
 
@@ -317,6 +319,7 @@ def draw_borders(
         with the package.
     rounds : int
         Voxels that a border moves at most.
+    share : Share
 
     Notes
     -----
@@ -334,9 +337,16 @@ def draw_borders(
     given = (*evidence.facts(), center, scale, *layers, *offsets)
     # Only what is near a change can change in the next round.
     due = np.ones(labels.shape, np.bool_)
-    for _ in range(rounds):
-        inside = find_inside(labels)
-        moved, changed = _moved(labels, inside, due, *given)
+    for n in range(rounds):
+        # Each round looks at less than half of what the one before looked at.
+        round_share = share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
+        inside, moved = find_inside(labels), labels.copy()
+        changed = np.concatenate(
+            [
+                _move(slab, moved, labels, inside, due, *given)
+                for slab in round_share.slabs(labels.shape)
+            ]
+        )
         if not len(changed):
             break
         labels = moved
@@ -367,17 +377,17 @@ def _histograms(labels, values, inside, knee, count):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def _moved(  # type: ignore[no-untyped-def]
-    labels, inside, due, values, knee, following, noise, means, sizes, logs,
+def _move(  # type: ignore[no-untyped-def]
+    slab, result, labels, inside, due, values, knee, following, noise, means, sizes, logs,
     center, scale, w0, w1, w2, o0, o1, o2,
 ):  # fmt: skip
-    result = labels.copy()
+    """Write to a slab of a copy of the labels where their borders move; return where that is."""
     changed = [np.int64(0) for _ in range(0)]
     size = labels.shape
     names = np.zeros(MOST_RIVALS, np.int32)
     rows = np.zeros((MOST_RIVALS, len(center)), np.float32)
     one, two = np.zeros(len(o0), np.float32), np.zeros(len(o1), np.float32)
-    for z in range(size[0]):
+    for z in range(slab[0], slab[1]):
         for y in range(size[1]):
             for x in range(size[2]):
                 if not due[z, y, x] or labels[z, y, x] == 0:
@@ -401,7 +411,7 @@ def _moved(  # type: ignore[no-untyped-def]
                 if best > 0:
                     result[z, y, x] = names[best]
                     changed.append((z * size[1] + y) * size[2] + x)
-    return result, np.array(changed)
+    return np.array(changed)
 
 
 @njit(cache=True, nogil=True)

@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.tasks import SILENT, Share
+
 # Of a voxel and its six neighbours.
 MOST_LABELS = 7
 # By how many votes another label must lead to take a voxel: in doubt nothing moves.
@@ -62,6 +64,7 @@ def assign_labels(
     foreground: NDArray[np.bool_],
     following: NDArray[np.uint8],
     rounds: int = 3,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Label voxels as their cells are, and move the borders to where affinities are low.
 
@@ -75,10 +78,13 @@ def assign_labels(
         Affinity with the next voxel; see `boundary_network.Prediction`.
     rounds : int
         Voxels that a border moves at most.
+    share : Share
     """
     labels = _expand(cells, foreground)
-    for _ in range(rounds):
-        labels = _vote(labels, following)
+    for n in range(rounds):
+        before, labels = labels, labels.copy()
+        for slab in share.part(n / rounds, (n + 1) / rounds).slabs(labels.shape):
+            _vote(before, following, slab, labels)
     return labels
 
 
@@ -94,13 +100,12 @@ def _expand(cells, foreground):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _vote(labels, following):  # type: ignore[no-untyped-def]
+def _vote(labels, following, slab, result):  # type: ignore[no-untyped-def]
     """Give every voxel to the label with the highest affinity across its faces."""
-    result = labels.copy()
     size = labels.shape
     names = np.zeros(MOST_LABELS, np.int32)
     votes = np.zeros(MOST_LABELS, np.float64)
-    for z in range(size[0]):
+    for z in range(slab[0], slab[1]):
         for y in range(size[1]):
             for x in range(size[2]):
                 if labels[z, y, x] == 0:
@@ -111,7 +116,6 @@ def _vote(labels, following):  # type: ignore[no-untyped-def]
                     if votes[n] > votes[best] + LEAD:
                         best = n
                 result[z, y, x] = names[best]
-    return result
 
 
 def sharpen_borders(
@@ -123,6 +127,7 @@ def sharpen_borders(
     dense: float = np.inf,
     rounds: int = 3,
     smoothing: int = 2,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Move borders between labels to half-way between the densities on both sides.
 
@@ -145,6 +150,7 @@ def sharpen_borders(
         Voxels that a border moves at most.
     smoothing : int
         Rounds after these that smooth it.
+    share : Share
     """
     # A voxel between two objects goes with the one that has most votes: by how near its density
     # (not its logarithm: a blurred border lies half-way) is to the mean of the object's voxels
@@ -154,10 +160,15 @@ def sharpen_borders(
     # to move. About 343 reads a voxel of border and round.
     values = np.nan_to_num(density.astype(np.float32), nan=air) - np.float32(air)
     flat = labels.reshape(-1)
+    share()
     counts = np.bincount(flat)
     blurred = np.bincount(flat, values.reshape(-1), len(counts)) > dense * counts
-    for even in (0.0,) * rounds + (SMOOTHING,) * smoothing:
-        labels = _moved(labels, values, find_inside(labels), following, noise, blurred, even)
+    turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
+    for n, even in enumerate(turns):
+        round_share = share.part(n / len(turns), (n + 1) / len(turns))
+        inside, before, labels = find_inside(labels), labels, labels.copy()
+        for slab in round_share.slabs(labels.shape):
+            _move(before, values, inside, following, noise, blurred, even, slab, labels)
     return labels
 
 
@@ -188,12 +199,14 @@ def find_inside(labels):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _moved(labels, values, inside, following, noise, blurred, even):  # type: ignore[no-untyped-def]
-    result = labels.copy()
+def _move(  # type: ignore[no-untyped-def]
+    labels, values, inside, following, noise, blurred, even, slab, result
+):
+    """Write to a slab of a copy of the labels where their borders move."""
     size = labels.shape
     names = np.zeros(MOST_LABELS, np.int32)
     votes = np.zeros(MOST_LABELS, np.float64)
-    for z in range(size[0]):
+    for z in range(slab[0], slab[1]):
         for y in range(size[1]):
             for x in range(size[2]):
                 mine = labels[z, y, x]
@@ -223,7 +236,6 @@ def _moved(labels, values, inside, following, noise, blurred, even):  # type: ig
                     if votes[n] > votes[best] + LEAD:
                         best = n
                 result[z, y, x] = names[best]
-    return result
 
 
 @njit(cache=True, nogil=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, Share, awaited
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -122,7 +123,7 @@ class BoundaryNetwork:
         scale : DensityScale
             How it is compressed.
         progress : callable
-            Called with (fraction, text) before every tile; raising cancels.
+            Called with (fraction, text) before and during every tile; raising cancels.
         tile : int
             Cells along an axis at most.
         """
@@ -134,10 +135,10 @@ class BoundaryNetwork:
         following = np.zeros((3, *density.shape), np.uint8)
         far = np.zeros((3 * len(REACHES), *cells), np.uint8)
         tiles = list(_tiles(cells, tile))
+        share = Share(progress, text="Predicting boundaries")
         for done, (seen, kept) in enumerate(tiles):
-            progress(done / len(tiles), "Predicting boundaries")
-            packed = _packed(density, seen, scale)
-            channels = self.session.run(None, {"cells": packed})[0][0]
+            tile_share = share.part(done / len(tiles), (done + 1) / len(tiles))
+            channels = self._channels(_packed(density, seen, scale), tile_share)
             inner = tuple(
                 slice(k.start - s.start, k.stop - s.start) for s, k in zip(seen, kept, strict=True)
             )
@@ -147,8 +148,22 @@ class BoundaryNetwork:
             _unpack(channels[:8], first, foreground)
             for axis in range(3):
                 _unpack(channels[8 + 8 * axis : 16 + 8 * axis], first, following[axis])
-        progress(1.0, "Predicting boundaries")
+        share(1.0)
         return Prediction(foreground, following, far)
+
+    def _channels(self, packed: NDArray[np.float32], share: Share) -> NDArray[np.uint8]:
+        """Run the network on one tile, which takes a second or two."""
+        import onnxruntime
+
+        options = onnxruntime.RunOptions()
+        with ThreadPoolExecutor(1, "unpack-network") as thread:
+            run = thread.submit(self.session.run, None, {"cells": packed}, options)
+            try:
+                return np.asarray(awaited(run, share)[0][0])
+            except BaseException:
+                # Leaving this block waits for the run, which would go on to the end of the tile.
+                options.terminate = True
+                raise
 
 
 @cache

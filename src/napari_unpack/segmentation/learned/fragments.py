@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.density_regions import regional_minima
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.learned.boundary_network import REACHES
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,9 @@ def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
     return height
 
 
-def measure_affinities(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> FragmentAffinities:
+def measure_affinities(
+    fragments: NDArray[np.int32], far: NDArray[np.uint8], share: Share = SILENT
+) -> FragmentAffinities:
     """Sum up the affinities of the cells of every pair of fragments.
 
     Parameters
@@ -107,10 +110,11 @@ def measure_affinities(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> 
         1, 2, ..., 0 background.
     far : (3 * K, z, y, x) ndarray of uint8
         See `boundary_network.Prediction`.
+    share : Share
     """
     top = int(fragments.max()) + 1
     keys, reaches, values = [], [], []
-    for k, reach in enumerate(REACHES):
+    for k, reach in enumerate(share.part(0.0, 0.5).over(REACHES)):
         for axis in range(3):
             here = np.moveaxis(fragments, axis, 0)
             one, two = here[:-reach], here[reach:]
@@ -119,6 +123,7 @@ def measure_affinities(fragments: NDArray[np.int32], far: NDArray[np.uint8]) -> 
             keys.append(np.minimum(a, b) * top + np.maximum(a, b))
             values.append(np.moveaxis(far[3 * k + axis], axis, 0)[: len(one)][meet])
             reaches.append(np.full(len(a), k, np.int64))
+    share(0.5)
     names, pair = np.unique(np.concatenate(keys), return_inverse=True)
     place = pair.reshape(-1) * len(REACHES) + np.concatenate(reaches)
     size = len(names) * len(REACHES)

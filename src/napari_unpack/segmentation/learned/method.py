@@ -56,7 +56,7 @@ from napari_unpack.segmentation.learned.part_splitting import (
     merge_pieces,
     split_and_measure,
 )
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import SILENT, Progress, Share
 
 # Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
 # is thinner.
@@ -146,12 +146,11 @@ def oversegment(
         Where linkage is noted.
     """
     options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
-    progress(0.0, "Finding the foreground")
-    dense, levels = find_foreground(density, spacing, options.method)
+    share = Share(progress)
+    begun = share.part(0.0, 0.05, "Finding the foreground")
+    dense, levels = find_foreground(density, spacing, options.method, begun)
     scale = DensityScale(levels.air, typical_knee(density, dense, levels.air))
-    prediction = (network or default_boundaries()).predict(
-        density, scale, lambda f, text: progress(0.05 + 0.6 * f, text)
-    )
+    prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
     # A voxel far from all that is dense is no object, whatever the network predicts.
     mask = binary_dilation(dense) & (prediction.foreground >= 255 * limits.foreground)
     mask |= dense & (prediction.foreground >= 255 * limits.dense)
@@ -165,34 +164,36 @@ def oversegment(
         # What is not dense beside a support is its blurred rim.
         held = binary_dilation(held, iterations=SUPPORT_RIM)
         mask &= dense | ~held
-    progress(0.65, "Finding fragments")
+    share(0.65, "Finding fragments")
     fragments = find_fragments(prediction.far, cells_with(mask))
-    progress(0.75, "Linking fragments")
-    affinities = measure_affinities(fragments, prediction.far)
+    linking = share.part(0.7, 0.76, "Linking fragments")
+    affinities = measure_affinities(fragments, prediction.far, linking)
+    linking(1.0)
     weights, cells = np.array(limits.weights), np.bincount(fragments.reshape(-1))
     log = JoinLog()
     owner = mean_affinity_linkage(affinities, cells, limits.together, weights, log)
-    progress(0.85, "Drawing borders")
-    parts = assign_labels(owner.astype(np.int32)[fragments], mask, prediction.next)
+    drawing = share.part(0.78, 0.9, "Drawing borders")
+    cells_owned, part = owner.astype(np.int32)[fragments], drawing.part(0.0, 0.2)
+    parts = assign_labels(cells_owned, mask, prediction.next, share=part)
     if noted is not None:
         linked = Level.of(log, fragments, affinities.pairs, affinities.touching)
         noted.seen = Seen(density, scale, prediction.foreground)
-        noted.levels.append(
-            replace(linked, names=assign_labels(linked.names, mask, prediction.next))
-        )
-    parts = _above_mean(parts, prediction.foreground, 255 * limits.object)
+        names = assign_labels(linked.names, mask, prediction.next, share=drawing.part(0.2, 0.4))
+        noted.levels.append(replace(linked, names=names))
+    parts = _above_mean(parts, prediction.foreground, 255 * limits.object, drawing.part(0.4, 0.5))
     noise = noise_deviation(density)
     plain = np.greater(density, levels.air + NOISE_DEVIATIONS * noise)
-    parts = _above_mean(parts, plain.astype(np.uint8), PLAIN_SHARE)
+    parts = _above_mean(parts, plain.astype(np.uint8), PLAIN_SHARE, drawing.part(0.5, 0.6))
     if options.supports:
-        parts = _above_mean(parts, (~held).astype(np.uint8), 0.5)
+        parts = _above_mean(parts, (~held).astype(np.uint8), 0.5, drawing.part(0.6, 0.7))
     # A sharp corner belongs to its object even where the network doubts it.
     inside = parts > 0
-    parts = flood(parts, inside | (dense & binary_dilation(inside)))
-    progress(0.9, "Looking for what the network missed")
-    parts = _with_missed(parts, dense, options.shell, spacing)
+    around = inside | (dense & binary_dilation(inside))
+    parts = flood(parts, around, share=drawing.part(0.7, 1.0))
+    missing = share.part(0.9, 1.0, "Looking for what the network missed")
+    parts = _with_missed(parts, dense, options.shell, spacing, missing.part(0.0, 0.5))
     parts, measured = measure_predicted_parts(
-        parts, density, spacing, scale, affinities, owner, weights
+        parts, density, spacing, scale, affinities, owner, weights, missing.part(0.5, 1.0)
     )
     return Oversegmentation(parts, measured, prediction, scale, weights, noise)
 
@@ -222,27 +223,31 @@ def find_objects(
     noted : Steps, optional
         Where what is joined and what is left apart is noted, step by step.
     """
-    found = oversegment(density, spacing, progress, foreground, noted=noted)
+    share = Share(progress)
+    # Of the time, at any size: the network half, the classifier of borders a quarter.
+    found = oversegment(density, spacing, share.part(0.0, 0.6), foreground, noted=noted)
     if not found.parts.any():
         return found.parts
-    progress(0.9, "Merging parts")
+    merging = share.part(0.6, 0.8, "Merging parts")
     voxel = float(np.prod(spacing))
     least = max(smallest, MIN_OBJECT_VOXELS * voxel)
     if not steps:
-        return absorb_small(_merged_parts(found, noted), spacing, least)
-    pieces, measured = split_at_density_steps(density, spacing, found, noted)
-    progress(0.93, "Merging pieces")
+        return absorb_small(_merged_parts(found, noted, merging), spacing, least)
+    first = merging.part(0.0, 0.5)
+    pieces, measured = split_at_density_steps(density, spacing, found, noted, first)
     log, touching = JoinLog(), _touching(measured)
-    labels = merge_pieces(pieces, measured, found.scale, log=log)
+    labels = merge_pieces(pieces, measured, found.scale, log=log, share=merging.part(0.5, 0.7))
     if noted is not None:
         noted.levels.append(Level.of(log, pieces, *touching))
-    labels = sharpened(labels, density, found)
-    progress(0.94, "Drawing fine borders")
+    labels = sharpened(labels, density, found, share=merging.part(0.7, 1.0))
+    drawing = share.part(0.8, 1.0, "Drawing fine borders")
     evidence = BorderEvidence.of(labels, density, found.scale, found.prediction.next, found.noise)
-    labels = draw_borders(labels, evidence)
+    labels = draw_borders(labels, evidence, share=drawing.part(0.05, 0.95))
     # Coins and keys are smaller than anything else that is worth its own label.
     few = max(smallest / 4, MIN_OBJECT_VOXELS * voxel) / voxel
-    return absorb_small(labels, spacing, least, _metal(labels, density, found.scale, few))
+    metal = _metal(labels, density, found.scale, few)
+    drawing(1.0)
+    return absorb_small(labels, spacing, least, metal)
 
 
 def _metal(
@@ -261,9 +266,9 @@ def _touching(measured: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return pairs, measured.area[pairs[:, 0], pairs[:, 1]]
 
 
-def _merged_parts(found: Oversegmentation, noted: Steps | None) -> NDArray[np.int32]:
+def _merged_parts(found: Oversegmentation, noted: Steps | None, share: Share) -> NDArray[np.int32]:
     log, touching = JoinLog(), _touching(found.measured)
-    merged = merge_parts(found.parts, found.measured, log=log)
+    merged = merge_parts(found.parts, found.measured, log=log, share=share)
     if noted is not None:
         noted.levels.append(Level.of(log, found.parts, *touching))
     return merged
@@ -274,6 +279,7 @@ def split_at_density_steps(
     spacing: Spacing,
     found: Oversegmentation,
     noted: Steps | None = None,
+    share: Share = SILENT,
 ) -> tuple[NDArray[np.int32], Pieces]:
     """Merge parts, and split what becomes of them at its density steps.
 
@@ -285,6 +291,7 @@ def split_at_density_steps(
         Its measurements are used up.
     noted : Steps, optional
         Where merges of parts are noted.
+    share : Share
 
     Returns
     -------
@@ -294,10 +301,10 @@ def split_at_density_steps(
         Of them, for `merge_pieces`.
     """
     # The classifier of pieces learned from borders that were not smoothed yet.
-    labels = sharpened(_merged_parts(found, noted), density, found, smoothing=0)
-    return split_and_measure(
-        labels, density, spacing, found.scale, found.prediction.far, found.weights
-    )
+    labels = _merged_parts(found, noted, share.part(0.0, 0.1))
+    labels = sharpened(labels, density, found, 0, share.part(0.1, 0.4))
+    far, rest = found.prediction.far, share.part(0.4, 1.0)
+    return split_and_measure(labels, density, spacing, found.scale, far, found.weights, rest)
 
 
 def sharpened(
@@ -305,6 +312,7 @@ def sharpened(
     density: NDArray[np.generic],
     found: Oversegmentation,
     smoothing: int = 2,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Move the borders of labels to density steps; see `sharpen_borders`.
 
@@ -315,28 +323,35 @@ def sharpened(
     found : Oversegmentation
     smoothing : int
         Last rounds, which smooth borders.
+    share : Share
     """
     scale, dense = found.scale, METAL * found.scale.knee
     following = found.prediction.next
     return sharpen_borders(
-        labels, density, scale.air, following, found.noise, dense, smoothing=smoothing
+        labels, density, scale.air, following, found.noise, dense, smoothing=smoothing, share=share
     )
 
 
 def _with_missed(
-    parts: NDArray[np.int32], dense: NDArray[np.bool_], shell: bool, spacing: Spacing
+    parts: NDArray[np.int32],
+    dense: NDArray[np.bool_],
+    shell: bool,
+    spacing: Spacing,
+    share: Share,
 ) -> NDArray[np.int32]:
     """Add thick foreground that the network took for none: it was not trained on everything."""
     rest = cc3d.connected_components(dense & (parts == 0), connectivity=6).astype(np.int32)
-    deepest = np.zeros(int(rest.max()) + 1)
-    np.maximum.at(deepest, rest.reshape(-1), edt.edt(rest, black_border=True).reshape(-1))
+    share(0.1)
+    deepest, depth = np.zeros(int(rest.max()) + 1), edt.edt(rest, black_border=True, parallel=2)
+    share(0.4)
+    np.maximum.at(deepest, rest.reshape(-1), depth.reshape(-1))
     thick = deepest >= (LEAST_DEPTH_OF_MISSED if shell else 1)
     thick[0] = False
     top = int(parts.max())
     names = np.where(thick, np.cumsum(thick) + top, 0).astype(np.int32)
     together = np.where(parts > 0, parts, names[rest])
     if shell:
-        skin = find_shell(together, spacing)
+        skin = find_shell(together, spacing, share=share.part(0.6, 1.0))
         # Only what the network missed may be the bag: its own parts it has told from it.
         skin[: top + 1] = False
         together[skin[together]] = 0
@@ -355,11 +370,12 @@ def noise_deviation(density: NDArray[np.generic]) -> float:
 
 
 def _above_mean(
-    parts: NDArray[np.int32], values: NDArray[np.uint8], least: float
+    parts: NDArray[np.int32], values: NDArray[np.uint8], least: float, share: Share
 ) -> NDArray[np.int32]:
     """Drop parts whose mean value is below a limit."""
     flat = parts.reshape(-1)
     counts = np.bincount(flat)
+    share(0.5)
     sums = np.bincount(flat, values.reshape(-1), len(counts))
     names = np.where(sums >= least * counts, np.arange(len(counts)), 0).astype(np.int32)
     return names[parts]

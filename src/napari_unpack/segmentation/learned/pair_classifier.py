@@ -25,6 +25,7 @@ from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.tasks import SILENT, Share
 
 # Stored with the weights and compared with them: the names must stay as they were trained.
 PAIR_FEATURES = (
@@ -112,7 +113,10 @@ def join_rows(table: NDArray[np.float64], one: int, two: int) -> None:
 
 
 def measure_parts(
-    labels: NDArray[np.int32], lifted: NDArray[np.float32], spacing: Spacing
+    labels: NDArray[np.int32],
+    lifted: NDArray[np.float32],
+    spacing: Spacing,
+    share: Share = SILENT,
 ) -> Parts:
     """Measure every label and every touching pair.
 
@@ -123,15 +127,17 @@ def measure_parts(
     lifted : (Z, Y, X) ndarray of float32
         Log density, see `log_density`.
     spacing : (float, float, float) of mm, z y x
+    share : Share
     """
     top = int(labels.max())
     depth = edt.edt(labels, anisotropy=spacing, black_border=True)
+    share(0.3)
     faces = np.prod(spacing) / np.array(spacing)
     sums, area, middle, step = _measure(labels, lifted, depth, top, faces)
     boxes = label_boxes(labels)
     hulls = [np.zeros((0, 3))] * (top + 1)
     volumes = np.zeros(top + 1)
-    for name in boxes.ids.tolist():
+    for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
         corners = support_points(hull_points(None, labels[box] == name, first, spacing))
@@ -303,6 +309,7 @@ def agglomerate(
     least: float = 0.5,
     touching: float = 0.015,
     log: JoinLog | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int64]:
     """Merge touching parts while any two are more likely one object; return (M,) owners.
 
@@ -319,6 +326,7 @@ def agglomerate(
         against a corner merges nothing, and most pairs are such.
     log : JoinLog, optional
         Where merges are noted, and what was not merged.
+    share : Share
     """
     # Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
     # millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
@@ -337,13 +345,16 @@ def agglomerate(
 
     surface = parts.area.sum(axis=1) + parts.sums[:, 4]
     near = parts.area > touching * np.minimum.outer(surface, surface)
-    for one, two in np.argwhere(np.triu(near, 1)).tolist():
+    for one, two in share.part(0.0, 0.5).over(np.argwhere(np.triu(near, 1)).tolist()):
         consider(one, two)
+    merged = 0
     while heap:
         lacking, one, two, first, second = heapq.heappop(heap)
         # Entries of the heap are not removed; one of a part that has changed is out of date.
         if version[one] != first or version[two] != second:
             continue
+        merged += 1
+        share(0.5 + 0.5 * merged / count)
         parts.join(one, two)
         owner[owner == two] = one
         if log is not None:

@@ -29,6 +29,7 @@ from napari_unpack.segmentation.learned.pair_classifier import (
     join_rows,
     measure_parts,
 )
+from napari_unpack.tasks import SILENT, Share
 
 # Names are stored with the weights and compared with them: they must stay as they were trained.
 FEATURES = (
@@ -114,6 +115,7 @@ def measure_predicted_parts(
     affinities: FragmentAffinities,
     owner: NDArray[np.int64],
     weights: NDArray[np.float64],
+    share: Share = SILENT,
 ) -> tuple[NDArray[np.int32], PredictedParts]:
     """Measure parts that were linked from fragments.
 
@@ -133,6 +135,7 @@ def measure_predicted_parts(
         See `mean_affinity_linkage`.
     weights : (K,) ndarray of float64
         Of the reaches.
+    share : Share
 
     Returns
     -------
@@ -142,12 +145,15 @@ def measure_predicted_parts(
     """
     size = proportions(spacing)
     parts = absorb_small(parts, size, MIN_OBJECT_VOXELS)
+    share(0.2)
     top = int(max(parts.max(initial=0) + 1, len(owner)))
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
     there[0] = True
     compact = np.where(there, np.cumsum(there) - 1, 0).astype(np.int32)
     labels = compact[parts]
-    plain = measure_parts(labels, log_density(density, labels > 0, scale), size)
+    share(0.3)
+    lifted = log_density(density, labels > 0, scale)
+    plain = measure_parts(labels, lifted, size, share.part(0.4, 0.9))
     number, reaches = int(there.sum()), affinities.sums.shape[1]
     between, pairs = (np.zeros((number, number, reaches)) for _ in range(2))
     within, inner = (np.zeros((number, reaches)) for _ in range(2))
@@ -171,6 +177,7 @@ def merge_parts(
     measured: PredictedParts,
     classifier: PairClassifier | None = None,
     log: JoinLog | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Merge parts that the classifier takes for one object, the surest first.
 
@@ -184,6 +191,7 @@ def merge_parts(
         Over `FEATURES`; by default the one that ships with the package.
     log : JoinLog, optional
         Where merges are noted.
+    share : Share
     """
     trained, usual = classifier or default_merging_classifier(), LinkageThreshold()
 
@@ -196,7 +204,7 @@ def merge_parts(
         by_affinity = 0.5 + min(beyond, 0.5) if beyond > 0 else 0.0
         return max(float(trained.probability(row[None])[0]), by_affinity)
 
-    return agglomerate(measured, chance, log=log).astype(np.int32)[labels]
+    return agglomerate(measured, chance, log=log, share=share).astype(np.int32)[labels]
 
 
 @cache

@@ -37,6 +37,7 @@ from napari_unpack.segmentation.learned.pair_classifier import (
     measure_parts,
 )
 from napari_unpack.segmentation.learned.part_merging import FEATURES, PredictedParts
+from napari_unpack.tasks import SILENT, Share
 
 # Stored with the weights, as `FEATURES` are.
 PIECE_FEATURES = (*FEATURES, "log_host", "rest_of_smaller", "log_pieces", "one_host")
@@ -124,6 +125,7 @@ def split_and_measure(
     scale: DensityScale,
     far: NDArray[np.uint8],
     weights: NDArray[np.float64],
+    share: Share = SILENT,
 ) -> tuple[NDArray[np.int32], Pieces]:
     """Split objects at their density steps; return and measure the pieces 1, 2, ...
 
@@ -140,20 +142,21 @@ def split_and_measure(
         See `boundary_network.Prediction`.
     weights : (K,) ndarray of float64
         Of the reaches in a mean.
+    share : Share
     """
     mask = labels > 0
-    pieces = density_regions(
-        density, mask, replace(scale, step=SPLIT_STEP), MIN_OBJECT_VOXELS, labels
-    )
+    fine, first = replace(scale, step=SPLIT_STEP), share.part(0.0, 0.6)
+    pieces = density_regions(density, mask, fine, MIN_OBJECT_VOXELS, labels, first)
     if pieces.max(initial=0) > MOST_PIECES:
         pieces = intersected_labels(labels, np.zeros_like(labels))
-    plain = measure_parts(pieces, log_density(density, mask, scale), proportions(spacing))
+    lifted = log_density(density, mask, scale)
+    plain = measure_parts(pieces, lifted, proportions(spacing), share.part(0.65, 0.9))
     count = len(plain.sums)
     host = np.zeros(count, np.int64)
     host[pieces.reshape(-1)] = labels.reshape(-1)
     top = int(host.max(initial=0)) + 1
     cells = cells_of(np.pad(pieces, [(0, n % 2) for n in pieces.shape]))
-    affinities = measure_affinities(cells, far)
+    affinities = measure_affinities(cells, far, share.part(0.9, 1.0))
     between, pairs = (np.zeros((count, count, len(REACHES))) for _ in range(2))
     one, two = affinities.pairs.T
     for sums, across in ((affinities.sums, between), (affinities.counts, pairs)):
@@ -181,6 +184,7 @@ def merge_pieces(
     scale: DensityScale,
     classifier: PairClassifier | None = None,
     log: JoinLog | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Merge the pieces of objects that the classifier takes for one, the surest first.
 
@@ -196,6 +200,7 @@ def merge_pieces(
         Over `PIECE_FEATURES`; by default the one that ships with the package.
     log : JoinLog, optional
         Where merges are noted.
+    share : Share
     """
     trained = classifier or default_splitting_classifier()
 
@@ -211,7 +216,7 @@ def merge_pieces(
         )
 
     noted = JoinLog() if log is None else log
-    own = agglomerate(measured, probability, MERGE_WITHIN, log=noted)
+    own = agglomerate(measured, probability, MERGE_WITHIN, log=noted, share=share.part(0.0, 0.9))
     # What the classifier said, not what was compared.
     noted.joined[:] = [(one, two, said[one, two]) for one, two, _ in noted.joined]
     noted.apart.update({pair: said[pair] for pair in noted.apart})

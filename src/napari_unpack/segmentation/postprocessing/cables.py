@@ -14,6 +14,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee
+from napari_unpack.tasks import SILENT, Share
 
 # Voxels of a middle line: more than the end of a strand that lies across another has.
 LEAST_SHARED_LINE = 20
@@ -58,6 +59,7 @@ def gather_cables(
     density: NDArray[np.generic],
     scale: DensityScale | None = None,
     rule: CableRule | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Give cables what belongs to them of the objects they wind through.
 
@@ -69,6 +71,7 @@ def gather_cables(
     scale : DensityScale, optional
         How densities are compared; by default as the median of what is labelled says.
     rule : CableRule, optional
+    share : Share
 
     Notes
     -----
@@ -81,7 +84,9 @@ def gather_cables(
     if compared is None:
         return labels
     lifted = _lifted(density, compared.air, compared.knee)
+    share(0.2)
     lines = _threads(lifted, _kernels(), np.float32(limits.dense), np.float32(limits.sharp))
+    share(0.5)
     if np.count_nonzero(lines) < limits.fewest:
         return labels
     bundles = cc3d.connected_components(_widened(lines), connectivity=26).astype(np.int32)
@@ -91,7 +96,7 @@ def gather_cables(
     middles = np.bincount(one, minlength=int(bundles.max()) + 1)
     sizes = np.bincount(labels.reshape(-1))
     result = labels.copy()
-    for name in boxes.ids[middles[boxes.ids] >= limits.fewest].tolist():
+    for name in share.part(0.6, 1.0).over(boxes.ids[middles[boxes.ids] >= limits.fewest].tolist()):
         of = other[one == name]
         # A thread has no more than some 20 voxels to one of its middle line.
         lined = np.bincount(of, minlength=len(sizes)) > limits.mostly / 20 * sizes

@@ -11,6 +11,7 @@ from scipy.ndimage import binary_erosion, generate_binary_structure
 from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.tasks import SILENT, Share
 
 # Share of a cavity's surface that one object makes up where the cavity belongs to it.
 WALLED = 0.45
@@ -22,7 +23,7 @@ LEAST_TOUCHING = 0.005
 
 
 def fill_cavities(
-    labels: NDArray[np.int32], spacing: Spacing, leaky: bool = False
+    labels: NDArray[np.int32], spacing: Spacing, leaky: bool = False, share: Share = SILENT
 ) -> NDArray[np.int32]:
     """Give enclosed air to the object that encloses it.
 
@@ -34,21 +35,33 @@ def fill_cavities(
     leaky : bool
         Also where gaps at most two voxels wide lead out of it: walls that are thin for the
         scanner have such.
+    share : Share
     """
     # A cavity is a 6-connected component of background that does not reach the volume's border.
     # The air of a closed bottle leaves with the bottle; the gaps between packed things stay open.
     # A leaky one is a component of the background opened by the 18 neighbours of a voxel.
-    filled = _given(labels, _closed(labels == 0), spacing)
+    holes = _closed(labels == 0)
+    share(0.2)
+    filled = _given(labels, holes, spacing)
+    share(0.3)
     if not leaky:
         return filled
     # Opened by a voxel's 18 neighbours: gaps of up to two voxels close.
-    deep = _closed(binary_erosion(filled == 0, generate_binary_structure(3, 2), border_value=1))
+    opened = binary_erosion(filled == 0, generate_binary_structure(3, 2), border_value=1)
+    share(0.5)
+    deep = _closed(opened)
+    share(0.7)
     sizes = np.bincount(deep.reshape(-1))
     large = np.where(sizes >= MIN_OBJECT_VOXELS, np.arange(len(sizes)), 0).astype(np.int32)
     large[0] = 0
     if not large.any():
         return filled
-    given = _given(filled, _grown(filled, large[deep]), spacing)
+    holes = large[deep]
+    grown = holes.copy()
+    for slab in share.part(0.7, 0.8).slabs(holes.shape):
+        _grow(filled, holes, slab, grown)
+    given = _given(filled, grown, spacing)
+    share(0.9)
     # The corners that opening leaves out.
     return _given(given, _closed(given == 0), spacing)
 
@@ -113,11 +126,10 @@ def _given(
 
 
 @njit(cache=True, nogil=True)
-def _grown(labels, holes):  # type: ignore[no-untyped-def]
-    """Grow holes over the background that shares a face or an edge with them."""
-    grown = holes.copy()
+def _grow(labels, holes, slab, grown):  # type: ignore[no-untyped-def]
+    """Grow a copy of holes over the background that shares a face or an edge with them."""
     size = labels.shape
-    for z in range(size[0]):
+    for z in range(slab[0], slab[1]):
         for y in range(size[1]):
             for x in range(size[2]):
                 if labels[z, y, x] != 0 or holes[z, y, x] != 0:
@@ -127,4 +139,3 @@ def _grown(labels, holes):  # type: ignore[no-untyped-def]
                         for i in range(max(x - 1, 0), min(x + 2, size[2])):
                             if abs(k - z) + abs(j - y) + abs(i - x) < 3:
                                 grown[z, y, x] = max(grown[z, y, x], holes[k, j, i])
-    return grown

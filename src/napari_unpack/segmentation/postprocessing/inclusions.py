@@ -20,6 +20,7 @@ from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.postprocessing.cables import scale_of
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ def separate_inclusions(
     spacing: Spacing,
     smallest: float,
     rule: InclusionRule | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Make objects, with labels after all others, of what is dense inside something soft.
 
@@ -90,6 +92,7 @@ def separate_inclusions(
         mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
         quarter of it.
     rule : InclusionRule, optional
+    share : Share
     """
     # The core of a piece is what stands out against its own host. A piece ends at half the density
     # of its core, and is one if that is a step all round and its host is soft nearby: a battery in
@@ -102,11 +105,10 @@ def separate_inclusions(
     least = max(limits.fewest, smallest / 4 / voxel)
     result = labels
     open_to = np.ones(int(labels.max()) + 1, np.bool_)
-    for _ in range(limits.rounds):
-        before = int(result.max())
-        taken, hollowed = _taken(
-            result, density, proportions(spacing), scale, open_to, least, limits
-        )
+    edges = proportions(spacing)
+    for n in range(limits.rounds):
+        before, turn = int(result.max()), share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
+        taken, hollowed = _taken(result, density, edges, scale, open_to, least, limits, turn)
         result = np.where(taken > 0, taken, result)
         if not len(hollowed):
             break
@@ -128,18 +130,22 @@ def _taken(
     open_to: NDArray[np.bool_],
     least: float,
     limits: InclusionRule,
+    share: Share,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Return the new labels of what is taken out, and the hosts that lost much of themselves."""
     sizes = np.bincount(labels.reshape(-1), minlength=len(open_to))
+    share(0.05)
     quartiles = _quartiles(labels, density, scale.air, scale.knee, len(sizes))
+    share(0.2)
     levels, kinds = _levels(quartiles, sizes, open_to, limits)
     cores = cc3d.connected_components(
         _cores(labels, density, levels + scale.air, kinds), connectivity=26
     )
+    share(0.4)
     found = label_boxes(cores)
     taken, count = np.zeros_like(labels), int(labels.max())
     lost = np.zeros(len(sizes))
-    for name in found.ids[found.counts >= least / 3].tolist():
+    for name in share.part(0.5, 1.0).over(found.ids[found.counts >= least / 3].tolist()):
         place = found.slices(name)
         mine = labels[place][cores[place] == name]
         host = int(np.bincount(mine).argmax())

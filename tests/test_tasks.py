@@ -1,0 +1,59 @@
+"""Shares of work: how far it is, and where it can be cancelled."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from threading import Event
+
+import pytest
+
+from napari_unpack import tasks
+from napari_unpack.tasks import Cancelled, Share, awaited
+
+
+def test_a_part_of_a_share_tells_of_the_whole_work() -> None:
+    told: list[tuple[float, str]] = []
+    share = Share(lambda fraction, text: told.append((fraction, text)), text="all")
+    half = share.part(0.5, 1.0)
+    part = half.part(0.0, 0.5, "a quarter")
+    part(0.5)
+    assert list(half.over("ab")) == ["a", "b"]
+    assert told == [
+        (0.5, "all"),
+        (0.5, "a quarter"),
+        (0.625, "a quarter"),
+        (0.5, "all"),
+        (0.75, "all"),
+    ]
+
+
+def test_slabs_hold_every_slice_once_and_few_voxels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "VOXELS_PER_CHECK", 100)
+    told: list[float] = []
+    share = Share(lambda fraction, _: told.append(fraction))
+    assert list(share.slabs((7, 5, 10))) == [(0, 2), (2, 4), (4, 6), (6, 7)]
+    assert told == [0.0, 0.25, 0.5, 0.75]
+    # A slice is never cut, and nothing has no slabs.
+    assert list(share.slabs((2, 50, 50))) == [(0, 1), (1, 2)]
+    assert list(share.slabs((0, 5, 5))) == []
+
+
+def test_waiting_for_another_thread_moves_on_and_can_be_cancelled() -> None:
+    told: list[float] = []
+    go_on = Event()
+
+    def report(fraction: float, _: str) -> None:
+        told.append(fraction)
+        if len(told) == 3:
+            go_on.set()
+
+    with ThreadPoolExecutor(1) as threads:
+        assert awaited(threads.submit(go_on.wait, 20), Share(report))
+    assert sorted(set(told)) == told
+    assert 0 < told[0] < told[-1] < 1
+
+    def stop(*_: object) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        awaited(Future(), Share(stop))
