@@ -85,10 +85,12 @@ bench: $(READY) kernels
 	@$(INSTALL) requirements/bench.txt
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m benchmarks $(ROWS)
 
-# 10,000 damaged files of each reader, 200 killed saves; for less, make fuzz SECONDS=600.
+# 10,000 damaged files of each reader, 200 killed saves, 1,000 rounds of memory; for less of the
+# first, make fuzz SECONDS=600.
 fuzz: $(READY)
 	@$(BIN)/python tests/io/damaged_files.py 10000 $(or $(SECONDS),86400)
 	@folder=$$(mktemp -d) && $(BIN)/python tests/io/saves_at_risk.py killed $$folder/killed 200; rm -rf $$folder
+	@$(BIN)/python tests/io/memory_rounds.py 1000
 
 # An hour of random commands on the plugin; make soak SECONDS=600 for less.
 soak: $(READY) kernels

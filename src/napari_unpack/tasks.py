@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator
-from concurrent.futures import Future, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from math import prod
 from typing import Generic, TypeVar
@@ -120,6 +120,22 @@ def awaited(future: Future[T], share: Share) -> T:
         # Half of it after a second.
         share(beats / (beats + 1 / BEAT_SECONDS))
     return future.result()
+
+
+def attended(work: Callable[[], T], share: Share) -> T:
+    """Do work that tells nothing on a thread of its own, while the share moves on.
+
+    Parameters
+    ----------
+    work : callable
+        Left to itself where the share cancels it, so that it may change nothing.
+    share : Share
+    """
+    thread = ThreadPoolExecutor(1, "unpack-attended")
+    try:
+        return awaited(thread.submit(work), share)
+    finally:
+        thread.shutdown(wait=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,6 +93,28 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     assert "trained on other kinds" not in box.sentence.text()
 
 
+def test_scoring_shows_its_progress_and_can_be_cancelled(taught, qtbot, tmp_path, monkeypatch):
+    panel, session = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+
+    def endless(labels, volume, spacing, oracle, share):
+        while True:
+            share(0.5)
+
+    monkeypatch.setattr("napari_unpack.segmentation.object_table.confidences", endless)
+    before = session.objects["confidence"].to_numpy().copy()
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: box.progress.text.text() == "Scoring", timeout=20000)
+    assert not box.progress.isHidden()
+    assert not box.load.isEnabled()
+    press(qtbot, box.progress.cancel)
+    qtbot.waitUntil(lambda: not box.running, timeout=1000)
+    np.testing.assert_array_equal(session.objects["confidence"].to_numpy(), before)
+    assert "Using the built-in model" in box.sentence.text()
+    assert box.load.isEnabled()
+
+
 def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
     taught, qtbot, tmp_path
 ) -> None:

@@ -6,6 +6,7 @@ import io
 import json
 import os
 from base64 import b64decode, b64encode
+from functools import partial
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, TYPE_CHECKING, Any
 from zlib import compress, decompressobj
@@ -20,14 +21,13 @@ from napari_unpack.io.session_archive import (
     QUICK,
     ArrayFacts,
     Source,
-    Told,
     opened_for_reading,
     opened_for_writing,
     read_array,
     write_array,
 )
 from napari_unpack.read_errors import read_errors_told
-from napari_unpack.tasks import Progress, no_progress
+from napari_unpack.tasks import Progress, Share, attended, no_progress
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.view import Camera
@@ -101,15 +101,16 @@ def save_session(
     with opened_for_writing(target) as sink:
         for name, array in arrays.items():
             file = files[name]
-            told = _part(report, *ends[name], f"Saving the {name}")
+            told = Share(report, *ends[name], f"Saving the {name}")
             if copy or file is None:
                 with sink.open(f"{name}.npz") as stream:
                     facts = write_array(stream, array, told)
                 where = {"file": f"{name}.npz"}
             else:
                 # Measured even where it is not copied in, so that a changed file is noticed.
-                facts = ArrayFacts.of(array)
-                where = {"reference": _reference(Path(file), target, name, facts)}
+                facts = attended(partial(ArrayFacts.of, array), told.part(0.0, 0.3))
+                named = partial(_reference, Path(file), target, name, facts)
+                where = {"reference": attended(named, told.part(0.3, 1.0))}
             manifest[name] = where | facts.record()
         report(0.9, "Saving the state")
         # Small and before the manifest, which makes a folder a session: it comes last.
@@ -236,12 +237,13 @@ def open_session(
                     name,
                     given[name],
                     large,
-                    _part(report, *ends[name], f"Reading the {name}"),
+                    Share(report, *ends[name], f"Reading the {name}"),
                 )
                 for name in ("volume", "labels")
             }
         report(0.8, "Making the session ready")
-        session = session_from(fields["session"], found["volume"], found["labels"])
+        made = partial(session_from, fields["session"], found["volume"], found["labels"])
+        session = attended(made, Share(report, 0.8, 1.0, "Making the session ready"))
         _restore_containers(session, fields)
         if fields.has("evidence"):
             shape = session.labels.shape
@@ -311,7 +313,7 @@ def _array(
     name: str,
     given: NDArray[Any] | None,
     large: bool,
-    told: Told,
+    share: Share,
 ) -> NDArray[Any]:
     shape = tuple(int(n) for n in fields.array("shape", (3,)))
     facts = ArrayFacts(shape, fields.text("dtype"), fields.text("sha256"))
@@ -329,8 +331,9 @@ def _array(
             raise ValueError(f"{source} is not whole: it lacks {member}")
         stored = None if large else stored_size(source)
         with store.open(member) as stream:
-            return read_array(_seekable(stream), facts, f"{member} of {source}", told, stored)
-    return _referred(fields.text("reference"), source, name, facts, large)
+            return read_array(_seekable(stream), facts, f"{member} of {source}", share, stored)
+    referred = partial(_referred, fields.text("reference"), source, name, facts, large)
+    return attended(referred, share)
 
 
 def _seekable(stream: IO[bytes]) -> IO[bytes]:
@@ -400,7 +403,3 @@ def _picture(scene: Scene, camera: Camera) -> bytes:
     # On the processor: saving may run on a thread without a GL context.
     image = scene_image(scene, camera, PICTURE, backend="cpu")
     return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
-
-
-def _part(report: Progress, start: float, end: float, text: str) -> Told:
-    return lambda fraction: report(start + (end - start) * fraction, text)

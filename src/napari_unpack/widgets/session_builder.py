@@ -6,12 +6,13 @@ import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.tasks import Progress
+from napari_unpack.tasks import Progress, Share, attended
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets.layer_inputs import Volume, in_memory
 from napari_unpack.widgets.session_settings import GENTLE_FOV
@@ -103,8 +104,13 @@ def _build(
                 **settings,
             )
         labels = found = segmentation.labels
+<<<<<<< HEAD
         objects, evidence = segmentation.objects, segmentation.evidence
     progress(SEGMENTING_SHARE, "Measuring the objects")
+=======
+        objects = segmentation.objects
+    measuring = Share(progress).part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
+>>>>>>> 6163c84 (Rounds of open, unpack and save keep nothing: 20 in make test, 1,000 in make fuzz; the bar moves while a session is made ready)
     ids = np.asarray(labels)
     if not ids.any():
         raise ValueError(
@@ -115,8 +121,13 @@ def _build(
     from napari_unpack.session import Session
     from napari_unpack.session.framing import fitted
 
+<<<<<<< HEAD
     session = Session(density, ids, spacing=volume.spacing, objects=objects)
     session.review.evidence = evidence
+=======
+    made = partial(Session, density, ids, spacing=volume.spacing, objects=objects)
+    session = attended(made, measuring)
+>>>>>>> 6163c84 (Rounds of open, unpack and save keep nothing: 20 in make test, 1,000 in make fuzz; the bar moves while a session is made ready)
     session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
     color_labels(ids.dtype)
