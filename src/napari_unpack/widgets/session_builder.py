@@ -104,13 +104,8 @@ def _build(
                 **settings,
             )
         labels = found = segmentation.labels
-<<<<<<< HEAD
         objects, evidence = segmentation.objects, segmentation.evidence
-    progress(SEGMENTING_SHARE, "Measuring the objects")
-=======
-        objects = segmentation.objects
     measuring = Share(progress).part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
->>>>>>> 6163c84 (Rounds of open, unpack and save keep nothing: 20 in make test, 1,000 in make fuzz; the bar moves while a session is made ready)
     ids = np.asarray(labels)
     if not ids.any():
         raise ValueError(
@@ -121,13 +116,9 @@ def _build(
     from napari_unpack.session import Session
     from napari_unpack.session.framing import fitted
 
-<<<<<<< HEAD
-    session = Session(density, ids, spacing=volume.spacing, objects=objects)
-    session.review.evidence = evidence
-=======
     made = partial(Session, density, ids, spacing=volume.spacing, objects=objects)
     session = attended(made, measuring)
->>>>>>> 6163c84 (Rounds of open, unpack and save keep nothing: 20 in make test, 1,000 in make fuzz; the bar moves while a session is made ready)
+    session.review.evidence = evidence
     session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
     session.tolerance = TOLERANCE
     color_labels(ids.dtype)
