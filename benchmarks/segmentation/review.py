@@ -93,7 +93,11 @@ def said_by(truth: NDArray[Any], labels: Labels, pieces: Labels, doubt: Doubt) -
     )
     if not _most(own[side]):
         return "nothing"
-    return "same" if _most(own[near]) == _most(own[beyond]) else "different"
+    if _most(own[near]) != _most(own[beyond]):
+        return "different"
+    # One thing meets itself here, but to join two sides that hold others too would do harm.
+    mixed = doubt.kind == "border" and _most(own[side]) != _most(own[rest])
+    return "skip" if mixed else "same"
 
 
 def _most(values: NDArray[Any]) -> int:
