@@ -27,7 +27,12 @@ def test_training_twice_gives_the_same_file_to_the_bit(tmp_path):
     for name in ("one.npz", "two.npz"):
         train(bags, progress=lambda f, text: heard.append((f, text))).save(tmp_path / name)
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
-    assert [f for f, _ in heard] == [0.5, 1.0] * 2
+    fractions = [fraction for fraction, _ in heard]
+    once = len(fractions) // 2
+    assert fractions == sorted(fractions[:once]) * 2
+    assert fractions[once - 1] == 1.0
+    # For every object, and not once for each volume: it can be cancelled there.
+    assert once > 60
     assert Oracle.load(tmp_path / "one.npz").bad is not None
 
 

@@ -230,18 +230,23 @@ def test_cancelling_leaves_everything_as_it_was(
 ) -> None:
     import napari_unpack.segmentation as segmentation
 
-    def endless(*_: Any, progress: Any, **__: Any) -> None:
-        while True:
-            progress(0.25, "Cutting")
+    go_on = threading.Event()
 
-    monkeypatch.setattr(segmentation, "segment", endless)
+    def deaf(*_: Any, progress: Any, **__: Any) -> None:
+        progress(0.25, "Cutting")
+        go_on.wait(20)
+
+    monkeypatch.setattr(segmentation, "segment", deaf)
     add_bag(viewer)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.segment.progress.text.text() == "Cutting", timeout=20000)
     qtbot.waitUntil(lambda: panel.segment.progress.bar.value() == 225, timeout=20000)
     assert not panel.segment.progress.isHidden()
     press(qtbot, panel.segment.progress.cancel)
-    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=20000)
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=1000)
+    assert panel.segment.start.isEnabled()
+    go_on.set()
+    qtbot.waitUntil(lambda: not panel.workspace.scheduler.busy, timeout=20000)
     assert panel.segment.progress.isHidden()
     assert panel.workspace.controller is None
     assert [layer.name for layer in viewer.layers] == ["expert", "bag"]

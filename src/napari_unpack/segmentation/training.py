@@ -110,7 +110,9 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
             rows.extend(more)
     fitting = share.part(0.9, 1.0, f"Learning from {len(good)} objects")
     wrong = np.array(bad) if len(bad) >= 8 else None
-    return fit_features(np.array(good), wrong, seed, fitting)
+    oracle = fit_features(np.array(good), wrong, seed, fitting)
+    fitting(1.0)
+    return oracle
 
 
 @dataclass(frozen=True, eq=False)
