@@ -230,18 +230,21 @@ def test_cancelling_leaves_everything_as_it_was(
 ) -> None:
     import napari_unpack.segmentation as segmentation
 
-    go_on = threading.Event()
+    deaf, go_on = threading.Event(), threading.Event()
 
-    def deaf(*_: Any, progress: Any, **__: Any) -> None:
-        progress(0.25, "Cutting")
+    def endless(*_: Any, progress: Any, **__: Any) -> None:
+        while not deaf.is_set():
+            progress(0.25, "Cutting")
         go_on.wait(20)
 
-    monkeypatch.setattr(segmentation, "segment", deaf)
+    monkeypatch.setattr(segmentation, "segment", endless)
     add_bag(viewer)
     press(qtbot, panel.segment.start)
     qtbot.waitUntil(lambda: panel.segment.progress.text.text() == "Cutting", timeout=20000)
     qtbot.waitUntil(lambda: panel.segment.progress.bar.value() == 225, timeout=20000)
     assert not panel.segment.progress.isHidden()
+    # In a library's code, say, or while a kernel is compiled.
+    deaf.set()
     press(qtbot, panel.segment.progress.cancel)
     qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=1000)
     assert panel.segment.start.isEnabled()
