@@ -21,5 +21,5 @@ def test_a_session_that_is_kept_is_seen(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(
         memory_rounds, "open_session", lambda file: kept.append(opened(file)) or kept[-1]
     )
-    _, size = growth(list(rounds(8, tmp_path)))
+    _, size = growth(list(rounds(7, tmp_path)))
     assert size > MOST_BYTES
