@@ -117,6 +117,10 @@ def test_slices_of_a_tilted_gantry_are_moved_back(tmp_path: Path) -> None:
     assert scan.volume[:, 5].min() == 1000
     assert np.delete(scan.volume, 5, axis=1).max() == 0
     assert "shifted by up to 3 pixels, as of a tilted gantry" in scan.assumed[0]
+    # The column stands at y = 2.5 mm; in the first slice, the highest, it was pixel 2 at 1.5 mm.
+    assert scan.scanner_from_scan is not None
+    there = scan.scanner_from_scan @ [0, 5 * scan.spacing[1], 0, 1]
+    assert there[:3] == pytest.approx((0, 2.5, 6))
 
 
 def test_two_phases_of_one_place_are_time_points(tmp_path: Path) -> None:
@@ -199,6 +203,10 @@ def test_a_regular_series_is_as_simpleitk_reads_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.volume[::-1], sitk.GetArrayFromImage(expected) + 1000.0)
     assert scan.spacing == pytest.approx(expected.GetSpacing()[::-1])
     assert scan.assumed == ()
+    assert scan.scanner_from_scan is not None
+    for z, y, x in ((0, 0, 0), (4, 5, 6)):
+        there = scan.scanner_from_scan @ [*np.multiply((z, y, x), scan.spacing), 1]
+        assert there[:3] == pytest.approx(expected.TransformIndexToPhysicalPoint((x, y, 4 - z)))
 
 
 @pytest.mark.parametrize("shared", [True, False])

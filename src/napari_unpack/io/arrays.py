@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_array, check_size, load_arrays
-from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
     checked_label_array,
+    checked_place,
     checked_spacing,
     checked_volume_array,
 )
@@ -35,7 +36,7 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         If the file is broken or holds neither key.
     """
     # The other keys for the message alone: who wrote `image` for `volume` sees it at once.
-    arrays, keys = load_arrays(path, ("volume", "labels", "spacing"), large)
+    arrays, keys = load_arrays(path, ("volume", "labels", "spacing", "scanner_from_scan"), large)
     if not {"volume", "labels"} & arrays.keys():
         raise ValueError(f"{path} must hold an array 'volume' or 'labels', got {keys}")
     volume, labels = arrays.get("volume"), arrays.get("labels")
@@ -50,7 +51,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         )
     assumed = () if "spacing" in arrays else (NO_VOXEL_SIZE,)
     spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
-    return FileData(volume, spacing=spacing, labels=labels, assumed=assumed)
+    place = arrays.get("scanner_from_scan")
+    return FileData(volume, SPACE, spacing, labels, assumed, checked_place(place, path))
 
 
 def read_names(path: Path) -> dict[int, str] | None:
@@ -87,6 +89,8 @@ def write_npz(path: Path, scan: Scan) -> None:
         # By position, so that a plain array of text needs no table of IDs beside it.
         names = [scan.names.get(i, "") for i in range(max(scan.names) + 1)]
         arrays["names"] = np.array(names, dtype=np.str_)
+    if scan.scanner_from_scan is not None:
+        arrays["scanner_from_scan"] = scan.scanner_from_scan
     with written_atomically(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.file_sizes import check_size
-from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData
+from napari_unpack.geometry.axes import Matrix
+from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
 from napari_unpack.io.slice_stack import SliceStack
@@ -127,16 +128,20 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
     pixels = _Pixels(pydicom)
     scans = _scans(slices, pixels, path, assumed)
     volumes = [_volume(scan, pixels, path, assumed) for scan in scans]
-    volume, spacing = volumes[0]
-    if len({v.shape for v, _ in volumes}) > 1:
+    volume, spacing, place = volumes[0]
+    if len({v.shape for v, _, _ in volumes}) > 1:
         raise ValueError(
             f"{path} holds {len(volumes)} scans of one place that differ in their slices: save "
             "each in a series of its own"
         )
     if len(volumes) == 1:
-        return FileData(volume, spacing=spacing, assumed=tuple(assumed))
+        return FileData(volume, SPACE, spacing, None, tuple(assumed), place)
     return FileData(
-        np.stack([v for v, _ in volumes]), "tzyx", spacing, assumed=tuple(dict.fromkeys(assumed))
+        np.stack([v for v, _, _ in volumes]),
+        "tzyx",
+        spacing,
+        assumed=tuple(dict.fromkeys(assumed)),
+        scanner_from_scan=place,
     )
 
 
@@ -258,7 +263,7 @@ def _scans(
 
 def _volume(
     slices: list[_Slice], pixels: _Pixels, source: Path, assumed: list[str]
-) -> tuple[NDArray[Any], Spacing]:
+) -> tuple[NDArray[Any], Spacing, Matrix | None]:
     first = slices[0]
     distances = first.numbers("PixelSpacing", 2)
     if distances is None:
@@ -275,7 +280,7 @@ def _volume(
         ordered = slices if len({p.path for p in slices}) == 1 else sorted(slices, key=_number)
         assumed.append(f"it gives no positions of its slices: their order was assumed; {said}")
         volume = np.stack([pixels.density(part) for part in ordered])
-        return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source)
+        return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source), None
     turned = first.numbers("ImageOrientationPatient", 6)
     if turned is None:
         assumed.append("it gives no direction of its slices: axial ones were assumed")
@@ -291,9 +296,9 @@ def _volume(
     )
     # Air is 0 in CT; elsewhere the least there is.
     air = 0.0 if first.header.get("Modality") == "CT" else float(stack.planes.min())
-    volume, spacing, done = stack.volume(air, source)
+    volume, spacing, place, done = stack.volume(air, source)
     assumed += done
-    return volume, checked_spacing(spacing, source)
+    return volume, checked_spacing(spacing, source), place
 
 
 def _heights(slices: Sequence[_Slice]) -> NDArray[np.float64] | None:

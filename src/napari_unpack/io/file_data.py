@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.scan import Spacing, checked_volume_array
 
 SPACE = "zyx"
@@ -47,6 +48,9 @@ class FileData:
     labels : (Z, Y, X) ndarray of int, optional
     assumed : tuple of str
         A sentence for each thing that the file does not say and that was assumed.
+    scanner_from_scan : (4, 4) ndarray of float64, optional
+        From mm along the axes z, y, x to the scanner's mm x to the left, y to the back, z to the
+        head, where the file says where the scan lies.
     """
 
     volume: NDArray[Any] | None
@@ -54,6 +58,7 @@ class FileData:
     spacing: Spacing = (1.0, 1.0, 1.0)
     labels: NDArray[Any] | None = None
     assumed: tuple[str, ...] = ()
+    scanner_from_scan: Matrix | None = None
 
     def one_volume(self, at: Mapping[str, int], source: object) -> FileData:
         """Return data whose volume has the axes z, y, x.

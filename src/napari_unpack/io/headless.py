@@ -51,7 +51,7 @@ def open_scan(
         labels, objects = found.labels, found.objects
     session = Session(scan.volume, labels, scan.spacing, objects)
     # Before the view: colours are chosen from rays, which the backend casts.
-    session.backend = backend
+    session.backend, session.scanner_from_scan = backend, scan.scanner_from_scan
     z, y, x = (float(v) for v in view)
     session.view = View((z, y, x))
     if direction is not None:
@@ -139,7 +139,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
         session.ray_queries,
     )
     other.seconds = other.seconds if packed else session.seconds
-    other.backend = session.backend
+    other.backend, other.scanner_from_scan = session.backend, session.scanner_from_scan
     for object_id, bag in {} if packed else session.opened_bags.worked_in(session).items():
         other.opened_bags.restore(other, object_id, copy_session(bag, packed=False))
     return other

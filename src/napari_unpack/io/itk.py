@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_size
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import FileData
 from napari_unpack.io.itk_header import stored_as
 from napari_unpack.io.nifti import check_nifti
@@ -81,10 +82,17 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
-    return FileData(array, spacing=checked_spacing(image.GetSpacing()[::-1], path), assumed=assumed)
+    place = np.eye(4)
+    # ITK counts x y z.
+    place[:3, :3] = np.reshape(image.GetDirection(), (3, 3))[:, ::-1]
+    place[:3, 3] = image.GetOrigin()
+    spacing = checked_spacing(image.GetSpacing()[::-1], path)
+    return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
 
 
-def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
+def write_itk(
+    path: Path, array: NDArray[Any], spacing: Spacing, scanner_from_scan: Matrix | None = None
+) -> None:
     """Write a volume.
 
     Parameters
@@ -94,6 +102,8 @@ def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     array : (Z, Y, X) ndarray
         Densities or labels.
     spacing : (float, float, float) of mm, z y x
+    scanner_from_scan : (4, 4) ndarray of float64, optional
+        As in a `Scan`; without it the file says nothing of a patient.
 
     Raises
     ------
@@ -112,6 +122,9 @@ def write_itk(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     except (TypeError, KeyError) as error:
         raise ValueError(f"{path.name} cannot hold {array.dtype} numbers; write .npz") from error
     image.SetSpacing(spacing[::-1])
+    if scanner_from_scan is not None:
+        image.SetOrigin(scanner_from_scan[:3, 3].tolist())
+        image.SetDirection(scanner_from_scan[:3, 2::-1].ravel().tolist())
     with written_atomically(path, lambda file: _check_written(sitk, file, array)) as temporary:
         try:
             sitk.WriteImage(image, str(temporary), useCompression=True)

@@ -40,7 +40,8 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
 
     With `scale` and `units` in mm. Several channels or time points stay axes in front of z, y, x,
     from which the panel lets one be chosen. Names of objects become the labels' `features`. What
-    had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`.
+    had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`;
+    `metadata["scanner_from_scan"]` is as in a `Scan`.
 
     Parameters
     ----------
@@ -84,7 +85,10 @@ def _attributes(found: FileData, name: str) -> dict[str, Any]:
         "units": ("pixel",) * others + ("mm",) * len(SPACE),
         "axis_labels": tuple(found.axes),
         "name": name,
-        "metadata": {"assumed": found.assumed},
+        "metadata": {
+            "assumed": found.assumed,
+            "scanner_from_scan": found.scanner_from_scan,
+        },
     }
 
 

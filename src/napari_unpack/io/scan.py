@@ -31,6 +31,9 @@ class Scan:
         What objects are called, by ID; those without a name are left out.
     assumed : tuple of str
         A sentence for each thing that the file does not say and that was assumed.
+    scanner_from_scan : (4, 4) ndarray of float64, optional
+        From mm along the axes z, y, x to the scanner's mm x to the left, y to the back, z to the
+        head, where the file says where the scan lies.
     """
 
     volume: NDArray[Any]
@@ -39,6 +42,7 @@ class Scan:
     name: str = "scan"
     names: Mapping[int, str] | None = None
     assumed: tuple[str, ...] = ()
+    scanner_from_scan: axes.Matrix | None = None
 
     def with_labels(self, labels: NDArray[Any]) -> Scan:
         """Return the scan with other labels, without names.
@@ -54,6 +58,31 @@ class Scan:
                 f"labels must have the volume's shape {self.volume.shape}, got {labels.shape}"
             )
         return replace(self, labels=labels, names=None)
+
+
+def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | None:
+    """Return where a scan lies, see `Scan.scanner_from_scan`; None where it is not told.
+
+    Parameters
+    ----------
+    matrix : (4, 4) array_like of float, optional
+    source : object
+        The file's name, for messages.
+
+    Raises
+    ------
+    ValueError
+        If it does not turn and move what it places.
+    """
+    if matrix is None:
+        return None
+    place = np.asarray(matrix, dtype=np.float64)
+    if place.shape == (4, 4) and place[3].tolist() == [0, 0, 0, 1] and np.isfinite(place).all():
+        turned = place[:3, :3]
+        # To what single precision keeps, as NIfTI has it.
+        if np.allclose(turned @ turned.T, np.eye(3), atol=1e-4):
+            return place
+    raise ValueError(f"{source} must tell where its scan lies by a turn and a move of mm")
 
 
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:

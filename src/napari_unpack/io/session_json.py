@@ -29,6 +29,7 @@ from napari_unpack.io.answers import answers_from, answers_record
 from napari_unpack.io.cut_json import cut_from, cut_record
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.measurements_json import measurements_from, measurements_record
+from napari_unpack.io.scan import checked_place
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
 from napari_unpack.session.labels import LabelData, object_table
@@ -534,9 +535,10 @@ def _angle(fields: Fields) -> float:
 
 def record_of(session: Session) -> dict[str, Any]:
     """Return a session as what JSON knows, floats exact; what is in the air counts as landed."""
-    view, rules = session.view_state, session.rules
+    view, rules, place = session.view_state, session.rules, session.scanner_from_scan
     return {
         "spacing": session.spacing.tolist(),
+        "scanner_from_scan": None if place is None else place.tolist(),
         "situation": state_record(session),
         "rules": {
             "rule": rules.rule,
@@ -618,6 +620,10 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
         state = replace(state, cut=cut_from(look.part("cut")))
     session = Session.of_parts(density, spacing, data, state, view_state, rules)
     session.seconds = fields.positive("seconds")
+    # Older files do not tell.
+    if fields.has("scanner_from_scan"):
+        place = fields.array("scanner_from_scan", (4, 4))
+        session.scanner_from_scan = checked_place(place, "session.scanner_from_scan")
     session.log.extend(_log(fields))
     return session
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.scan import Spacing
 
 SHIFT_TOLERANCE = 0.1
@@ -47,8 +48,12 @@ class SliceStack:
         """(N,) positions along the slices' common normal, mm."""
         return self.positions @ np.cross(self.columns, self.rows)
 
-    def volume(self, air: float, source: object) -> tuple[NDArray[np.generic], Spacing, list[str]]:
-        """Return the volume, from the highest slice down, its voxel size, and what was done to it.
+    def volume(
+        self, air: float, source: object
+    ) -> tuple[NDArray[np.generic], Spacing, Matrix, list[str]]:
+        """Return the volume, from the highest slice down, its voxel size, where it lies, and notes.
+
+        See `Scan.scanner_from_scan`; the notes tell what was done to it.
 
         Parameters
         ----------
@@ -83,7 +88,7 @@ class SliceStack:
                 f"the slices of {source} are {gap:.3g} mm apart, but {gaps.max():.3g} mm at "
                 f"{heights[int(gaps.argmax())]:.4g} mm: slices are missing there"
             )
-        planes, shifted = self._upright(planes, self.positions[order], heights, air)
+        planes, first, shifted = self._upright(planes, self.positions[order], heights, air)
         if shifted > SHIFT_TOLERANCE:
             done.append(
                 f"its slices are shifted by up to {shifted:.3g} pixels, as of a tilted gantry: "
@@ -95,7 +100,11 @@ class SliceStack:
                 f"its slices are {gaps.min():.3g} to {gaps.max():.3g} mm apart: they were "
                 f"interpolated to {gap:.3g} mm"
             )
-        return planes, (gap, *self.spacing), done
+        place = np.eye(4)
+        # The planes go down, against the normal.
+        down = -np.cross(self.columns, self.rows)
+        place[:3] = np.stack([down, self.rows, self.columns, first], axis=1)
+        return planes, (gap, *self.spacing), place, done
 
     def _upright(
         self,
@@ -103,23 +112,28 @@ class SliceStack:
         positions: NDArray[np.float64],
         heights: NDArray[np.float64],
         air: float,
-    ) -> tuple[NDArray[np.generic], float]:
-        """Return planes moved in themselves so that pixels lie over each other, and how far."""
+    ) -> tuple[NDArray[np.generic], NDArray[np.float64], float]:
+        """Return planes moved in themselves so that pixels lie over each other.
+
+        With it the place of the first pixel, mm x y z, and how far they were moved, in pixels.
+        """
         normal = np.cross(self.columns, self.rows)
         beside = positions - positions[0] - np.outer(heights - heights[0], normal)
         # In pixels, by row and column.
         shifts = np.stack([beside @ self.rows, beside @ self.columns], axis=1) / self.spacing
         most = float(np.abs(shifts).max())
         if most <= SHIFT_TOLERANCE:
-            return planes, most
+            return planes, positions[0], most
         shifts -= shifts.min(axis=0)
+        before = shifts[0] * self.spacing
+        first = positions[0] - before[0] * self.rows - before[1] * self.columns
         # Room for all of them, so that nothing of a slice is cut off.
         room = np.ceil(shifts.max(axis=0)).astype(int)
         moved = np.empty((len(planes), *(np.array(planes.shape[1:]) + room)), np.float32)
         for target, plane, shift in zip(moved, planes, shifts, strict=True):
             padded = np.pad(plane, [(0, room[0]), (0, room[1])], constant_values=air)
             ndimage.shift(padded.astype(np.float32), shift, target, order=1, cval=air)
-        return _as_before(moved, planes.dtype), most
+        return _as_before(moved, planes.dtype), first, most
 
 
 def _evenly(

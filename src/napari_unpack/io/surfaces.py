@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.atomic import check_writable, folder_written_atomically, written_atomically
-from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.axes import transform_points
 from napari_unpack.io.optional import needed
 from napari_unpack.tasks import Progress, no_progress
 
@@ -39,7 +39,10 @@ SMALL_STEPS, LARGE_STEPS = 10, 4
 
 # From axes z y x of the scan, as napari draws them, to x to the left, y to the back and z to the
 # head of who lies on the table: what scanners and 3D Slicer count in, and no mirror image.
-SCANNER_FROM_SCAN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+# Where the file does not say how its scan lies.
+SCANNER_FROM_SCAN = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
 
 # glTF counts in metres.
 METRES_PER_MM = 0.001
@@ -69,7 +72,7 @@ def save_surfaces(
     standing: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write the surfaces of objects where they lie in the bag.
+    """Write the surfaces of objects where they lie in the scanner, x left, y back, z to the head.
 
     Parameters
     ----------
@@ -167,7 +170,9 @@ def _meshes(
     import trimesh
 
     names, labels, boxes = session.objects["name"], session.labels, session.boxes
-    place = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
+    moved = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
+    told = session.scanner_from_scan
+    place = (SCANNER_FROM_SCAN if told is None else told) @ moved
     # A file may say mm and mean µm: the length unit knows.
     scale = session.length_unit.true_mm
     for k, i in enumerate(ids):
@@ -175,7 +180,7 @@ def _meshes(
         window = boxes.slices(i)
         points, triangles = object_surface(labels[window] == i)
         points += [one.start for one in window]
-        there = _scanner_points(points * np.asarray(session.spacing), place) * scale
+        there = transform_points(place, points * np.asarray(session.spacing)) * scale
         color = np.append(session.solo_tints(i)[i, :3], 1.0)
         mesh = trimesh.Trimesh(there, triangles, process=False)
         # Two mirrors are none: whichever way the axes go, outside is outside.
@@ -185,10 +190,6 @@ def _meshes(
             mesh, vertex_colors=np.tile(np.uint8(np.clip(color, 0, 1) * 255), (len(there), 1))
         )
         yield str(names[i]), mesh
-
-
-def _scanner_points(mm: NDArray[np.float64], place: Matrix) -> NDArray[np.float64]:
-    return transform_points(place, mm) @ SCANNER_FROM_SCAN.T
 
 
 def _together(meshes: list[tuple[str, trimesh.Trimesh]], kind: str) -> bytes:

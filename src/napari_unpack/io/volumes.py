@@ -64,7 +64,15 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
     file = Path(path).expanduser()
     names = read_names(file) if found.labels is not None and suffix_of(file) == ".npz" else None
-    return Scan(found.volume, found.spacing, found.labels, stem_of(file), names, found.assumed)
+    return Scan(
+        found.volume,
+        found.spacing,
+        found.labels,
+        stem_of(file),
+        names,
+        found.assumed,
+        found.scanner_from_scan,
+    )
 
 
 def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Spacing]:
@@ -115,12 +123,12 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
         return [file]
     if suffix not in WRITABLE:
         raise ValueError(f"{path}: can write {', '.join(WRITABLE)}, not {suffix or 'no suffix'!r}")
-    _write(file, scan.volume, scan.spacing)
+    _write(file, scan.volume, scan)
     if scan.labels is None:
         return [file]
     # These formats hold one volume a file.
     beside = file.with_name(f"{stem_of(file)}.labels{suffix}")
-    _write(beside, scan.labels, scan.spacing)
+    _write(beside, scan.labels, scan)
     return [file, beside]
 
 
@@ -235,12 +243,12 @@ def _has_dicom_preamble(file: Path) -> bool:
         return stream.read(132)[128:] == b"DICM"
 
 
-def _write(file: Path, array: NDArray[Any], spacing: Spacing) -> None:
+def _write(file: Path, array: NDArray[Any], scan: Scan) -> None:
     if suffix_of(file) in TIFF_SUFFIXES:
         from napari_unpack.io.tiff import write_tiff
 
-        write_tiff(file, array, spacing)
+        write_tiff(file, array, scan.spacing)
     else:
         from napari_unpack.io.itk import write_itk
 
-        write_itk(file, array, spacing)
+        write_itk(file, array, scan.spacing, scan.scanner_from_scan)

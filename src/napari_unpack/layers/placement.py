@@ -105,6 +105,13 @@ def napari_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -
     return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
 
 
+def scanner_from_scan(layer: Layer) -> Matrix | None:
+    """Return where the scan of a layer lies, see `Scan.scanner_from_scan`; None if it says not."""
+    told = layer.metadata.get("scanner_from_scan")
+    # Others may use the word as well.
+    return told if isinstance(told, np.ndarray) and told.shape == (4, 4) else None
+
+
 def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
     """Return the map from a session's world, mm, to napari's in mm as well.
 

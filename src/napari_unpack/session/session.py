@@ -73,6 +73,8 @@ class Session:
         Lengths and angles; added, removed and undone.
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
+    scanner_from_scan : (4, 4) ndarray of float64 or None
+        As in a `Scan`: where its surfaces belong.
     opened_bags : OpenedBags
     review : Review
     flights, history, events
@@ -128,10 +130,8 @@ class Session:
             Checked.
         """
         # `__init__` would measure anew what these parts say already.
-        made = cls.__new__(cls)
-        made._take(
-            Document(volume, spacing, label_data, state, view_state, rules, casters, perf_counter)
-        )
+        made, parts = cls.__new__(cls), (volume, spacing, label_data, state, view_state, rules)
+        made._take(Document(*parts, casters, perf_counter))
         return made
 
     def _take(self, document: Document) -> None:
@@ -141,6 +141,7 @@ class Session:
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
+        self.scanner_from_scan: Matrix | None = None
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
         self.review = Review(document, self.label_editor)
 

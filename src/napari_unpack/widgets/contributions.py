@@ -196,6 +196,7 @@ def _layers(path: Path) -> list[LayerData]:
     session = open_session(path)
     about: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
     about["affine"] = standing_of(path)
+    about["metadata"] = {"scanner_from_scan": session.scanner_from_scan}
     limits = display_range(session.volume, session.labels)
     shown = {"name": path.stem, "colormap": "gray", "contrast_limits": limits}
     return [

@@ -13,7 +13,12 @@ from napari.layers import Image, Labels, Layer
 
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.compat import unwrap
-from napari_unpack.layers.placement import equal_spacing, place_of, spacing_of
+from napari_unpack.layers.placement import (
+    equal_spacing,
+    place_of,
+    scanner_from_scan,
+    spacing_of,
+)
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
@@ -316,6 +321,7 @@ class SegmentSection(Section):
         preferred = preferences()
         built.session.backend = preferred.backend
         built.session.length_unit = order.unit
+        built.session.scanner_from_scan = scanner_from_scan(order.image)
         built.session.take_least_occluded = preferred.take_least_occluded
         # Labels without a volume are both inputs at once.
         sources = [image] if labels is None or labels is image else [image, labels]
