@@ -127,9 +127,8 @@ class Session:
         Parameters
         ----------
         volume, spacing, label_data, state, view_state, rules, casters
-            Checked.
+            Checked, and not measured anew as `__init__` would.
         """
-        # `__init__` would measure anew what these parts say already.
         made, parts = cls.__new__(cls), (volume, spacing, label_data, state, view_state, rules)
         made._take(Document(*parts, casters, perf_counter))
         return made
