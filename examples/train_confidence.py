@@ -17,7 +17,9 @@ import napari_unpack as nu
 def main(folder: Path) -> None:
     """Train an oracle, write it into a folder, load it again and ask it."""
     bags = (nu.simulate_bag(seed=seed, shape=(48, 56, 80), count=9) for seed in (10, 11))
-    oracle = nu.train(bags, progress=lambda fraction, text: print(text))
+    # One line that is written over: a bar that moves all the time.
+    oracle = nu.train(bags, progress=lambda done, text: print(f"{done:4.0%}  {text}", end="\r"))
+    print()
     path = folder / "oracle.npz"
     oracle.save(path)
     unseen = nu.simulate_bag(seed=1, shape=(64, 72, 96), count=10)

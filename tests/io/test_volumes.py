@@ -178,9 +178,12 @@ def test_a_channel_or_a_time_is_never_taken_for_z(tmp_path: Path, axes: str) -> 
 
 
 def test_units_are_known_or_told(tmp_path: Path) -> None:
-    save_zarr(tmp_path / "a.zarr", VOLUME, "zyx", z="angstrom", y="inch", x="parsec")
+    save_zarr(tmp_path / "b.zarr", VOLUME, "zyx", z="angstrom", y="nanometer", x="angstrom")
+    found = load_volume(tmp_path / "b.zarr")
+    assert (found.spacing, found.assumed) == (pytest.approx((3e-7, 2e-6, 1e-7)), ())
+    save_zarr(tmp_path / "a.zarr", VOLUME, "zyx", z="millimeter", y="inch", x="parsec")
     found = load_volume(tmp_path / "a.zarr")
-    assert found.spacing == pytest.approx((3e-7, 50.8, 1.0))
+    assert found.spacing == pytest.approx((3.0, 50.8, 1.0))
     assert found.assumed == ("its unit of length 'parsec' is not known: mm was assumed",)
 
 

@@ -1,4 +1,5 @@
 from collections import Counter
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -85,7 +86,9 @@ def test_every_stage_checks_at_every_slab_and_progress_never_falls(few, reports)
     assert checks["Measuring objects"] >= len(few[1].objects)
     fractions = [fraction for fraction, _ in reports]
     assert (np.diff(fractions) >= 0).all()
-    assert len(set(fractions)) > 0.9 * len(fractions) - len(checks)
+    # Steps within steps begin and end at one fraction; a bar that stands while something goes over
+    # all 16 slabs would tell one fraction as often.
+    assert max(len(list(told)) for _, told in groupby(fractions)) < 8
 
 
 def test_ids_run_from_the_largest_object_to_the_smallest_without_gaps(few):

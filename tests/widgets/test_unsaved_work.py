@@ -176,7 +176,7 @@ def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept
     viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     panel, session = worked, worked.workspace.session
-    found = SimpleNamespace(labels=session.labels.astype(np.int32), objects=None)
+    found = SimpleNamespace(labels=session.labels.astype(np.int32), objects=None, evidence=None)
     monkeypatch.setattr("napari_unpack.segmentation.segment", lambda *_, **__: found)
     panel.segment.labels_input.choose(None)
     panel.segment.start.click()
