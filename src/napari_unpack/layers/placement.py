@@ -204,8 +204,8 @@ def equal_spacing(a: ArrayLike, b: ArrayLike) -> bool:
 
 def voxel_at(
     layer: Layer, position: ArrayLike, units: Sequence[Any] | None = None
-) -> NDArray[np.int64]:
-    """Return the voxel nearest to a point of napari's world.
+) -> NDArray[np.float64]:
+    """Return the voxel z y x, with fractions, at a point of napari's world.
 
     Parameters
     ----------
@@ -217,4 +217,4 @@ def voxel_at(
     """
     there = np.asarray(position, dtype=np.float64)[-3:]
     data_from_world: Matrix = np.linalg.inv(data_to_world(layer, units)).astype(np.float64)
-    return np.rint(transform_points(data_from_world, there)).astype(np.int64)
+    return transform_points(data_from_world, there)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from qtpy.QtGui import QCursor
 from qtpy.QtWidgets import QToolTip
 
@@ -19,6 +20,7 @@ from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, chosen
 from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel, PointerTarget
+from napari_unpack.viewer.surface_points import label_at
 
 if TYPE_CHECKING:
     import napari
@@ -126,19 +128,15 @@ class Interaction:
 
     def in_slice(self, position: Sequence[float]) -> int:
         """Return the object at a point of the viewer's world, 0 for none; as slices show it."""
-        target = self._target
-        # Slices then show the labels of the whole bag, of which this session has none.
-        if target.outer_session is not None:
-            return 0
-        labels = target.session.labels
-        there = np.asarray(position, dtype=np.float64)[-3:]
-        if len(there) < 3 or not np.isfinite(there).all():
-            return 0
-        voxel = voxel_at(target.layers[0], there, units_of(target.viewer))
-        # Negative indices would count from the other end.
-        if (voxel < 0).any() or (voxel >= labels.shape).any():
-            return 0
-        return int(labels[tuple(voxel)])
+        voxel = self._voxel_in_slice(position)
+        return 0 if voxel is None else label_at(self._target.session, voxel) or 0
+
+    def _voxel_in_slice(self, position: Sequence[float]) -> NDArray[np.float64] | None:
+        target, there = self._target, np.asarray(position, dtype=np.float64)[-3:]
+        # In an opened object slices show the whole bag, of which this session has no labels.
+        if target.outer_session is not None or len(there) < 3 or not np.isfinite(there).all():
+            return None
+        return voxel_at(target.layers[0], there, units_of(target.viewer))
 
     # What the mouse does.
 
@@ -295,7 +293,7 @@ class Interaction:
         if grip is not None and (moved or self.drawing):
             grip.release()
         elif not moved and self.tool is not None:
-            self.tool.click(start, event.position)
+            self.tool.click(start)
         elif not moved and not self._target.renderer.inspected:
             self._click(start, modifiers)
 
@@ -325,7 +323,9 @@ class Interaction:
             moved = moved or _is_far(_pixel(event), start)
             yield
         if not moved and self.tool is not None:
-            self.tool.click(start, there)
+            voxel = self._voxel_in_slice(there)
+            if voxel is not None:
+                self.tool.click_voxel(voxel)
         elif not moved:
             steps = self._target.slice_steps
             with nullcontext() if steps is None else steps.held():

@@ -337,7 +337,9 @@ class LinkedSlices:
         # Slices of napari's show the whole bag, of which an opened object is only a part.
         if self._controller.outer_session is not None or len(there) < 3:
             return None
-        spot = voxel_at(self._controller.packed, there, units_of(self._controller.viewer))
+        spot = np.rint(
+            voxel_at(self._controller.packed, there, units_of(self._controller.viewer))
+        ).astype(np.int64)
         inside = (spot >= 0).all() and (spot < self.shape).all()
         return self._voxel(spot) if inside else None
 

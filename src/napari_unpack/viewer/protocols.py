@@ -60,24 +60,22 @@ class Drawing(Protocol):
 class ClickTool(Protocol):
     """What takes the clicks in the picture in place of selecting."""
 
-    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
-        """Take a click.
+    def click(self, pixel: Pixel) -> None:
+        """Take a click in the 3D view.
 
         Parameters
         ----------
         pixel : (2,) ndarray of float64
             Of the canvas.
-        position : sequence of float
-            In napari's world, for slices.
         """
 
     def click_voxel(self, voxel: NDArray[np.float64]) -> None:
-        """Take a click on the linked slices.
+        """Take a click on a slice, of napari's or of the linked ones.
 
         Parameters
         ----------
         voxel : (3,) ndarray of float64
-            Of the session's volume, z y x with fractions; inside it.
+            Of the session's volume or beside it, z y x with fractions.
         """
 
     def cancel(self) -> None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.layers.placement import data_to_world, units_of
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.protocols import Pixel
-from napari_unpack.viewer.surface_points import surface_point
+from napari_unpack.viewer.surface_points import label_at, surface_point
 
 if TYPE_CHECKING:
     from napari_unpack.viewer.controller import SessionController
@@ -62,39 +61,16 @@ class RulerTool:
         """Give the clicks back; nothing is measured."""
         self._end([])
 
-    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
-        """Take a point.
-
-        Parameters
-        ----------
-        pixel : (2,) ndarray of float64
-            Of the canvas.
-        position : sequence of float
-            In the viewer's world, for slices.
-        """
-        if self._controller.viewer.dims.ndisplay == 2:
-            world_from_data = data_to_world(
-                self._controller.packed, units_of(self._controller.viewer)
-            )
-            there = np.asarray(position, dtype=np.float64)[-3:]
-            self.click_voxel(np.linalg.solve(world_from_data, np.append(there, 1.0))[:3])
-        else:
-            self._take(surface_point(self._controller, pixel))
+    def click(self, pixel: Pixel) -> None:
+        """Take a point of a surface, see `ClickTool`."""
+        self._take(surface_point(self._controller, pixel))
 
     def click_voxel(self, voxel: NDArray[np.float64]) -> None:
-        """Take a point of a slice.
-
-        Parameters
-        ----------
-        voxel : (3,) ndarray of float64
-            z y x, with fractions.
-        """
-        session, spot = self._controller.session, np.rint(voxel).astype(np.int64)
-        if (spot < 0).any() or (spot >= session.labels.shape).any():
-            self._take(None)
-            return
+        """Take a point of a slice, see `ClickTool`."""
+        session = self._controller.session
+        label = label_at(session, voxel)
         z, y, x = (float(v) for v in voxel * session.spacing)
-        self._take(SurfacePoint(int(session.labels[tuple(spot)]), (z, y, x)))
+        self._take(None if label is None else SurfacePoint(label, (z, y, x)))
 
     def _take(self, point: SurfacePoint | None) -> None:
         if point is None:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.rays import voxel_from_world
-from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.rendering.casting import rays_for
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.protocols import Pixel
+from napari_unpack.viewer.surface_points import label_at
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -52,39 +52,18 @@ class SplitTool:
         """Give the clicks back; nothing is split."""
         self._end(None)
 
-    def click(self, pixel: Pixel, position: Sequence[float]) -> None:
-        """Take a voxel.
-
-        Parameters
-        ----------
-        pixel : (2,) ndarray of float64
-            Of the canvas.
-        position : sequence of float
-            In the viewer's world, for slices.
-        """
-        viewer = self._controller.viewer
-        if viewer.dims.ndisplay == 2:
-            there = np.asarray(position, dtype=np.float64)
-            voxel = voxel_at(self._controller.packed, there, units_of(viewer))
-            self.click_voxel(voxel.astype(np.float64))
-        else:
-            self._take(self._in_3d(pixel))
+    def click(self, pixel: Pixel) -> None:
+        """Take a voxel under a surface, see `ClickTool`."""
+        self._take(self._in_3d(pixel))
 
     def click_voxel(self, voxel: NDArray[np.float64]) -> None:
-        """Take a voxel of a slice.
-
-        Parameters
-        ----------
-        voxel : (3,) ndarray of float64
-            z y x, with fractions.
-        """
-        session, spot = self._controller.session, np.rint(voxel).astype(np.int64)
-        if (spot < 0).any() or (spot >= session.labels.shape).any():
+        """Take a voxel of a slice, see `ClickTool`."""
+        session = self._controller.session
+        label = label_at(session, voxel)
+        if label is None or session.states.get(label) is not ObjectState.PACKED:
             self._take(None)
-            return
-        label = int(session.labels[tuple(spot)])
-        packed = session.states.get(label) is ObjectState.PACKED
-        self._take((label, _voxel(spot)) if packed else None)
+        else:
+            self._take((label, _voxel(np.rint(voxel).astype(np.int64))))
 
     def _end(self, found: tuple[int, Voxel, Voxel] | None) -> None:
         self._controller.interaction.tool = None

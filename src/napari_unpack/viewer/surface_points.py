@@ -72,6 +72,22 @@ def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
     return SurfacePoint(object_id, (z, y, x))
 
 
+def label_at(session: Session, voxel: NDArray[np.float64]) -> int | None:
+    """Return the label at a point of the volume, None outside it.
+
+    Parameters
+    ----------
+    session : Session
+    voxel : (3,) ndarray of float64
+        z y x, with fractions.
+    """
+    spot = np.rint(voxel).astype(np.int64)
+    # Negative indices would count from the other end.
+    if (spot < 0).any() or (spot >= session.labels.shape).any():
+        return None
+    return int(session.labels[tuple(spot)])
+
+
 def pixel_ray(
     pixel: NDArray[np.float64], camera: Camera, size: tuple[int, int]
 ) -> tuple[Vector, Vector]:
