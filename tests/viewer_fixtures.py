@@ -31,10 +31,6 @@ def modules_and_manifests_read_once() -> Iterator[None]:
     found = list(PluginManifest.discover())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PluginManifest, "discover", lambda *_, **__: iter(found))
-        settings = "napari.settings._base.EventedConfigFileSettings._maybe_save"
-        patch.setattr(settings, lambda _: None)
-        welcome = "napari._qt.widgets.qt_welcome.QtWelcomeWidget.refresh"
-        patch.setattr(welcome, lambda _self, _event=None: None)
         yield
 
 
