@@ -210,6 +210,37 @@ def test_a_film_has_the_layout_of_the_window(tmp_path: Path, session: Any) -> No
     assert len(fits) > 1
 
 
+def test_a_film_shows_the_steps_of_a_person_and_goes_on(tmp_path: Path, session: Any) -> None:
+    """Their order, slots and hands, as the window shows them; then what is left."""
+    window, size = (240, 400), (120, 160)
+    session.canvas_size, session.direction = window, "-x"
+    session.force_unpack(3)
+    session.unpack([1])
+    session.place(1, replace(session.poses[1], center=session.poses[1].center * 0.9))
+
+    def frames(name: str, count: int | None = None) -> list[np.ndarray]:
+        asked = (count, size, 2, 0.5, "cpu")
+        path = movie(session, tmp_path / name, *asked, decorations=(), window=window)
+        return [iio.imread(file) for file in sorted(path.iterdir())]
+
+    def seen() -> np.ndarray:
+        camera = contained(fitted(session), window, size)
+        return straight_bytes(scene_image(session.scene(), camera, size, backend="cpu")[..., :3])
+
+    so_far, whole = frames("steps", count=2), frames("whole")
+    np.testing.assert_array_equal(so_far[-1], seen())
+    # What was scrubbed back is known as well; a step is a flight and a rest of one frame each.
+    session.go_to(1)
+    np.testing.assert_array_equal(so_far[2], seen())
+    np.testing.assert_array_equal(frames("again", count=2)[-1], so_far[-1])
+    session.go_to(3)
+    np.testing.assert_array_equal(whole[-1], seen())
+    # What is out and hidden takes no step of its own.
+    session.hide([3])
+    assert copy_session(session).steps == ((1,), (2,))
+    assert len(frames("hidden")) == len(whole) - 2
+
+
 def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     tmp_path: Path, session: Any
 ) -> None:

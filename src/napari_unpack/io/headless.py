@@ -95,16 +95,20 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     session : Session
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
     packed : bool
-        With everything packed; False takes over what is unpacked and how it is turned as well.
+        With everything packed, where `Session.go_to` repeats what is out step by step; False
+        takes over what is unpacked and how it is turned as well.
     """
     from napari_unpack.session import ObjectState, Session
-    from napari_unpack.session.commands import inspect
+    from napari_unpack.session.commands import go_to, inspect
     from napari_unpack.session.state import SessionState, ViewState
 
     now, view, data = session.state, session.view_state, session.label_data
     if packed:
         # What was hidden stays out of the movie; the rest goes back into the bag.
         hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
+        steps = (
+            {i: p for i, p in gone.items() if i not in hidden} for gone in go_to(now, 0).undone
+        )
         now = SessionState(
             now.transfer_function,
             now.hues,
@@ -113,6 +117,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
             styles=now.styles,
             colors=now.colors,
             measurements=now.measurements,
+            undone=tuple(filter(None, steps)),
         )
         # Names of now; no trace of edits, as the copy has nothing to undo.
         data = replace(data, facts=session.objects, edit=None, previous=None)

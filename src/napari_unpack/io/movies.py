@@ -254,6 +254,8 @@ def movie(
 ) -> Path:
     """Make a movie of a bag being unpacked, from all packed to the last object, or turning.
 
+    What was unpacked already leaves first, in the order in which it did, then what is next.
+
     Parameters
     ----------
     session : Session
@@ -368,7 +370,8 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
     session.animated, session.seconds = True, seconds
     yield from shooting.still(STANDSTILL[0], share.part(0.0, 0.0))
     gone, camera, poses = 0, shooting.camera, session.poses
-    while gone < wanted and session.unpack(1):
+    # A step more each time: those that a person took, then the next to leave.
+    while gone < wanted and session.go_to(session.step + 1) and session.flights:
         flights = dict(session.flights)
         # Flights of a group need not start together: a step lasts until the last has landed.
         start = min(flight.start for flight in flights.values())

@@ -101,13 +101,16 @@ def _picture(session: Session, path: Path, options: ExportOptions, progress: Pro
     return save_png(image, path)
 
 
-def _movie(kind: str) -> Callable[[Session, Path, ExportOptions, Progress], Path]:
+def _movie(
+    kind: str, done: bool = False
+) -> Callable[[Session, Path, ExportOptions, Progress], Path]:
     def write(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
         from napari_unpack.io import movie
 
         return movie(
             session,
             path,
+            count=sum(map(len, session.steps)) if done else None,
             size=options.size,
             fps=options.fps,
             seconds=options.seconds,
@@ -159,6 +162,13 @@ MESHES = (".stl", ".obj", ".ply", ".glb")
 EXPORTS = (
     Export("Picture", "", (".png",), _picture),
     Export("Movie of the unpacking", "unpacking", MOVIES, _movie("unpacking")),
+    Export(
+        "Movie of the steps so far",
+        "steps",
+        MOVIES,
+        _movie("unpacking", done=True),
+        lambda s: len(s.steps) > 0,
+    ),
     Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
     Export("Web page", "objects", (".html",), _report),
     Export("Table", "objects", (".csv",), _table),
