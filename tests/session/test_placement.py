@@ -56,6 +56,25 @@ def test_turned_sprites_overlap_nobody_in_a_window_of_any_shape(unpacked: Sessio
                 assert ((high <= other_low) | (other_high <= low)).any(), shape
 
 
+def test_a_lopsided_sprite_stays_within_its_slot() -> None:
+    """A wedge: held askew it reaches further to one side of its box's middle."""
+    depth, down, right = np.indices((40, 40, 40))
+    labels = np.pad((depth + 2 * down + 3 * right < 60).astype(np.uint16), 3)
+    session = session_of(labels)
+    session.unpack(1)
+    rng = np.random.default_rng(2)
+    reaches = []
+    for _ in range(20):
+        low, high = rectangle(session, 1)
+        at, half = session.poses[1].center[1:], session.slots.cell_mm / 2
+        reaches += [*(at - low), *(high - at)]
+        # Corners of voxels; that a voxel turned is longer is left to the margin.
+        assert max(reaches) < half + 1.5 * session.poses[1].scale
+        turn = rotation_about(rng.normal(size=3), rng.uniform(0.3, 3.0))
+        session.turn(1, turn @ session.poses[1].rotation)
+    assert max(reaches) > 0.9 * half
+
+
 def test_a_turn_keeps_the_size_where_there_is_room_and_is_given_back(unpacked: Session) -> None:
     before = unpacked.poses[5]
     end_on = rotation_about((0.0, 1.0, 0.0), np.pi / 2)

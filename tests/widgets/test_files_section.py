@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,9 @@ from qtpy.QtWidgets import QApplication, QFileDialog, QMessageBox
 
 import napari_unpack as nu
 from napari_unpack import file_sizes, memory
+from napari_unpack.geometry.view import View
+from napari_unpack.io.headless import copy_session
+from napari_unpack.session.framing import contained, fitted
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
 from napari_unpack.widgets.file_names import bag_name
@@ -221,6 +225,38 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
     assert panel.unpack.step_slider.slider.value() == 3
     viewer.dims.ndisplay = 2
     assert viewer.layers["bag"].visible
+
+
+def test_a_session_saved_in_another_window_shows_as_much(
+    viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    """Where all had been brought into view it is so again, and what was zoomed shows as much."""
+    panel, tall = staged, (900, 300)
+    left = copy_session(panel.workspace.session)
+    left.canvas_size = tall
+    whole = fitted(left)
+    near = replace(whole, height=whole.height / 2)
+    left.look(near)
+    near_path = nu.save_session(left, tmp_path / "near.unpack")
+    left.look(whole)
+    whole_path = nu.save_session(left, tmp_path / "whole.unpack")
+    # As a script saves it.
+    left.view = View((0.0, 0.2, 1.0))
+    for path in (whole_path, nu.save_session(left, tmp_path / "script.unpack")):
+        panel.files.open_from(path)
+        done(panel, qtbot)
+        rest(panel, qtbot)
+        assert panel.workspace.controller.framing.is_fit
+        apart = np.abs(shot(viewer) - shot(viewer)[2, 2]).max(axis=-1) > 25
+        rows, cols = apart.any(axis=1).nonzero()[0], apart.any(axis=0).nonzero()[0]
+        assert max(np.ptp(rows), np.ptp(cols)) >= 0.7 * min(apart.shape)
+    panel.files.open_from(near_path)
+    done(panel, qtbot)
+    rest(panel, qtbot)
+    now = panel.workspace.session
+    wanted = contained(near, tall, now.canvas_size).height
+    np.testing.assert_allclose(now.camera.height, wanted, rtol=1e-5)
+    assert not panel.workspace.controller.framing.is_fit
 
 
 def test_faults_of_files_are_told_and_change_nothing(

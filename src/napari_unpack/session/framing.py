@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 # out. A tenth above what is promised: outlines are of voxel centres, and fringes are faint.
 SHARE_OF_BAG = 0.78
 
+# Of the view's height: napari rounds on its way to the canvas, and a notch of a wheel is 20 times
+# as much.
+ALIKE = 5e-3
+
 
 def fitted(
     session: Session,
@@ -80,6 +84,17 @@ def contained(camera: Camera, window: tuple[int, int], size: tuple[int, int]) ->
     """
     wider = (window[1] / window[0]) / (size[1] / size[0])
     return replace(camera, height=camera.height * max(1.0, wider))
+
+
+def alike(a: Camera, b: Camera) -> bool:
+    """Tell whether two cameras are as near and look at the same point, however turned.
+
+    Parameters
+    ----------
+    a, b : Camera
+    """
+    apart = float(np.abs(a.center - b.center).max())
+    return abs(a.height / b.height - 1) <= ALIKE and apart <= ALIKE * b.height
 
 
 def _picture(session: Session, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -193,7 +193,7 @@ class Bag:
         # Of all points the hull alone touches the edges of a picture.
         if object_id not in self._hulls:
             self._hulls[object_id] = hull_vertices(self.points(object_id))
-        return image_extent(self._hulls[object_id], rotation @ stretch, self.spacing)
+        return self._picture(self._hulls[object_id], object_id, rotation @ stretch)
 
     def placement(
         self, camera: Camera, object_id: int, slot: int, group: Sequence[int], direction: Vector
@@ -214,8 +214,16 @@ class Bag:
         """
         points = self.points(object_id)
         rotation = broad_side(self.oriented(object_id, camera.stretch), camera.rotation)
-        picture = image_extent(points, rotation @ camera.stretch, self.spacing)
+        picture = self._picture(points, object_id, rotation @ camera.stretch)
         return Placement(slot, rotation, picture, direction, tuple(group))
+
+    def _picture(
+        self, points: NDArray[np.float64], object_id: int, turn: Matrix
+    ) -> tuple[float, float]:
+        # The middle of its box stands in the middle of its slot: turned, it may reach further to
+        # one side, and would stand out of the slot and over the window's edge.
+        middle = self.boxes.center(object_id, self.spacing)
+        return image_extent(points, turn, self.spacing, middle)
 
 
 def _upright(stretch: Matrix) -> Matrix:

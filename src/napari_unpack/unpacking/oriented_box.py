@@ -259,7 +259,9 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
     return about_right @ about_down @ best
 
 
-def image_extent(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tuple[float, float]:
+def image_extent(
+    points: ArrayLike, rotation: Matrix, spacing: ArrayLike, middle: ArrayLike | None = None
+) -> tuple[float, float]:
     """Return width and height in mm of the image of points held at a turn.
 
     Parameters
@@ -270,7 +272,11 @@ def image_extent(points: ArrayLike, rotation: Matrix, spacing: ArrayLike) -> tup
         From world axes to pivot axes, a stretch of the bag included.
     spacing : (3,) array_like
         Voxel size in mm, added around the centres.
+    middle : (3,) array_like, optional
+        World point that stands in the middle of the image, which reaches as far to both sides
+        of it; by default the image is as small as it can be.
     """
-    extent = np.ptp(np.asarray(points, dtype=np.float64) @ rotation.T, axis=0)
+    away = (np.asarray(points, dtype=np.float64) - (0 if middle is None else middle)) @ rotation.T
+    extent = np.ptp(away, axis=0) if middle is None else 2 * np.abs(away).max(axis=0)
     extent += np.abs(rotation) @ np.asarray(spacing, dtype=np.float64)
     return float(extent[2]), float(extent[1])

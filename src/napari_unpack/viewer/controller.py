@@ -384,9 +384,15 @@ class SessionController:
         """Bring the bag and what is out of it into the window, at once."""
         self.framing.fit(glides=False, camera=self.session.camera)
 
-    def look_from(self, camera: Camera) -> None:
-        """Set the viewer's camera to one of the session's."""
-        self.framing.look_from(camera)
+    def look_from(self, camera: Camera, window: tuple[int, int] | None = None) -> None:
+        """Set the viewer's camera to one of the session's.
+
+        Parameters
+        ----------
+        camera, window
+            As for `Framing.look_from`.
+        """
+        self.framing.look_from(camera, window)
 
     def look_from_side(self, side: Side | None) -> None:
         """Glide to a view from one side of the bag; None looks against the direction of unpacking.

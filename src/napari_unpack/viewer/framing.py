@@ -14,7 +14,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
 from napari_unpack.rendering.compose import SHARE_OF_VIEW
-from napari_unpack.session.framing import fitted
+from napari_unpack.session.framing import alike, contained, fitted
 from napari_unpack.viewer.camera_sync import point_camera
 from napari_unpack.viewer.scene_renderer import SceneRenderer
 from napari_unpack.viewer.scheduler import Scheduler
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 
     from napari_unpack.session import Session
 
-# Of the view's height: napari rounds on its way to the canvas, and a notch of a wheel is 20 times
-# as much.
-ALIKE = 5e-3
-
 
 @dataclass(frozen=True, eq=False)
 class _Before:
@@ -37,6 +33,15 @@ class _Before:
     view: SavedView
     seen: Camera
     target: Camera | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A camera that was asked for, the window it is of, and what shows as much in this one."""
+
+    camera: Camera
+    window: tuple[int, int]
+    target: Camera
 
 
 class Framing:
@@ -75,7 +80,7 @@ class Framing:
         self._target: Camera | None = None
         self._fit: Camera | None = None
         # How a saved session was looked at, until something else moves the camera.
-        self._given: Camera | None = None
+        self._given: _Given | None = None
         self._size = (0, 0)
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
@@ -114,14 +119,20 @@ class Framing:
         self._measure()
         self._go_fit(self._fitted(camera or self._seen), glides)
 
-    def look_from(self, camera: Camera) -> None:
-        """Have the camera look so, at once."""
+    def look_from(self, camera: Camera, window: tuple[int, int] | None = None) -> None:
+        """Have the camera look so, at once.
+
+        Parameters
+        ----------
+        camera : Camera
+        window : (int, int), optional
+            Height and width of the window in which it looked so: all that showed there shows.
+        """
         self._measure()
         # As saved by a person who saw it fitted: room is then made for what comes out.
         whole = self._fitted(camera)
-        self._fit = camera if _alike(camera, whole) else None
-        self._given = camera
-        self._go(camera, glides=False)
+        self._look_given(camera, self._size if window is None else window)
+        self._fit = self._target if alike(self._target or camera, whole) else None
 
     def turn_to(self, rotation: np.ndarray) -> None:
         """Look from another side; what a person has zoomed to stays as near.
@@ -201,7 +212,7 @@ class Framing:
             return True
         # Where the window has grown, as much more is seen at the same zoom.
         grown = frame.size[0] / self._size[0]
-        return _alike(frame.camera, replace(self._set, height=self._set.height * grown))
+        return alike(frame.camera, replace(self._set, height=self._set.height * grown))
 
     def _measure(self) -> None:
         # Slots of sprites are planned for device pixels; napari counts logical ones.
@@ -221,11 +232,12 @@ class Framing:
     def _follow(self) -> None:
         session = self._session
         resized = session.canvas_size != self._size
-        kept = self._given if self._given is self._target and not self.is_fit else None
-        if resized and kept is not None and self._untouched():
+        given = self._given
+        kept = given is not None and given.target is self._target and not self.is_fit
+        if resized and given is not None and kept and self._untouched():
             # The window is still being laid out: as much is to be seen as when it was saved.
             self._size = session.canvas_size
-            self._go(kept, glides=False)
+            self._look_given(given.camera, given.window)
             return
         # Before the size is taken over, by which it is known whether a person has zoomed.
         if self._before is not None or not self.is_fit or self._fit is None:
@@ -233,7 +245,7 @@ class Framing:
         self._size = session.canvas_size
         # As near as it was turned then: to turn the bag brings it no nearer.
         wanted = self._fitted(self._fit)
-        if resized or not _alike(wanted, self._fit):
+        if resized or not alike(wanted, self._fit):
             self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
 
     def _follow_home(self, _event: Any = None) -> None:
@@ -243,6 +255,11 @@ class Framing:
         # napari has reset the camera by now; what was seen before is what is gone on from.
         origin = self._session.camera if frame is None else frame.camera
         self._go_fit(self._fitted(origin), origin=origin)
+
+    def _look_given(self, camera: Camera, window: tuple[int, int]) -> None:
+        target = contained(camera, window, self._size)
+        self._given = _Given(camera, window, target)
+        self._go(target, glides=False)
 
     def _go_fit(self, camera: Camera, glides: bool = True, origin: Camera | None = None) -> None:
         inspected = self._session.state.inspected
@@ -259,7 +276,7 @@ class Framing:
         seen = self._seen if origin is None else origin
         shown = self._renderer.frame is not None and self._viewer.dims.ndisplay == 3
         allowed = self._renderer.packed_renderer.fade.allowed
-        same = _alike(seen, camera) and np.allclose(seen.rotation, camera.rotation, atol=1e-6)
+        same = alike(seen, camera) and np.allclose(seen.rotation, camera.rotation, atol=1e-6)
         if not (glides and shown and allowed) or same:
             self._look(camera)
             return
@@ -285,9 +302,3 @@ class Framing:
     def _stop(self) -> None:
         self._glide = None
         self.animation.stop()
-
-
-def _alike(a: Camera, b: Camera) -> bool:
-    """Tell whether two cameras are as near and look at the same point, however turned."""
-    apart = float(np.abs(a.center - b.center).max())
-    return abs(a.height / b.height - 1) <= ALIKE and apart <= ALIKE * b.height

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from qtpy.QtGui import QAction
 
     from napari_unpack.geometry.axes import Matrix
+    from napari_unpack.geometry.view import Camera
     from napari_unpack.io.label_names import NamedLabel
     from napari_unpack.io.recovery import Leftover
     from napari_unpack.session import Session
@@ -191,12 +192,26 @@ REFERRING = "Small session that refers to the volume's file (*.unpack)"
 
 @dataclass(frozen=True, eq=False)
 class _Opened:
-    """A session read from a file, and how its volume is shown."""
+    """A session read from a file, and how its volume is shown.
+
+    Parameters
+    ----------
+    session : Session
+    labels : ndarray
+        Of the layer.
+    affine : (4, 4) ndarray, optional
+        How it stands.
+    shown_range : (float, float)
+        Densities, black and white.
+    camera : Camera, optional
+        How it was looked at; None where all was brought into view, whatever the window.
+    """
 
     session: Session
     labels: NDArray[Any]
     affine: Matrix | None
     shown_range: tuple[float, float]
+    camera: Camera | None
 
 
 def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
@@ -204,16 +219,20 @@ def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
     from napari_unpack.io.scan import display_range
     from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
-    from napari_unpack.session.framing import fitted
+    from napari_unpack.session.framing import alike, fitted
 
     session = open_session(path, progress=progress, large=large)
     labels = given_labels(session)
     color_labels(labels.dtype)
     # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
     session.own_labels([labels])
-    fitted(session)
+    # Without a height nobody has looked at it yet, as where a script saved it.
+    whole = session.view.height is None or alike(session.camera, fitted(session))
+    # A session saved during an inspection opens with the whole bag.
+    camera = None if whole or session.state.inspected is not None else session.camera
+    session.leave()
     shown = display_range(session.volume, session.labels)
-    return _Opened(session, labels, standing_of(path), shown)
+    return _Opened(session, labels, standing_of(path), shown, camera)
 
 
 class FilesSection(Section):
@@ -445,9 +464,7 @@ class FilesSection(Section):
 
     def _show(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
         session = found.session
-        # A session saved during an inspection opens with the whole bag.
-        session.leave()
-        preferred, camera = preferences(), session.camera
+        preferred = preferences()
         session.backend = preferred.backend
         viewer = self._workspace.viewer
         placed: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
@@ -459,7 +476,7 @@ class FilesSection(Section):
         self._workspace.open(
             session,
             sources=(image, labels),
-            camera=camera,
+            camera=found.camera,
             seconds=session.seconds,
             backend=preferred.backend,
             recolor_at_rest=preferred.recolor_at_rest,

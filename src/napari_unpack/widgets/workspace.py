@@ -143,6 +143,8 @@ class Workspace(QObject):
     ) -> None:
         from napari_unpack.viewer.controller import SessionController
 
+        # In which the camera looked so, until opening measures this one.
+        window = session.canvas_size
         # Two sessions would fight for the camera and the layers of one viewer.
         self._take_down()
         try:
@@ -163,7 +165,7 @@ class Workspace(QObject):
             self.switched.emit()
             raise
         if camera is not None:
-            controller.look_from(camera)
+            controller.look_from(camera, window)
         self.switched.emit()
 
     @property
