@@ -276,7 +276,10 @@ def image_extent(
         World point that stands in the middle of the image, which reaches as far to both sides
         of it; by default the image is as small as it can be.
     """
-    away = (np.asarray(points, dtype=np.float64) - (0 if middle is None else middle)) @ rotation.T
-    extent = np.ptp(away, axis=0) if middle is None else 2 * np.abs(away).max(axis=0)
+    away = np.asarray(points, dtype=np.float64) @ rotation.T
+    if middle is None:
+        extent = np.ptp(away, axis=0)
+    else:
+        extent = 2 * np.abs(away - np.asarray(middle, dtype=np.float64) @ rotation.T).max(axis=0)
     extent += np.abs(rotation) @ np.asarray(spacing, dtype=np.float64)
     return float(extent[2]), float(extent[1])
