@@ -470,7 +470,8 @@ def test_slices_of_a_reopened_session_are_not_black(
     viewer.layers["metal objects"].visible = False
     viewer.dims.set_current_step(0, 14)
     rest(panel, qtbot)
-    assert (shot(viewer).max(axis=-1) > 120).mean() > 0.05
+    # All of the bag is in view, and the window is narrow.
+    assert (shot(viewer).max(axis=-1) > 120).mean() > 0.03
 
 
 def test_surfaces_of_the_selected_objects_are_exported(
