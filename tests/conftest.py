@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -37,28 +35,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kernels_kept_by_one_process_at_a_time(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[None]:
-    """Let the workers of one run take turns at numba's cache.
+def kernels_kept_by_one_process_at_a_time() -> None:
+    """Let the workers of one run, and those that batches start, take turns at numba's cache."""
+    from napari_unpack.batches.kernel_cache import keep_kernels_one_at_a_time
 
-    numba reads the index of a function's kernels, adds to it and writes it back. Two processes
-    doing so at once could file one kernel under the other's types.
-    """
-    if not hasattr(request.config, "workerinput"):
-        yield
-        return
-    from fcntl import LOCK_EX, flock
-
-    from numba.core.caching import IndexDataCacheFile
-
-    save, shared = IndexDataCacheFile.save, tmp_path_factory.getbasetemp().parent
-
-    def save_alone(file: Any, key: Any, data: Any) -> None:
-        with Path(shared, "numba.lock").open("w") as lock:
-            flock(lock, LOCK_EX)
-            save(file, key, data)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(IndexDataCacheFile, "save", save_alone)
-        yield
+    keep_kernels_one_at_a_time()

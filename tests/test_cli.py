@@ -42,6 +42,8 @@ def test_help_lists_every_command() -> None:
         "render",
         "movie",
         "surfaces",
+        "batch",
+        "open",
         "demo",
         "bench",
     ):

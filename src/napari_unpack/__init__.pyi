@@ -1,4 +1,5 @@
 from .appearance import TransferFunction, assign_hues, interference
+from .batches import BatchReport, batch
 from .geometry.view import View
 from .io import movie, open_session, save_session
 from .rendering import object_id_layers, occlusion_ratios, pick, render
@@ -7,11 +8,13 @@ from .session import Session
 from .simulation import simulate_bag
 
 __all__ = [
+    "BatchReport",
     "Oracle",
     "Session",
     "TransferFunction",
     "View",
     "assign_hues",
+    "batch",
     "interference",
     "movie",
     "object_id_layers",

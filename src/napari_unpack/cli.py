@@ -25,6 +25,7 @@ from napari_unpack.cli_options import (
     Ticker,
     ViewOption,
     check_output,
+    direction_of,
     load_input,
     open_input,
     requested_decorations,
@@ -386,6 +387,121 @@ def _surfaces(
         ids = [known[int(part)] for part in asked]
     place = standing_of(source) if holds_session(source) else None
     typer.echo(f"wrote {save_surfaces(session, output, ids, place, Ticker())}")
+
+
+@_command()
+def _batch(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT...",
+            help="Volumes, folders of them, DICOM folders, patterns, or a table (.csv, .parquet) "
+            "with columns volume and, where wanted, labels, spacing, name.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for all that is made.")],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask cluster to use, tcp://HOST:PORT or a scheduler file; by default as many "
+            "workers on this machine as fit its cores and memory.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Scans at once on this machine.")
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads of a scan.")] = None,
+    smallest: Annotated[
+        float | None, typer.Option(help="Smaller things are no objects, mm^3, as of segment.")
+    ] = None,
+    grainy: Annotated[
+        bool | None, typer.Option("--grainy/--plain", help="Noisy or not, as of segment.")
+    ] = None,
+    direction: Direction = None,
+    view: ViewOption = None,
+    pictures: Annotated[
+        bool, typer.Option(help="A picture of each scan and a page of its objects.")
+    ] = True,
+    film: Annotated[bool, typer.Option("--film", help="A film of each unpacking.")] = False,
+    labels: Annotated[str, typer.Option(help="How labels are written: npz or zarr.")] = "npz",
+    copies: Annotated[
+        bool,
+        typer.Option(
+            "--copies/--no-copies",
+            help="Sessions hold a copy of their volume, or refer to its file.",
+        ),
+    ] = True,
+    large: Annotated[
+        bool, typer.Option("--large", help="Try scans too that seem too big for a worker.")
+    ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Use the folder even where it holds a run with other settings."
+        ),
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="One JSON line a scan on stdout.")] = False,
+) -> None:
+    """Segment and unpack many scans; started again, it goes on where it stopped.
+
+    The exit status is 0 where all scans succeeded, 3 where some did, 4 where none did.
+    """
+    from napari_unpack.batches import batch
+    from napari_unpack.batches.terminal import ScanLines
+    from napari_unpack.geometry.view import FROM_ABOVE
+
+    lines = ScanLines(json)
+    with lines:
+        report = batch(
+            inputs,
+            output,
+            scheduler=scheduler,
+            workers=workers,
+            threads=threads,
+            smallest=smallest,
+            grainy=grainy,
+            direction=direction_of(direction),
+            view=view or FROM_ABOVE,
+            pictures=pictures,
+            film=film,
+            labels=labels,
+            copies=copies,
+            large=large,
+            force=force,
+            told=lines.told,
+            say=lines.say,
+        )
+    failed, count = len(report.failed), len(report.results)
+    lines.say(f"{count - failed} of {count} scans done; wrote {report.index}")
+    # Not 2, which says that the command was not understood.
+    raise typer.Exit(0 if not failed else 3 if failed < count else 4)
+
+
+@_command()
+def _open(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="SESSION|FOLDER", help="Saved session, or what batch made."),
+    ],
+    scan: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which scan of a folder of several.")
+    ] = None,
+) -> None:
+    """Go on with a saved session, or with a scan that batch is done with, in napari."""
+    from napari_unpack.batches.results import session_in
+    from napari_unpack.viewer.screen import check_screen
+
+    path = session_in(source, scan)
+    # Before anything has looked for a screen.
+    check_screen()
+    import napari
+
+    from napari_unpack.widgets.contributions import open_dropped
+
+    napari.Viewer(title=scan or path.stem)
+    open_dropped(str(path))
+    napari.run()
 
 
 @_command()

@@ -6,7 +6,8 @@ import math
 import os
 import stat
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, Any
 
@@ -41,6 +42,39 @@ class TooLargeError(ValueError):
         self.reason = reason
 
 
+class _Asked(BaseException):
+    """Ends a reader where it has told what it is about to take; none may catch it as an error."""
+
+    def __init__(self, needed: int) -> None:
+        self.needed = needed
+
+
+_asking: ContextVar[bool] = ContextVar("asking", default=False)
+
+
+def asked_size(read: Callable[[], object]) -> int | None:
+    """Return the bytes of the first array that a reader would take, from the header alone.
+
+    Parameters
+    ----------
+    read : callable
+        Reads a file; it goes as far as its call of `check_size`.
+
+    Returns
+    -------
+    int or None
+        None where it took nothing.
+    """
+    token = _asking.set(True)
+    try:
+        read()
+    except _Asked as asked:
+        return asked.needed
+    finally:
+        _asking.reset(token)
+    return None
+
+
 def check_size(
     source: object, needed: int, stored: int, packed: bool = True, large: bool = False
 ) -> None:
@@ -66,6 +100,8 @@ def check_size(
     TooLargeError
         If it asks for more than there is memory free, or holds far less than it asks for.
     """
+    if _asking.get():
+        raise _Asked(needed)
     if needed > stored and not packed:
         raise ValueError(
             f"{source} is not whole: its header asks for {needed:,} bytes, but it holds {stored:,}"

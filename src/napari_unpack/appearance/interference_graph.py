@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
@@ -10,6 +9,8 @@ import networkx as nx
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from napari_unpack.threads import thread_count
 
 # From this ID on, IDs are renumbered for the time being.
 MOST_IDS = 65_536
@@ -65,9 +66,9 @@ def interference(ids: ArrayLike, distance: float = 5, layers: int | None = None)
         return _meet(stack, starts, columns, labels, halves, top, *band)  # type: ignore[no-any-return]
 
     # Four bands a core: rows with many borders do not keep the others waiting.
-    edges = np.linspace(0, stack.shape[1], 1 + 4 * (os.cpu_count() or 1)).astype(int)
+    edges = np.linspace(0, stack.shape[1], 1 + 4 * thread_count()).astype(int)
     bands = [(int(a), int(b)) for a, b in pairwise(edges) if b > a]
-    with ThreadPoolExecutor(os.cpu_count() or 1, "unpack") as pool:
+    with ThreadPoolExecutor(thread_count(), "unpack") as pool:
         for keys, counts in pool.map(work, bands):
             ends = _named(keys // top, names), _named(keys % top, names)
             for a, b, count in zip(*ends, counts.tolist(), strict=True):

@@ -13,6 +13,7 @@ from napari_unpack.file_sizes import check_array, check_size, load_arrays
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
+    Spacing,
     checked_label_array,
     checked_place,
     checked_spacing,
@@ -93,6 +94,20 @@ def write_npz(path: Path, scan: Scan) -> None:
         arrays["scanner_from_scan"] = scan.scanner_from_scan
     with written_atomically(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
+
+
+def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:
+    """Write labels alone as a compressed .npz archive, which `load_labels` reads.
+
+    Parameters
+    ----------
+    path : Path
+        The file, .npz.
+    labels : (Z, Y, X) ndarray of int
+    spacing : (float, float, float) of mm, z y x
+    """
+    with written_atomically(path) as temporary:
+        np.savez_compressed(temporary, labels=labels, spacing=np.asarray(spacing))
 
 
 def read_npy(path: Path, large: bool = False) -> FileData:

@@ -21,6 +21,7 @@ def open_scan(
     direction: str | Sequence[float] | None = None,
     progress: Progress | None = None,
     backend: str = "auto",
+    **settings: Any,
 ) -> Session:
     """Open a session on a scan, coloured for a view; segment it where it has no labels.
 
@@ -35,6 +36,8 @@ def open_scan(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels.
     backend : {"auto", "cpu", "gl"}
+    **settings
+        Of `segment`.
 
     Raises
     ------
@@ -45,11 +48,12 @@ def open_scan(
     from napari_unpack.segmentation import segment
     from napari_unpack.session import Session
 
-    labels, objects = scan.labels, named_objects(scan.names)
+    labels, objects, evidence = scan.labels, named_objects(scan.names), None
     if labels is None:
-        found = segment(scan.volume, scan.spacing, progress=progress)
-        labels, objects = found.labels, found.objects
+        found = segment(scan.volume, scan.spacing, progress=progress, **settings)
+        labels, objects, evidence = found.labels, found.objects, found.evidence
     session = Session(scan.volume, labels, scan.spacing, objects)
+    session.review.evidence = evidence
     # Before the view: colours are chosen from rays, which the backend casts.
     session.backend, session.scanner_from_scan = backend, scan.scanner_from_scan
     z, y, x = (float(v) for v in view)

@@ -14,10 +14,17 @@ from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
+    Spacing,
     checked_label_array,
     checked_spacing,
     checked_volume_array,
 )
+
+CHUNK = 64
+"""Voxels along an axis of a block: labels of it deflate to a few kB."""
+
+SMALLEST_LEVEL = 128
+"""Voxels along the longest axis: a level below that shows nothing of a bag."""
 
 
 def read_zarr(path: Path, large: bool = False) -> FileData:
@@ -55,6 +62,37 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
         labels = None
     return replace(found, labels=labels)
+
+
+def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:
+    """Write labels as a multiscale OME-Zarr label image (NGFF 0.4), which `load_labels` reads.
+
+    Parameters
+    ----------
+    path : Path
+        A new folder.
+    labels : (Z, Y, X) ndarray of int
+    spacing : (float, float, float) of mm, z y x
+
+    Raises
+    ------
+    ImportError
+        If zarr is missing.
+    """
+    zarr = needed("zarr", "zarr", "writing OME-Zarr")
+    node, level = zarr.open_group(str(path), mode="w", zarr_format=2), labels
+    datasets: list[dict[str, Any]] = []
+    while not datasets or max(level.shape) >= SMALLEST_LEVEL:
+        factor = 2 ** len(datasets)
+        name, chunks = str(len(datasets)), tuple(min(n, CHUNK) for n in level.shape)
+        node.create_array(name, data=np.ascontiguousarray(level), chunks=chunks)
+        scale = {"type": "scale", "scale": [mm * factor for mm in spacing]}
+        # Every second voxel as it is: a mean of labels is none. Its centre is the block's first.
+        datasets.append({"path": name, "coordinateTransformations": [scale]})
+        level = level[::2, ::2, ::2]
+    axes = [{"name": axis, "type": "space", "unit": "millimeter"} for axis in SPACE]
+    node.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": datasets}]
+    node.attrs["image-label"] = {"version": "0.4"}
 
 
 def _attributes(node: Any) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
+from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.session.errors import percent
 from napari_unpack.session.state import ObjectState
@@ -30,80 +32,6 @@ if TYPE_CHECKING:
 
     from napari_unpack.session import Session
     from napari_unpack.session.measurements import Measurement
-
-STYLE = """
-:root { color-scheme: light dark; --ground: #fbfbfc; --raised: #ffffff; --ink: #1c2128;
-  --faint: #626b78; --line: #dfe3e8; --well: #14181f; --accent: #0b6bcb; }
-@media (prefers-color-scheme: dark) {
-  :root { --ground: #14171c; --raised: #1c2027; --ink: #e6e9ee; --faint: #98a2b1;
-    --line: #2e343e; --well: #0d1014; --accent: #6cb2ff; } }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1080px; padding: 32px 20px 48px; background: var(--ground);
-  color: var(--ink); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }
-h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em; }
-h2 { font-size: 18px; margin: 28px 0 10px; }
-p, footer { color: var(--faint); margin: 0; }
-figure { margin: 20px 0; }
-figure img { display: block; width: 100%; height: auto; border-radius: 10px; }
-.search { display: block; color: var(--faint); margin: 0 0 12px; }
-input { font: inherit; color: var(--ink); background: var(--raised); padding: 5px 10px;
-  border: 1px solid var(--line); border-radius: 6px; margin-left: 8px; width: 240px; }
-.wide { overflow-x: auto; border: 1px solid var(--line); border-radius: 10px;
-  background: var(--raised); }
-table { border-collapse: collapse; width: 100%; }
-th, td { padding: 8px 12px; text-align: left; border-bottom: 1px solid var(--line);
-  white-space: nowrap; }
-tbody tr:last-child td { border-bottom: 0; }
-th { font-weight: 600; font-size: 13px; color: var(--faint); position: sticky; top: 0;
-  background: var(--raised); }
-th[data-kind=n], .n { text-align: right; font-variant-numeric: tabular-nums; }
-th button { all: unset; cursor: pointer; }
-th button:hover, th[aria-sort$=ending] button { color: var(--accent); }
-th button:focus-visible { outline: 2px solid var(--accent); outline-offset: 3px; }
-th[aria-sort=ascending] button::after { content: " \\2191"; }
-th[aria-sort=descending] button::after { content: " \\2193"; }
-.picture { width: 136px; }
-.picture img { display: block; margin: 0 auto; max-width: 112px; max-height: 84px; }
-td.picture { background: var(--well); }
-td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
-  margin-right: 9px; }
-tbody tr:hover td:not(.picture) { background: color-mix(in srgb, var(--accent) 8%, transparent); }
-footer { margin-top: 20px; font-size: 13px; }
-@media print { .search, footer { display: none; } .wide { overflow: visible; } }
-"""
-
-SCRIPT = """
-"use strict";
-const body = document.querySelector("tbody");
-const heads = [...document.querySelectorAll("th")];
-const texts = new Intl.Collator(undefined, { numeric: true, sensitivity: "base" });
-heads.forEach((head, column) => {
-  const button = head.querySelector("button");
-  if (!button) return;
-  button.addEventListener("click", () => {
-    const up = head.getAttribute("aria-sort") !== "ascending";
-    heads.forEach(other => other.dataset.kind && other.setAttribute("aria-sort", "none"));
-    head.setAttribute("aria-sort", up ? "ascending" : "descending");
-    const number = head.dataset.kind === "n";
-    const value = row => number ? row.cells[column].dataset.value : row.cells[column].textContent;
-    const rows = [...body.rows].sort((a, b) => {
-      const [x, y] = [value(a), value(b)];
-      if (number && (x === "" || y === "")) return (x === "") - (y === "");
-      return (up ? 1 : -1) * (number ? x - y : texts.compare(x, y));
-    });
-    body.append(...rows);
-  });
-});
-document.querySelector("input").addEventListener("input", event => {
-  const wanted = event.target.value.trim().toLowerCase();
-  for (const row of body.rows) {
-    const words = [2, 9, 10].map(k => row.cells[k].textContent.toLowerCase());
-    const found = row.cells[1].textContent === wanted || words.some(w => w.includes(wanted));
-    row.hidden = Boolean(wanted) && !found;
-  }
-});
-"""
-
 
 SIDE = 112
 """Longer side of an object's image, CSS pixels; rendered twice as large for dense screens."""
@@ -121,17 +49,17 @@ WORDS = {
     ObjectState.HIDDEN: "hidden",
 }
 COLUMNS = (
-    ("", "Picture"),
-    ("n", "ID"),
-    ("t", "Name"),
-    ("t", "State"),
-    ("n", "Order out"),
-    ("n", "Volume {volume}"),
-    ("n", "Size {length}"),
-    ("n", "Mean density"),
-    ("n", "Confidence"),
-    ("t", "Flag"),
-    ("t", "Note"),
+    PageColumn("Picture", ""),
+    PageColumn("ID", "n", "whole"),
+    PageColumn("Name", "t", "part"),
+    PageColumn("State"),
+    PageColumn("Order out", "n"),
+    PageColumn("Volume {volume}", "n"),
+    PageColumn("Size {length}", "n"),
+    PageColumn("Mean density", "n"),
+    PageColumn("Confidence", "n"),
+    PageColumn("Flag", "t", "part"),
+    PageColumn("Note", "t", "part"),
 )
 
 
@@ -141,6 +69,7 @@ def save_objects_page(
     title: str = "Packed bag",
     progress: Progress | None = None,
     backend: str = "auto",
+    planned: bool = False,
 ) -> Path:
     """Write the table of objects as one self-contained HTML file.
 
@@ -155,6 +84,8 @@ def save_objects_page(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves no file.
     backend : {"auto", "cpu", "gl"}
+    planned : bool
+        Tell the order of steps that were taken back as well.
 
     Raises
     ------
@@ -170,51 +101,26 @@ def save_objects_page(
     # Framing moves the objects beside the bag, so the scene is described after it.
     camera = frame_bag(shown, BAG)
     bag = scene_image(shown.scene(), camera, BAG, backend=backend)
-    rows = "\n".join(_rows(shown, report, backend))
+    page = _page(title, shown, _data_uri(bag), _rows(shown, report, backend, planned))
     with written_atomically(target) as temporary:
-        temporary.write_text(_page(title, shown, _data_uri(bag), rows), encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8")
     report(1.0, "Written")
     return target
 
 
-def _page(title: str, session: Session, bag: str, rows: str) -> str:
-    name = escape(title)
+def _page(title: str, session: Session, bag: str, rows: Iterator[str]) -> str:
     out = len(session.poses)
     count = f"{len(session.ids)} objects" + (f", {out} taken out" if out else "")
-    length, volume = session.length_unit, _volumes(session)
-    heads = "".join(
-        f'<th scope="col" data-kind="{kind}"{" aria-sort=none" if kind else ""}>'
-        + (f"<button>{titled}</button>" if kind else titled)
-        + "</th>"
-        for kind, words in COLUMNS
-        for titled in [words.format(volume=volume.name, length=length.name)]
+    parts = PageParts(
+        title,
+        f"{count}. Click a column to sort by it.",
+        "name, note, flag or ID",
+        f'<figure><img src="{bag}" alt="The bag" width="{BAG[1]}" height="{BAG[0]}"></figure>\n',
+        _measured(session),
     )
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{name}</title>
-<style>{STYLE}</style>
-</head>
-<body>
-<header>
-<h1>{name}</h1>
-<p>{count}. Click a column to sort by it.</p>
-</header>
-<figure><img src="{bag}" alt="The bag" width="{BAG[1]}" height="{BAG[0]}"></figure>
-<label class="search">Search <input type="search" placeholder="name, note, flag or ID"></label>
-<div class="wide"><table>
-<thead><tr>{heads}</tr></thead>
-<tbody>
-{rows}
-</tbody>
-</table></div>
-{_measured(session)}<footer>Made with napari-unpack.</footer>
-<script>{SCRIPT}</script>
-</body>
-</html>
-"""
+    units = {"volume": _volumes(session).name, "length": session.length_unit.name}
+    columns = [replace(one, title=one.title.format(**units)) for one in COLUMNS]
+    return table_page(parts, columns, rows)
 
 
 def _measured(session: Session) -> str:
@@ -237,10 +143,11 @@ def _names_on(session: Session, measured: Measurement) -> str:
     return ", ".join(str(names[i]) for i in sorted(measured.objects) if i in names.index)
 
 
-def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
+def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> Iterator[str]:
     objects, volumes = session.objects, _volumes(session)
     # Steps up to now: those undone are still in the bag.
-    left = {i: k for k, group in enumerate(session.steps[: session.step], 1) for i in group}
+    steps = session.steps if planned else session.steps[: session.step]
+    left = {i: k for k, group in enumerate(steps, 1) for i in group}
     for k, i in enumerate(session.ids):
         facts = objects.loc[i]
         progress(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
@@ -253,24 +160,18 @@ def _rows(session: Session, progress: Progress, backend: str) -> Iterator[str]:
         sure = float(facts.get("confidence", math.nan))
         yield (
             f'<tr><td class="picture"><img src="{_image(session, i, backend)}" alt="{name}"></td>'
-            + _number(session.label_of(i), str(session.label_of(i)))
+            + number_cell(session.label_of(i), str(session.label_of(i)))
             + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
-            + _number(left.get(i), str(left.get(i, "")))
-            + _number(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
+            + number_cell(left.get(i), str(left.get(i, "")))
+            + number_cell(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
             # Sorted by the longest edge, though all three are shown.
-            + _number(edges[0], session.length_unit.edges(edges))
-            + _number(facts["mean_density"], f"{facts['mean_density']:.0f}")
-            + _number(sure, "–" if math.isnan(sure) else percent(sure))
+            + number_cell(edges[0], session.length_unit.edges(edges))
+            + number_cell(facts["mean_density"], f"{facts['mean_density']:.0f}")
+            + number_cell(sure, "–" if math.isnan(sure) else percent(sure))
             + f"<td>{escape(str(facts.get('flag', '')))}</td>"
             + f"<td>{escape(str(facts.get('note', '')))}</td>"
             + "</tr>"
         )
-
-
-def _number(value: Any, words: str) -> str:
-    # The page sorts what has no number last, in both orders.
-    known = value is not None and math.isfinite(value)
-    return f'<td class="n" data-value="{format(value, ".9g") if known else ""}">{words}</td>'
 
 
 def _volumes(session: Session) -> VolumeUnit:

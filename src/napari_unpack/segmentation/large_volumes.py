@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import islice
@@ -30,6 +29,7 @@ from napari_unpack.segmentation.label_upsampling import (
 from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
 from napari_unpack.tasks import BEAT_SECONDS, Cancelled, Progress, Share
+from napari_unpack.threads import thread_count
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
 T = TypeVar("T")
@@ -212,7 +212,7 @@ def _paired(
 ) -> Iterator[tuple[tuple[Box, Box], T]]:
     """Yield results in order; jobs are a few ahead on threads and end when this is cancelled."""
     # More threads than eight wait for the store, and each holds a block in memory.
-    count = min(os.cpu_count() or 1, 8)
+    count = min(thread_count(), 8)
     stopping, done, numbered = Event(), [0.0] * len(places), enumerate(jobs)
 
     def told(n: int) -> Progress:

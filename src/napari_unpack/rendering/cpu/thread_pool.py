@@ -8,7 +8,6 @@ fast, so threads that answer a person go first.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from time import monotonic
 from typing import TypeVar
 
 from napari_unpack.tasks import BEAT_SECONDS, SILENT, Share
+from napari_unpack.threads import thread_count
 
 # Seconds that one worker lets others go first in all: nothing waits for ever.
 PATIENCE = 0.25
@@ -117,7 +117,7 @@ def over_bands(
     Between bands, workers let those go first that a thread with the interactive priority has begun,
     and end where the thread that began them is cancelled; see `Cancelling`.
     """
-    workers = max(1, threads or os.cpu_count() or 1)
+    workers = max(1, threads or thread_count())
     height = band or max(1, -(-rows // (16 * workers)))
     workers = min(workers, -(-rows // height))
     starts = iter(range(0, rows, height))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.tasks import Progress, Share, awaited
+from napari_unpack.threads import thread_count
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -66,15 +67,15 @@ class BoundaryNetwork:
     session: InferenceSession
 
     @staticmethod
-    def load(path: str | Path, threads: int = 2) -> BoundaryNetwork:
+    def load(path: str | Path, threads: int | None = None) -> BoundaryNetwork:
         """Read a network.
 
         Parameters
         ----------
         path : str or Path
             An ONNX file that `benchmarks/boundaries/export.py` wrote.
-        threads : int
-            Used at most.
+        threads : int, optional
+            Used at most; by default two, or fewer where the process takes fewer.
 
         Raises
         ------
@@ -84,7 +85,7 @@ class BoundaryNetwork:
         import onnxruntime
 
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
+        options.intra_op_num_threads = threads or min(2, thread_count())
         # The arena would keep the memory of a tile for as long as the network lives.
         options.enable_cpu_mem_arena = False
         # Threads that wait would otherwise take processor time from other work.

@@ -57,6 +57,7 @@ from napari_unpack.segmentation.learned.part_splitting import (
     split_and_measure,
 )
 from napari_unpack.tasks import SILENT, Progress, Share
+from napari_unpack.threads import thread_count
 
 # Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
 # is thinner.
@@ -342,7 +343,10 @@ def _with_missed(
     """Add thick foreground that the network took for none: it was not trained on everything."""
     rest = cc3d.connected_components(dense & (parts == 0), connectivity=6).astype(np.int32)
     share(0.1)
-    deepest, depth = np.zeros(int(rest.max()) + 1), edt.edt(rest, black_border=True, parallel=2)
+    deepest, depth = (
+        np.zeros(int(rest.max()) + 1),
+        edt.edt(rest, black_border=True, parallel=min(2, thread_count())),
+    )
     share(0.4)
     np.maximum.at(deepest, rest.reshape(-1), depth.reshape(-1))
     thick = deepest >= (LEAST_DEPTH_OF_MISSED if shell else 1)

@@ -1,0 +1,3 @@
+from .run import BatchReport, batch
+
+__all__ = ["BatchReport", "batch"]

@@ -1,0 +1,199 @@
+"""The Dask cluster that does the work: one on this machine, or whichever a person names."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from napari_unpack.batches.inputs import ScanInput
+from napari_unpack.batches.memory_needs import need_of
+from napari_unpack.batches.packages import needed_for_batches
+from napari_unpack.batches.settings import RUN, installed_version
+from napari_unpack.memory import free_memory
+from napari_unpack.threads import SETTING, thread_count
+
+CONNECT_SECONDS = 10
+"""A scheduler that is there answers within one, also from far away."""
+
+LOOKED_AT = 100
+"""Headers that are read to size the workers of this machine; of more scans, every few."""
+
+SHARE_OF_MEMORY = 0.9
+"""Of what is free: the rest is for the scheduler, and for what else runs."""
+
+
+@contextmanager
+def cluster_client(
+    scans: Sequence[ScanInput],
+    client: Any = None,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    threads: int | None = None,
+) -> Iterator[Any]:
+    """Give a client of a Dask cluster.
+
+    Parameters
+    ----------
+    scans : sequence of ScanInput
+        What is to be done, by which workers of this machine are sized.
+    client : distributed.Client, optional
+        The one to use.
+    scheduler : str, optional
+        Address (tcp://...) or scheduler file of a running cluster.
+    workers, threads : int, optional
+        Of this machine: how many processes, and how many threads each takes.
+
+    Raises
+    ------
+    ImportError
+        If dask.distributed is missing.
+    OSError
+        If no scheduler answers.
+    """
+    distributed = needed_for_batches("distributed")
+    if client is not None:
+        yield client
+    elif scheduler is not None:
+        with _connected(distributed, scheduler) as found:
+            yield found
+    else:
+        with _local(distributed, scans, workers, threads) as found:
+            yield found
+
+
+@contextmanager
+def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
+    named = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
+    log = logging.getLogger("distributed")
+    before = log.level
+    # It would log how often it tried.
+    log.setLevel(logging.CRITICAL)
+    try:
+        client = distributed.Client(**named, timeout=CONNECT_SECONDS, set_as_default=False)
+    except Exception as error:
+        # Of addresses, files, sockets and versions, each with errors of its own.
+        raise OSError(
+            f"no Dask scheduler answers at {scheduler} ({' '.join(str(error).split())[:200]}): "
+            "check the address, and that `dask scheduler` runs there"
+        ) from error
+    finally:
+        log.setLevel(before)
+    with client:
+        yield client
+
+
+@contextmanager
+def _local(
+    distributed: Any, scans: Sequence[ScanInput], workers: int | None, threads: int | None
+) -> Iterator[Any]:
+    cores, free = thread_count(), int(free_memory() * SHARE_OF_MEMORY)
+    count = workers or workers_that_fit(scans, cores, free)
+    each = threads or max(1, cores // count)
+    cluster = distributed.LocalCluster(
+        n_workers=count,
+        # One scan at a time; its own threads are the setting's.
+        threads_per_worker=1,
+        memory_limit=free // count,
+        env={SETTING: str(each)},
+        silence_logs=logging.ERROR,
+        # Any free port: another run of today may have the usual one.
+        dashboard_address=":0",
+    )
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+def workers_that_fit(scans: Sequence[ScanInput], cores: int, memory: int) -> int:
+    """Return how many scans can be worked on at once, one at least.
+
+    Parameters
+    ----------
+    scans : sequence of ScanInput
+    cores : int
+    memory : int
+        Bytes.
+    """
+    needs = [0]
+    for scan in scans[:: max(1, len(scans) // LOOKED_AT)]:
+        # What cannot be read gets its reason from the worker that tries.
+        with suppress(Exception):
+            needs.append(need_of(scan))
+    # Those that take more than all there is fit no worker, and shall not leave a single one.
+    largest = max((need for need in needs if need <= memory), default=0)
+    return max(1, min(cores, len(scans), memory // max(largest, 1)))
+
+
+def check_workers(client: Any, output: Path) -> None:
+    """Refuse workers that would do other work, or would write where nobody finds it.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Waits until it has a worker.
+    output : Path
+        The run's folder.
+
+    Raises
+    ------
+    ValueError
+        If a worker lacks this package, has another version of it, or does not see the folder.
+    """
+    client.wait_for_workers(1)
+    run_file = str(output / RUN)
+
+    # Sent by value, as a worker without this package cannot look it up.
+    def asked(file: str) -> tuple[str, bool]:
+        import os
+        from importlib.metadata import version
+
+        return version("napari-unpack"), os.path.exists(file)
+
+    for worker, answer in client.run(asked, run_file, on_error="return").items():
+        if isinstance(answer, BaseException):
+            raise ValueError(
+                f"the worker {worker} has no napari-unpack: install version "
+                f"{installed_version()} there"
+            )
+        found, seen = answer
+        if found != installed_version():
+            raise ValueError(
+                f"the worker {worker} has napari-unpack {found}, and this is "
+                f"{installed_version()}: install the same version everywhere"
+            )
+        if not seen:
+            raise ValueError(
+                f"the worker {worker} does not see {output}: choose a folder that all machines "
+                "share"
+            )
+
+
+def threads_by_host(client: Any) -> Counter[str]:
+    """Return how many scans each machine works on at once, by its host."""
+    scans: Counter[str] = Counter()
+    for worker in client.scheduler_info(n_workers=-1)["workers"].values():
+        scans[worker["host"]] += worker["nthreads"]
+    return scans
+
+
+def dashboard_of(client: Any) -> str:
+    """Return the address of Dask's dashboard; nothing where there is none."""
+
+    # Where the scheduler runs; without bokeh its page says no more than that.
+    def drawn() -> bool:
+        from importlib.util import find_spec
+
+        return find_spec("bokeh") is not None
+
+    return str(client.dashboard_link) if client.run_on_scheduler(drawn) else ""
+
+
+def cores_of_process() -> int:
+    """Return the cores that this process may use, as a batch system sets them."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,207 @@
+"""From what a person names to scans: files, folders, DICOM series, patterns and tables."""
+
+from __future__ import annotations
+
+import glob
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from napari_unpack.batches.packages import needed_for_batches
+from napari_unpack.batches.settings import is_run
+from napari_unpack.io.scan import Spacing, checked_spacing
+from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, stem_of, suffix_of
+
+TABLES = (".csv", ".parquet")
+
+LABELS = ".labels"
+"""Ends the stem of a file with the labels of the volume beside it, as `save_scan` writes them."""
+
+_ZARR_MARKS = ("zarr.json", ".zgroup", ".zarray")
+
+
+@dataclass(frozen=True)
+class ScanInput:
+    """A scan to work on.
+
+    Parameters
+    ----------
+    volume : Path
+        Absolute, as workers may run elsewhere.
+    name : str
+        Unlike that of any other scan of the run.
+    labels : Path, optional
+        Labels to use instead of those of the volume's file.
+    spacing : (float, float, float) of mm, z y x, optional
+        Instead of what the file says.
+    """
+
+    volume: Path
+    name: str
+    labels: Path | None = None
+    spacing: Spacing | None = None
+
+
+def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
+    """Return the scans that are meant, in order, each once.
+
+    Parameters
+    ----------
+    asked : iterable of str or Path
+        Files; folders, of which everything readable is taken (a folder of DICOM files is one
+        scan); patterns such as ``scans/*.npz``; tables (.csv, .parquet) with a column `volume` and
+        perhaps `labels`, `spacing` ("z y x" in mm) and `name`. Paths in a table start from it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If something is not there, or a pattern fits nothing.
+    ValueError
+        If there is no scan, or a table cannot be used.
+    """
+    found = {
+        (scan.volume, scan.labels): scan
+        for one in asked
+        for path in _paths(str(one))
+        for scan in _scans(path)
+    }
+    if not found:
+        raise ValueError("no scans: name files, folders, patterns or a table of volumes")
+    return _told_apart(list(found.values()))
+
+
+def _paths(asked: str) -> list[Path]:
+    path = Path(asked).expanduser()
+    if path.exists():
+        return [path.absolute()]
+    # A shell leaves a pattern as it is where it is quoted, and Windows always does.
+    names = sorted(glob.glob(str(path), recursive=True)) if glob.has_magic(asked) else []
+    if not names:
+        raise FileNotFoundError(f"no such file or folder: {asked}")
+    return _without_labels([Path(name).absolute() for name in names])
+
+
+def _scans(path: Path) -> Iterator[ScanInput]:
+    if suffix_of(path) in TABLES and path.is_file():
+        yield from _listed(path)
+    elif path.is_dir() and not _is_volume(path):
+        yield from map(_scan, _inside(path))
+    else:
+        yield _scan(path)
+
+
+def _scan(path: Path) -> ScanInput:
+    beside = path.with_name(f"{stem_of(path)}{LABELS}{suffix_of(path)}")
+    return ScanInput(path, stem_of(path) or path.name, beside if beside.exists() else None)
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    """Yield all volumes in a folder and in those below it."""
+    entries = sorted(folder.iterdir())
+    files = [e for e in entries if e.is_file() and suffix_of(e) in READABLE]
+    yield from _without_labels(files)
+    for entry in entries:
+        # What starts with a point is hidden, or half written; results are no inputs.
+        if entry.is_dir() and not entry.name.startswith(".") and not is_run(entry):
+            yield from [entry] if _is_volume(entry) else _inside(entry)
+
+
+def _is_volume(folder: Path) -> bool:
+    """Tell whether a folder is one volume: a Zarr image, or slices of a DICOM series."""
+    if suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in _ZARR_MARKS):
+        return True
+    files = (entry for entry in sorted(folder.iterdir()) if entry.is_file())
+    # The first few tell: a series has its slices together.
+    return any(_is_slice(file) for _, file in zip(range(20), files, strict=False))
+
+
+def _is_slice(file: Path) -> bool:
+    if suffix_of(file) in READABLE:
+        return suffix_of(file) in DICOM_SUFFIXES
+    try:
+        with file.open("rb") as stream:
+            return stream.read(132)[128:] == b"DICM"
+    except OSError:
+        return False
+
+
+def _without_labels(paths: list[Path]) -> list[Path]:
+    """Return paths without the files that hold the labels of another of them."""
+    named = set(paths)
+
+    def is_labels(path: Path) -> bool:
+        stem, suffix = stem_of(path), suffix_of(path)
+        volume = path.with_name(stem.removesuffix(LABELS) + suffix)
+        return stem.endswith(LABELS) and volume in named
+
+    return [path for path in paths if not is_labels(path)]
+
+
+def _listed(table: Path) -> Iterator[ScanInput]:
+    """Yield the scans of a table."""
+    import pandas as pd
+
+    if suffix_of(table) == ".parquet":
+        needed_for_batches("pyarrow")
+    try:
+        read = pd.read_parquet if suffix_of(table) == ".parquet" else pd.read_csv
+        rows: Any = read(table)
+    except Exception as error:
+        # Of pandas and of pyarrow, which have errors of their own.
+        raise ValueError(f"{table} is no readable table: {error}") from error
+    if "volume" not in rows:
+        raise ValueError(f"{table} must have a column 'volume', got {list(map(str, rows))}")
+    for number, row in enumerate(rows.to_dict("records"), 1):
+        where = f"row {number} of {table}"
+        volume = _entry(row, "volume")
+        if volume is None:
+            raise ValueError(f"{where} names no volume")
+        labels, name = _entry(row, "labels"), _entry(row, "name")
+        path = table.parent / Path(volume).expanduser()
+        scan = replace(_scan(path), spacing=_spacing(row.get("spacing"), where))
+        # What a table leaves out counts as left out: no labels are looked for beside the volume.
+        own = table.parent / Path(labels).expanduser() if labels else None
+        scan = replace(scan, labels=own if "labels" in row else scan.labels)
+        yield replace(scan, name=name or scan.name)
+
+
+def _entry(row: dict[str, Any], column: str) -> str | None:
+    value = row.get(column)
+    missing = value is None or (isinstance(value, float) and math.isnan(value))
+    return None if missing or not str(value).strip() else str(value).strip()
+
+
+def _spacing(value: Any, where: str) -> Spacing | None:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return None
+    if isinstance(value, str):
+        value = [part for part in re.split(r"[\s,;x()\[\]]+", value) if part]
+    elif isinstance(value, int | float):
+        value = [value] * 3
+    try:
+        return checked_spacing([float(v) for v in value], where)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{where} must give the voxel size as 'z y x' in mm, got {value!r}"
+        ) from error
+
+
+def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
+    """Return scans with names that differ, also where upper and lower case are one."""
+    counts = Counter(scan.name.lower() for scan in scans)
+    # Such as many patients' folders with a file of one name each.
+    longer = [
+        replace(s, name=f"{s.volume.parent.name}-{s.name}") if counts[s.name.lower()] > 1 else s
+        for s in scans
+    ]
+    taken: Counter[str] = Counter()
+    told = []
+    for scan in longer:
+        taken[scan.name.lower()] += 1
+        number = taken[scan.name.lower()]
+        told.append(replace(scan, name=f"{scan.name}-{number}") if number > 1 else scan)
+    return told

@@ -1,0 +1,246 @@
+"""A run over many scans: what is done already is kept, the rest goes to a Dask cluster."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from napari_unpack.atomic import check_space, written_atomically
+from napari_unpack.batches.cluster import (
+    check_workers,
+    cluster_client,
+    dashboard_of,
+    threads_by_host,
+)
+from napari_unpack.batches.index_page import write_index
+from napari_unpack.batches.inputs import ScanInput, find_inputs
+from napari_unpack.batches.object_rows import join_object_rows
+from napari_unpack.batches.packages import needed_for_batches
+from napari_unpack.batches.results import OBJECTS, ScanResult, results_in
+from napari_unpack.batches.settings import (
+    Settings,
+    check_folder,
+    claim_folder,
+    identity_of_settings,
+)
+from napari_unpack.file_sizes import stored_size
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Told = Callable[[ScanResult, int, int], None]
+"""Called with what came of a scan, how many are done, and how many there are."""
+
+ALL_OBJECTS, ALL_SCANS = "objects.parquet", "scans.parquet"
+
+
+@dataclass(frozen=True, eq=False)
+class BatchReport:
+    """What came of a run.
+
+    Parameters
+    ----------
+    output : Path
+        The run's folder.
+    results : tuple of ScanResult
+        Of the scans that were asked for, in their order.
+    index : Path
+        The page of all scans.
+    """
+
+    output: Path
+    results: tuple[ScanResult, ...]
+    index: Path
+
+    @property
+    def failed(self) -> tuple[ScanResult, ...]:
+        """Those that failed, each with its reason."""
+        return tuple(one for one in self.results if one.status == "failed")
+
+    @property
+    def scans(self) -> pd.DataFrame:
+        """A row for each scan that was asked for."""
+        import pandas as pd
+
+        return pd.DataFrame([one.record() for one in self.results]).set_index("scan")
+
+    @property
+    def objects(self) -> pd.DataFrame:
+        """All objects, one row each."""
+        import pandas as pd
+
+        return pd.read_parquet(self.output / ALL_OBJECTS)
+
+
+def batch(
+    inputs: str | Path | Iterable[str | Path],
+    output: str | Path,
+    client: Any = None,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    threads: int | None = None,
+    settings: Settings | None = None,
+    large: bool = False,
+    force: bool = False,
+    told: Told | None = None,
+    say: Callable[[str], None] | None = None,
+    **options: Any,
+) -> BatchReport:
+    """Segment and unpack many scans on a Dask cluster; a session, a picture and a page of each.
+
+    Interrupted and called again it goes on where it stopped. In a script it belongs below
+    ``if __name__ == "__main__":``, as workers of this machine are processes of their own.
+
+    Parameters
+    ----------
+    inputs : str, Path or iterable of them
+        See `find_inputs`: files, folders, patterns, tables.
+    output : str or Path
+        A folder for all that is made; made where it is missing.
+    client : distributed.Client, optional
+        Of the cluster to use. Without it and `scheduler`, one is started on this machine with as
+        many workers as fit its cores and its memory.
+    scheduler : str, optional
+        Address (tcp://...) or scheduler file of a running cluster.
+    workers, threads : int, optional
+        How many processes on this machine, and how many threads each scan takes; by default
+        the cores are divided among the workers.
+    settings : Settings, optional
+        What is done to each scan; else made of `options`.
+    large : bool
+        Try scans too that ask for more memory than a worker has.
+    force : bool
+        Use the folder even where it holds something else, or a run with other settings, whose
+        results of these scans are replaced.
+    told : callable, optional
+        Called with (ScanResult, how many are done, how many there are).
+    say : callable, optional
+        Called with a sentence now and then: how many workers, where Dask's dashboard is.
+    **options
+        Of `Settings`: smallest, grainy, view, direction, pictures, film, labels, copies.
+
+    Raises
+    ------
+    ImportError
+        If dask.distributed or pyarrow is missing.
+    ValueError
+        If there is nothing to do, the folder holds another run, or a worker has another version.
+    OSError
+        If no scheduler answers, the cluster is lost, or there is no space.
+    """
+    for module in ("distributed", "pyarrow"):
+        needed_for_batches(module)
+    given = [inputs] if isinstance(inputs, str | Path) else inputs
+    scans, settings = find_inputs(given), settings or Settings(**options)
+    folder = Path(output).expanduser().absolute()
+    if not force:
+        check_folder(folder, settings)
+    found, speak = list(results_in(folder)), say or (lambda _: None)
+    _check_disk(folder, scans, found, settings)
+    known = {one.identity: one.folder for one in found}
+    done: dict[str, ScanResult] = {}
+    with cluster_client(scans, client, scheduler, workers, threads) as cluster:
+        if not cluster.scheduler_info()["workers"]:
+            speak("the cluster has no worker yet: waiting for one")
+        # No sooner: what keeps a run from beginning leaves the folder as it is.
+        claim_folder(folder, settings)
+        check_workers(cluster, folder)
+        speak(_described(cluster))
+        place = (folder, settings, large)
+        for result in _results(cluster, scans, place, known, threads if scheduler else None):
+            done[result.scan] = result
+            if told is not None:
+                told(result, len(done), len(scans))
+    results = tuple(done[scan.name] for scan in scans)
+    if force:
+        _remove_replaced(folder, results)
+    # Scans of earlier calls with these settings stay in the report.
+    others = [
+        one
+        for one in results_in(folder)
+        if one.settings == identity_of_settings(settings)
+        and one.source not in {scan.source for scan in results}
+    ]
+    return BatchReport(folder, results, _write_report(folder, [*results, *others]))
+
+
+def _described(cluster: Any) -> str:
+    count, link = len(cluster.scheduler_info(n_workers=-1)["workers"]), dashboard_of(cluster)
+    return f"{count} worker{'s' * (count != 1)}" + (f", Dask's dashboard at {link}" if link else "")
+
+
+def _check_disk(
+    folder: Path, scans: Sequence[ScanInput], found: Sequence[ScanResult], settings: Settings
+) -> None:
+    sizes = [stored_size(scan.volume) for scan in scans if scan.volume.exists()]
+    needed = sum(sizes) // 4 if settings.copies else 0
+    # What is done already takes its space now.
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    check_space(there / "results", needed - int(1e6 * sum(one.megabytes for one in found)))
+
+
+def _results(
+    client: Any,
+    scans: Sequence[ScanInput],
+    place: tuple[Path, Settings, bool],
+    known: dict[str, str],
+    threads: int | None,
+) -> Iterator[ScanResult]:
+    """Yield what came of each scan as it is done; Dask sees to workers that are lost."""
+    from distributed import as_completed
+
+    from napari_unpack.batches.on_worker import WorkerSetup, same, scan_on_worker
+    from napari_unpack.batches.scan_work import Place
+
+    folder, settings, large = place
+    client.register_plugin(WorkerSetup(threads_by_host(client), threads))
+    futures = client.map(
+        scan_on_worker,
+        scans,
+        place=Place(folder, settings, large=large),
+        known=client.submit(same, known, pure=False),
+        pure=False,
+    )
+    by_key = {future.key: scan for future, scan in zip(futures, scans, strict=True)}
+    waiting = as_completed(futures, loop=client.loop)
+    # Else each is kept until all are done, and its result on the cluster with it.
+    del futures
+    for future in waiting:
+        if future.cancelled():
+            raise ConnectionError(
+                "the Dask cluster was lost: what is done is kept, and the same command goes on"
+            )
+        error = future.exception() if future.status == "error" else None
+        yield future.result() if error is None else _lost(by_key[future.key], error)
+
+
+def _lost(scan: ScanInput, error: BaseException) -> ScanResult:
+    from distributed import KilledWorker
+
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, KilledWorker):
+        reason = "its worker ended again and again, most likely as its memory was used up"
+    return ScanResult(scan.name, str(scan.volume), "failed", reason)
+
+
+def _remove_replaced(folder: Path, results: Sequence[ScanResult]) -> None:
+    """Remove older results of scans that are done anew."""
+    now = {one.source: one.folder for one in results if one.status != "failed"}
+    for before in list(results_in(folder)):
+        if now.get(before.source, before.folder) != before.folder:
+            shutil.rmtree(folder / before.folder, ignore_errors=True)
+
+
+def _write_report(folder: Path, results: Sequence[ScanResult]) -> Path:
+    import pandas as pd
+
+    tables = ((one.scan, folder / one.folder / OBJECTS) for one in results if one.folder)
+    join_object_rows(tables, folder / ALL_OBJECTS)
+    with written_atomically(folder / ALL_SCANS) as temporary:
+        pd.DataFrame([one.record() for one in results]).to_parquet(temporary, index=False)
+    # Last: what the page refers to is there.
+    return write_index(folder, results)

@@ -1,0 +1,166 @@
+"""The work on one scan: read, segment, unpack, and write all that is made of it at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from napari_unpack.atomic import check_space, folder_written_atomically
+from napari_unpack.batches.inputs import ScanInput
+from napari_unpack.batches.memory_needs import check_need
+from napari_unpack.batches.object_rows import write_object_rows
+from napari_unpack.batches.results import (
+    DONE,
+    FILM,
+    OBJECTS,
+    PAGE,
+    PICTURE,
+    SESSION,
+    ScanResult,
+    folder_name,
+    read_result,
+)
+from napari_unpack.batches.settings import SCANS, Settings, identity, identity_of_settings
+from napari_unpack.file_sizes import stored_size
+from napari_unpack.io.headless import open_scan, unpack_in_order
+from napari_unpack.io.scan import Scan
+from napari_unpack.io.volumes import load_labels, load_volume
+
+if TYPE_CHECKING:
+    from napari_unpack.session import Session
+
+PICTURE_SIZE = (480, 640)
+"""Height and width, pixels: sharp at the width that the index gives it, on dense screens too."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where results go, and what a scan may take.
+
+    Parameters
+    ----------
+    output : Path
+        The run's folder.
+    settings : Settings
+    memory : int, optional
+        Bytes that one scan may take; what is free without it.
+    large : bool
+        As for `load_volume`.
+    """
+
+    output: Path
+    settings: Settings
+    memory: int | None = None
+    large: bool = False
+
+
+def work_on(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResult:
+    """Do all that is asked for of a scan; whatever goes wrong becomes the result's reason.
+
+    Parameters
+    ----------
+    scan : ScanInput
+    place : Place
+    known : mapping of str to str
+        Folders of what is done already, by identity.
+    """
+    start = perf_counter()
+    try:
+        found = _worked(scan, place, known)
+    except Exception as error:
+        # One bad file may stop nobody: its reason goes into the report.
+        plain = isinstance(error, ValueError | OSError | ImportError)
+        reason = str(error) if plain else f"{type(error).__name__}: {error}"
+        found = ScanResult(scan.name, str(scan.volume), "failed", " ".join(reason.split()))
+    return found if found.status == "kept" else replace(found, seconds=perf_counter() - start)
+
+
+def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResult:
+    if not place.large:
+        check_need(scan, place.memory)
+    data, settings = _loaded(scan, place.large), place.settings
+    key = identity(data, settings)
+    before = read_result(place.output / known[key]) if key in known else None
+    if before is not None and before.identity == key:
+        # It may have been done under another name, or from another place.
+        return replace(before, scan=scan.name, source=str(scan.volume), status="kept")
+    start = perf_counter()
+    folder = Path(SCANS) / folder_name(scan.name, key)
+    target = place.output / folder
+    check_space(target, data.volume.nbytes // 8 if settings.copies else 0)
+    session = open_scan(
+        data,
+        settings.view,
+        settings.direction,
+        backend="cpu",
+        smallest=settings.smallest,
+        grainy=settings.grainy,
+    )
+    session.queries.occlusion()
+    blockers = session.queries.blockers()
+    _plan(session)
+    with folder_written_atomically(target, lambda there: (there / DONE).is_file()) as temporary:
+        _write(session, scan, data, settings, temporary)
+        write_object_rows(session, blockers, scan.name, temporary / OBJECTS)
+        found = ScanResult(
+            scan.name,
+            str(scan.volume),
+            "done",
+            folder=folder.as_posix(),
+            objects=len(session.ids),
+            megabytes=stored_size(temporary) / 1e6,
+            notes=data.assumed,
+            identity=key,
+            settings=identity_of_settings(settings),
+            seconds=perf_counter() - start,
+        )
+        (temporary / DONE).write_text(json.dumps(found.record(), indent=1), encoding="utf-8")
+    return found
+
+
+def _loaded(scan: ScanInput, large: bool) -> Scan:
+    data = load_volume(scan.volume, large=large)
+    if scan.labels is not None:
+        data = data.with_labels(load_labels(scan.labels, large)[0])
+    return replace(data, name=scan.name, spacing=scan.spacing or data.spacing)
+
+
+def _plan(session: Session) -> None:
+    """Find out in which order all come out; they go back, so that the session is packed."""
+    stubborn = session.take_least_occluded
+    # Interlocked objects may not stop it: every object has a place in the order.
+    session.take_least_occluded = True
+    for _ in unpack_in_order(session):
+        pass
+    session.go_to(0)
+    session.take_least_occluded = stubborn
+
+
+def _write(session: Session, scan: ScanInput, data: Scan, settings: Settings, folder: Path) -> None:
+    from napari_unpack.io import movie, save_objects_page, save_png, save_session
+    from napari_unpack.io.arrays import write_labels_npz
+    from napari_unpack.io.ome_zarr import write_labels_zarr
+    from napari_unpack.io.session_json import given_labels
+    from napari_unpack.rendering.compose import scene_image
+    from napari_unpack.session.framing import fitted
+
+    if settings.pictures:
+        save_objects_page(session, folder / PAGE, scan.name, backend="cpu", planned=True)
+        session.canvas_size = PICTURE_SIZE
+        camera = fitted(session)
+        session.look(camera)
+        save_png(
+            scene_image(session.scene(), camera, PICTURE_SIZE, backend="cpu"), folder / PICTURE
+        )
+    if settings.film:
+        movie(session, folder / FILM, backend="cpu")
+    labels = given_labels(session)
+    if settings.labels == "zarr":
+        write_labels_zarr(folder / "labels.ome.zarr", labels, data.spacing)
+    else:
+        write_labels_npz(folder / "labels.npz", labels, data.spacing)
+    save_session(session, folder / SESSION, settings.copies, volume_path=scan.volume)

@@ -1,0 +1,228 @@
+"""Many scans on real clusters: one of this machine, and a plain scheduler with workers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Thread
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import napari_unpack as nu
+from conftest import Pair, make_bag
+from napari_unpack import atomic
+from napari_unpack.batches import cluster
+from napari_unpack.batches.inputs import find_inputs
+from napari_unpack.batches.results import ScanResult, results_in, session_in
+from napari_unpack.batches.scan_work import Place, work_on
+from napari_unpack.batches.settings import Settings
+from napari_unpack.cli import app
+from napari_unpack.io import load_labels
+
+distributed = pytest.importorskip("distributed")
+QUICK: dict[str, Any] = {"pictures": False}
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def client(pair: Pair) -> Iterator[Any]:
+    with cluster.cluster_client([], scheduler=str(pair.file)) as found:
+        found.wait_for_workers(2, timeout=20)
+        yield found
+
+
+@pytest.fixture(scope="module")
+def first(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """A run as a newcomer begins it: inputs and a folder, nothing else."""
+    output = tmp_path_factory.mktemp("run") / "results"
+    return output, run("batch", bags, "--output", output, "--json")
+
+
+def test_a_newcomers_run_ends_with_all_that_was_promised(first: tuple[Path, Any]) -> None:
+    output, told = first
+    # Some succeeded, not all.
+    assert told.exit_code == 3, told.output
+    lines = {one["scan"]: one for one in map(json.loads, told.stdout.splitlines())}
+    assert {name: one["status"] for name, one in lines.items()} == {
+        "a": "done",
+        "b": "done",
+        "c": "done",
+        "broken": "failed",
+    }
+    assert "not a readable .npz" in lines["broken"]["reason"]
+    assert "3 of 4 scans done" in told.stderr
+    for one in (lines["a"], lines["b"], lines["c"]):
+        folder = output / one["folder"]
+        assert {"picture.png", "objects.html"} <= {file.name for file in folder.iterdir()}
+        session = nu.open_session(session_in(folder))
+        # Packed, with the whole way out known.
+        assert session.step == 0
+        assert {i for group in session.steps for i in group} == set(session.ids)
+        assert np.array_equal(load_labels(folder / "labels.npz")[0], session.labels)
+    # What is not sure was found, and can be reviewed.
+    assert nu.open_session(output / lines["b"]["folder"] / "session.unpack").review.evidence
+    page = (output / "index.html").read_text("utf-8")
+    assert page.count("<tr><td") == 4
+    assert f'href="{lines["a"]["folder"]}/objects.html"' in page
+
+
+def test_one_table_holds_all_objects_of_the_run(first: tuple[Path, Any]) -> None:
+    output, _ = first
+    objects, scans = (pd.read_parquet(output / f"{n}.parquet") for n in ("objects", "scans"))
+    assert Counter(objects["scan"]) == {"a": 3, "b": 3, "c": 3}
+    of_a = objects[objects["scan"] == "a"].set_index("id")
+    assert of_a["voxels"].tolist() == [16 * 16 * 10] * 3
+    assert of_a.loc[1, ["long_mm", "middle_mm", "short_mm"]].tolist() == pytest.approx([16, 16, 10])
+    assert sorted(of_a["order"]) == [1, 2, 3]
+    # They leave towards the viewer, who looks along the row from above.
+    assert [list(ids) for ids in of_a["blocked_by"]] == [[], [1], [2]]
+    assert objects[objects["scan"] == "b"]["confidence"].between(0, 1).all()
+    assert scans.set_index("scan")["status"]["broken"] == "failed"
+
+
+def test_started_again_it_makes_only_what_is_new_whatever_it_is_called(
+    first: tuple[Path, Any], bags: Path, client: Any, tmp_path: Path
+) -> None:
+    output, _ = first
+    before = {one.scan: (output / one.folder / "done.json").stat() for one in results_in(output)}
+    # The same content under another name and of another time; and one that is new.
+    shutil.copy(bags / "a.npz", tmp_path / "renamed.npz")
+    make_bag(tmp_path / "d.npz", 3)
+    again = nu.batch([bags / "b.npz", tmp_path], output, client)
+    assert {one.scan: one.status for one in again.results} == {
+        "b": "kept",
+        "renamed": "kept",
+        "d": "done",
+    }
+    assert not again.failed
+    after = {one.scan: (output / one.folder / "done.json").stat() for one in results_in(output)}
+    assert {name: after[name] for name in before} == before
+    # Scans of earlier calls stay in the table, each once.
+    assert Counter(again.objects["scan"]) == {"a": 3, "b": 3, "c": 3, "d": 3, "renamed": 3}
+
+
+def test_a_killed_workers_scan_is_done_elsewhere_and_nothing_twice(
+    pair: Pair, client: Any, tmp_path: Path
+) -> None:
+    inputs = [make_bag(tmp_path / f"{n}.npz", n) for n in range(6)]
+    told: list[ScanResult] = []
+    work = Thread(
+        target=lambda: nu.batch(
+            inputs, tmp_path / "out", client, told=lambda one, *_: told.append(one), **QUICK
+        )
+    )
+    victim = pair.processes[1]
+    work.start()
+    end, mine = monotonic() + 20, ()
+    while not mine and monotonic() < end:
+        sleep(0.002)
+        info = client.scheduler_info(n_workers=-1)["workers"]
+        busy = {w: keys for w, keys in client.processing().items() if keys}
+        pids = client.run(lambda: __import__("os").getpid(), workers=list(busy)) if busy else {}
+        mine = [w for w, pid in pids.items() if pid == victim.pid and w in info]
+    victim.kill()
+    work.join(30)
+    assert mine, "it was at work"
+    assert sorted(one.scan for one in told) == [str(n) for n in range(6)]
+    assert {one.status for one in told} == {"done"}
+    assert len(list((tmp_path / "out" / "scans").glob("[!.]*"))) == 6
+    pair.worker()
+    client.wait_for_workers(2, timeout=20)
+
+
+def test_a_worker_of_another_version_or_without_the_package_is_refused(
+    pair: Pair, client: Any, bags: Path, tmp_path: Path
+) -> None:
+    about = tmp_path / "old" / "napari_unpack-0.0.1.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: napari-unpack\nVersion: 0.0.1\n")
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    (bare / "sitecustomize.py").write_text(
+        "import importlib.metadata as m\n"
+        "find = m.version\n"
+        "def version(name):\n"
+        "    if name == 'napari-unpack':\n"
+        "        raise m.PackageNotFoundError(name)\n"
+        "    return find(name)\n"
+        "m.version = version\n"
+    )
+    for path, sentence in ((about.parent, "has napari-unpack 0.0.1"), (bare, "no napari-unpack")):
+        strange = pair.worker(path)
+        client.wait_for_workers(3, timeout=20)
+        with pytest.raises(ValueError, match=sentence):
+            nu.batch(bags / "a.npz", tmp_path / "out", client, **QUICK)
+        strange.kill()
+        while len(client.scheduler_info(n_workers=-1)["workers"]) > 2:
+            sleep(0.02)
+
+
+def test_an_unreachable_scheduler_is_told_in_a_sentence(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.3)
+    address = "tcp://127.0.0.1:9"
+    told = run("batch", bags, "--output", tmp_path / "out", "--scheduler", address)
+    assert told.exit_code == 1
+    assert told.stderr.startswith(f"error: no Dask scheduler answers at {address}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_runs_folder_is_left_alone_without_force(
+    bags: Path, client: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "out"
+    nu.batch(bags / "a.npz", output, client, **QUICK)
+    with pytest.raises(ValueError, match=r"other settings \(smallest None there and 9.0 now\)"):
+        nu.batch(bags / "a.npz", output, client, smallest=9.0, **QUICK)
+    (before,) = results_in(output)
+    forced = nu.batch(bags / "a.npz", output, client, smallest=9.0, force=True, **QUICK)
+    assert forced.results[0].status == "done"
+    # Replaced, and not beside it.
+    assert [one.identity for one in results_in(output)] == [forced.results[0].identity]
+    assert before.identity != forced.results[0].identity
+    (tmp_path / "else").mkdir()
+    (tmp_path / "else" / "letter.txt").write_text("mine")
+    with pytest.raises(ValueError, match="holds something else"):
+        nu.batch(bags / "a.npz", tmp_path / "else", client)
+    with pytest.raises(ValueError, match="is a file"):
+        nu.batch(bags / "a.npz", tmp_path / "else" / "letter.txt", client)
+
+
+def test_a_full_disk_is_told_before_and_while_it_fills(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = shutil.disk_usage(tmp_path)._replace(free=100)
+    monkeypatch.setattr(atomic.shutil, "disk_usage", lambda _: full)
+    with pytest.raises(OSError, match="free some, or choose another folder"):
+        nu.batch(bags / "a.npz", tmp_path / "out", client=object())
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "scans").mkdir()
+    result = work_on(find_inputs([bags / "a.npz"])[0], Place(tmp_path, Settings()), {})
+    assert (result.status, list((tmp_path / "scans").iterdir())) == ("failed", [])
+    assert "free some, or choose another folder" in result.reason
+
+
+def test_a_scan_too_big_for_a_worker_says_so(bags: Path, tmp_path: Path) -> None:
+    place = Place(tmp_path, Settings(), memory=500_000_000)
+    result = work_on(find_inputs([bags / "a.npz"])[0], place, {})
+    assert "takes about 0.7 GB, and a worker has 0.5 GB" in result.reason
+
+
+def test_workers_fit_cores_scans_and_memory(bags: Path) -> None:
+    scans = find_inputs([bags])
+    assert cluster.workers_that_fit(scans, 16, 10**12) == 4
+    assert cluster.workers_that_fit(scans, 2, 10**12) == 2
+    assert cluster.workers_that_fit(scans, 16, 2 * 10**9) == 2
+    assert cluster.workers_that_fit(scans, 16, 10**6) == 4

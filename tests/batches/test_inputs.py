@@ -1,0 +1,83 @@
+"""What a person names becomes scans, each once, with names of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from napari_unpack.batches.inputs import find_inputs
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in (
+        "one/scan.npz",
+        "two/scan.nii.gz",
+        "two/scan.labels.nii.gz",
+        "series/1.dcm",
+        "series/2.dcm",
+        "image.zarr/zarr.json",
+        ".unpack-half/a.npz",
+        "run/run.json",
+        "run/scans/x/labels.npz",
+        "readme.txt",
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
+        (tmp_path / name).write_bytes(b"-")
+    return tmp_path
+
+
+def test_a_folder_gives_its_volumes_with_the_labels_beside_them(folder: Path) -> None:
+    found = {str(one.volume.relative_to(folder)): one for one in find_inputs([folder])}
+    # Neither results, nor what is half written, nor slices of a series one by one.
+    assert sorted(found) == ["image.zarr", "one/scan.npz", "series", "two/scan.nii.gz"]
+    assert found["two/scan.nii.gz"].labels == folder / "two" / "scan.labels.nii.gz"
+    assert found["one/scan.npz"].labels is None
+    assert sorted(one.name for one in found.values()) == ["image", "one-scan", "series", "two-scan"]
+
+
+def test_what_is_named_twice_is_one_scan(folder: Path) -> None:
+    found = find_inputs([folder / "one" / "scan.npz", f"{folder}/**/*.npz"])
+    assert [one.volume.parent.name for one in found] == ["one", "x"]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_table_gives_volume_labels_spacing_and_name(tmp_path: Path, suffix: str) -> None:
+    rows = pd.DataFrame(
+        {
+            "volume": ["a.npz", "b.npz", "b.npz"],
+            "labels": ["mine.npz", None, "mine.npz"],
+            "spacing": ["2 1 0.5", None, "3"],
+            "name": ["first", np.nan, np.nan],
+        }
+    )
+    table = tmp_path / f"list{suffix}"
+    rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
+    if suffix == ".csv":
+        # One number is no size of three sides.
+        with pytest.raises(ValueError, match=r"row 3 of .*list.csv must give the voxel size"):
+            find_inputs([table])
+    rows["spacing"] = ["2 1 0.5", None, "[3, 3, 3]"]
+    rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
+    first, second, third = find_inputs([table])
+    assert (first.name, first.volume, first.labels) == (
+        "first",
+        tmp_path / "a.npz",
+        tmp_path / "mine.npz",
+    )
+    assert (first.spacing, second.spacing, third.spacing) == ((2, 1, 0.5), None, (3, 3, 3))
+    assert (second.labels, second.name != third.name) == (None, True)
+
+
+def test_what_cannot_be_meant_is_told(tmp_path: Path) -> None:
+    for asked in ("missing.npz", "*.npz"):
+        with pytest.raises(FileNotFoundError, match="no such file or folder"):
+            find_inputs([tmp_path / asked])
+    with pytest.raises(ValueError, match="no scans"):
+        find_inputs([tmp_path])
+    (tmp_path / "bad.csv").write_text("file\na.npz\n")
+    with pytest.raises(ValueError, match="must have a column 'volume', got"):
+        find_inputs([tmp_path / "bad.csv"])
