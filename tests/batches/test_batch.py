@@ -22,8 +22,8 @@ from napari_unpack import atomic
 from napari_unpack.batches import cluster
 from napari_unpack.batches.inputs import find_inputs
 from napari_unpack.batches.results import ScanResult, results_in, session_in
+from napari_unpack.batches.run_settings import Settings
 from napari_unpack.batches.scan_work import Place, work_on
-from napari_unpack.batches.settings import Settings
 from napari_unpack.cli import app
 from napari_unpack.io import load_labels
 

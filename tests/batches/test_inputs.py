@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import napari_unpack as nu
 from napari_unpack.batches.inputs import find_inputs
 
 
@@ -81,3 +83,11 @@ def test_what_cannot_be_meant_is_told(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("file\na.npz\n")
     with pytest.raises(ValueError, match="must have a column 'volume', got"):
         find_inputs([tmp_path / "bad.csv"])
+
+
+def test_a_missing_package_is_named_with_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ImportError, match=r"pip install distributed \(or 'napari-unpack\[batch\]'"):
+        nu.batch(tmp_path, tmp_path / "out")

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.threads import thread_count
+from napari_unpack.thread_count import thread_count
 
 # From this ID on, IDs are renumbered for the time being.
 MOST_IDS = 65_536

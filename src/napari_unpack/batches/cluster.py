@@ -12,10 +12,9 @@ from typing import Any
 
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.memory_needs import need_of
-from napari_unpack.batches.packages import needed_for_batches
-from napari_unpack.batches.settings import RUN, installed_version
+from napari_unpack.batches.run_settings import RUN, installed_version
 from napari_unpack.memory import free_memory
-from napari_unpack.threads import SETTING, thread_count
+from napari_unpack.thread_count import SETTING, thread_count
 
 CONNECT_SECONDS = 10
 """A scheduler that is there answers within one, also from far away."""
@@ -55,7 +54,8 @@ def cluster_client(
     OSError
         If no scheduler answers.
     """
-    distributed = needed_for_batches("distributed")
+    import distributed
+
     if client is not None:
         yield client
     elif scheduler is not None:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from napari_unpack.batches.packages import needed_for_batches
-from napari_unpack.batches.settings import is_run
+from napari_unpack.batches.run_settings import is_run
+from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
 from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, stem_of, suffix_of
 
@@ -146,7 +146,7 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     import pandas as pd
 
     if suffix_of(table) == ".parquet":
-        needed_for_batches("pyarrow")
+        needed("pyarrow", "pyarrow", "reading Parquet tables", "batch")
     try:
         read = pd.read_parquet if suffix_of(table) == ".parquet" else pd.read_csv
         rows: Any = read(table)

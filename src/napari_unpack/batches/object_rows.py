@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.atomic import written_atomically
-from napari_unpack.batches.packages import needed_for_batches
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -17,7 +16,8 @@ GROUP_ROWS = 100_000
 
 
 def _schema() -> Any:
-    pa = needed_for_batches("pyarrow")
+    import pyarrow as pa
+
     real = {name: pa.float64() for name in ("volume_mm3", "long_mm", "middle_mm", "short_mm")}
     real |= {name: pa.float64() for name in ("mean_density", "z", "y", "x", "isoperimetric_ratio")}
     return pa.schema(
@@ -50,7 +50,9 @@ def write_object_rows(
     path : Path
         The file.
     """
-    pa, parquet = needed_for_batches("pyarrow"), needed_for_batches("pyarrow.parquet")
+    import pyarrow as pa
+    from pyarrow import parquet
+
     facts = session.objects.to_dict("index")
     order = {i: step for step, group in enumerate(session.steps, 1) for i in group}
     schema = _schema()
@@ -76,7 +78,9 @@ def join_object_rows(tables: Iterable[tuple[str, Path]], path: Path) -> None:
     path : Path
         The file; what was there is replaced once the new one is whole.
     """
-    parquet, schema = needed_for_batches("pyarrow.parquet"), _schema()
+    from pyarrow import parquet
+
+    schema = _schema()
     with (
         written_atomically(path) as temporary,
         parquet.ParquetWriter(temporary, schema) as writer,
@@ -86,7 +90,9 @@ def join_object_rows(tables: Iterable[tuple[str, Path]], path: Path) -> None:
 
 
 def _groups(tables: Iterable[tuple[str, Path]]) -> Iterator[Any]:
-    pa, parquet = needed_for_batches("pyarrow"), needed_for_batches("pyarrow.parquet")
+    import pyarrow as pa
+    from pyarrow import parquet
+
     waiting: list[Any] = []
     for scan, path in tables:
         table = parquet.read_table(path, schema=_schema())

@@ -13,7 +13,7 @@ from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.kernel_cache import keep_kernels_one_at_a_time
 from napari_unpack.batches.results import ScanResult
 from napari_unpack.batches.scan_work import Place, work_on
-from napari_unpack.threads import SETTING
+from napari_unpack.thread_count import SETTING
 
 
 class WorkerSetup(WorkerPlugin):

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from napari_unpack.batches.settings import SCANS
+from napari_unpack.batches.run_settings import SCANS
 from napari_unpack.io.session_archive import holds_session
 
 DONE = "done.json"
@@ -50,7 +50,7 @@ class ScanResult:
     notes : tuple of str
         What had to be assumed of the file.
     identity, settings : str
-        See `settings.identity` and `settings.identity_of_settings`.
+        See `run_settings.identity` and `run_settings.identity_of_settings`.
     """
 
     scan: str

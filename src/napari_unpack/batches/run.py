@@ -18,15 +18,15 @@ from napari_unpack.batches.cluster import (
 from napari_unpack.batches.index_page import write_index
 from napari_unpack.batches.inputs import ScanInput, find_inputs
 from napari_unpack.batches.object_rows import join_object_rows
-from napari_unpack.batches.packages import needed_for_batches
 from napari_unpack.batches.results import OBJECTS, ScanResult, results_in
-from napari_unpack.batches.settings import (
+from napari_unpack.batches.run_settings import (
     Settings,
     check_folder,
     claim_folder,
     identity_of_settings,
 )
 from napari_unpack.file_sizes import stored_size
+from napari_unpack.io.optional import needed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,7 +133,7 @@ def batch(
         If no scheduler answers, the cluster is lost, or there is no space.
     """
     for module in ("distributed", "pyarrow"):
-        needed_for_batches(module)
+        needed(module, module, "work on many scans", "batch")
     given = [inputs] if isinstance(inputs, str | Path) else inputs
     scans, settings = find_inputs(given), settings or Settings(**options)
     folder = Path(output).expanduser().absolute()

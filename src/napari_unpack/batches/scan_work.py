@@ -24,7 +24,7 @@ from napari_unpack.batches.results import (
     folder_name,
     read_result,
 )
-from napari_unpack.batches.settings import SCANS, Settings, identity, identity_of_settings
+from napari_unpack.batches.run_settings import SCANS, Settings, identity, identity_of_settings
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.headless import open_scan, unpack_in_order
 from napari_unpack.io.scan import Scan

@@ -1,4 +1,4 @@
-"""Packages that only some formats need."""
+"""Packages that only some work needs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 
-def needed(module: str, package: str, purpose: str) -> Any:
+def needed(module: str, package: str, purpose: str, extra: str = "formats") -> Any:
     """Import an optional package, or say what to install.
 
     Parameters
@@ -17,6 +17,8 @@ def needed(module: str, package: str, purpose: str) -> Any:
         What to install.
     purpose : str
         What it is needed for, such as "reading NIfTI".
+    extra : str
+        Of this package, which brings it with others like it.
 
     Raises
     ------
@@ -28,5 +30,5 @@ def needed(module: str, package: str, purpose: str) -> Any:
     except ImportError as error:
         raise ImportError(
             f"{purpose} needs {package}, which is not installed; "
-            f"run: pip install {package} (or 'napari-unpack[formats]' for every format)"
+            f"run: pip install {package} (or 'napari-unpack[{extra}]' for all like it)"
         ) from error

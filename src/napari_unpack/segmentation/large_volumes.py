@@ -29,7 +29,7 @@ from napari_unpack.segmentation.label_upsampling import (
 from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
 from napari_unpack.tasks import BEAT_SECONDS, Cancelled, Progress, Share
-from napari_unpack.threads import thread_count
+from napari_unpack.thread_count import thread_count
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from time import monotonic
 from typing import TypeVar
 
 from napari_unpack.tasks import BEAT_SECONDS, SILENT, Share
-from napari_unpack.threads import thread_count
+from napari_unpack.thread_count import thread_count
 
 # Seconds that one worker lets others go first in all: nothing waits for ever.
 PATIENCE = 0.25

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.tasks import Progress, Share, awaited
-from napari_unpack.threads import thread_count
+from napari_unpack.thread_count import thread_count
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

@@ -57,7 +57,7 @@ from napari_unpack.segmentation.learned.part_splitting import (
     split_and_measure,
 )
 from napari_unpack.tasks import SILENT, Progress, Share
-from napari_unpack.threads import thread_count
+from napari_unpack.thread_count import thread_count
 
 # Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
 # is thinner.
