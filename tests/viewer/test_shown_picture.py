@@ -95,6 +95,21 @@ def test_the_canvas_shows_a_fresh_image_after_any_commands(
         assert differs(viewer, controller) < 20, given
 
 
+def test_an_inspected_object_that_is_deleted_is_inspected_no_longer(
+    staged: Any, session: Any, qtbot: Any
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    controller.inspect(7)
+    controller.settle(0.6)
+    session.delete(7)
+    # Every redraw asks where it is.
+    viewer.scene.camera.angles = (10.0, 20.0, 30.0)
+    at_rest(controller, qtbot)
+    assert controller.inspected == 0
+    assert differs(viewer, controller) < 20
+
+
 def test_a_sprite_turned_and_turned_back_at_once_is_as_before(
     staged: Any, session: Any, qtbot: Any
 ) -> None:

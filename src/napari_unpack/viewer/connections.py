@@ -96,7 +96,7 @@ class ControllerConnections:
         one = self._controller
         events = one.session.events
         return [
-            (events.labels, one.renderer.labels_changed),
+            (events.labels, self._follow_labels),
             (events.labels, one.queries.labels_changed),
             (events.states, self.follow_states),
             (events.hues, self._follow_hues),
@@ -129,6 +129,11 @@ class ControllerConnections:
         # In a grid of views every layer has its own; the bag's is the one that counts.
         if not self._controller.packed.visible:
             self._follow_frame(frame)
+
+    def _follow_labels(self, _edited: frozenset[int]) -> None:
+        # What is inspected may be gone, and no object that is left has another state by that.
+        self._follow_inspection()
+        self._controller.renderer.labels_changed()
 
     def _follow_inspection(self) -> None:
         one = self._controller

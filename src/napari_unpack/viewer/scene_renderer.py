@@ -210,6 +210,7 @@ class SceneRenderer:
 
     def labels_changed(self) -> None:
         """Follow the session's labels, which were repaired."""
+        self._follow_inspection()
         scene = self.session.scene()
         self.packed_renderer.set_scene(scene)
         self._upload.make_ready(scene, relabelled=True)
