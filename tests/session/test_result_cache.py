@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from bags import AxisRays, session_of, stack_of_plates
 
+import napari_unpack as nu
 from napari_unpack.session import Session
 from napari_unpack.session.cache import MOST_RESULTS, ResultCache
 from napari_unpack.tasks import no_progress
@@ -92,3 +95,42 @@ def test_a_result_within_a_tolerance_does_not_outlive_removals_by_other_rules():
     session.queries.occlusion(afresh=True)
     session.tolerance = 0.4
     assert session.queries.occlusion().packed == everything - {1}
+
+
+def test_what_the_panel_is_told_is_what_a_fresh_question_says_whatever_was_done():
+    made = nu.simulate_bag(seed=2, shape=(32, 36, 46), count=9)
+    asked = reused = 0
+    for seed in range(6, 10):
+        rng = np.random.default_rng(seed)
+        session = nu.Session(made.volume, made.labels, made.spacing, made.objects)
+        session.backend = "cpu"
+        session.direction = tuple(rng.normal(size=3))
+        queries = session.queries
+        for _ in range(10):
+            one = int(rng.choice(session.ids))
+            commands = [
+                *[session.unpack] * 3,
+                session.restore,
+                session.undo,
+                session.show,
+                partial(session.hide, one),
+                partial(session.inspect, one),
+            ]
+            commands[rng.integers(len(commands))]()
+            # As the viewer does while nothing moves.
+            task = queries.occlusion_task(finer=True)
+            if task is not None:
+                queries.store(task, task.run(no_progress))
+                asked += 1
+            if not queries.packed:
+                continue
+            told = set(queries.unpackable_groups())
+            fresh = nu.Session(made.volume, made.labels, made.spacing, made.objects)
+            fresh.backend, fresh.direction = "cpu", session.direction
+            fresh.hide(frozenset(fresh.ids) - queries.packed)
+            assert told == set(
+                fresh.queries.occlusion().groups(queries.packed, session.rules.max_group_size)
+            )
+            reused += task is None
+    # Not by asking at every step.
+    assert reused > asked

@@ -10,13 +10,15 @@ from qtpy.QtCore import QPoint, Qt, QTimer
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication
 
-from mouse import drag, move
+from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState
 from napari_unpack.viewer.controller import SessionController
 from opened_panel import at_rest
 from viewer_fixtures import canvas
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
 
 
 def native(viewer):
@@ -234,6 +236,47 @@ def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, 
     controller.close()
     session.select([5])
     assert viewer.dims.current_step[0] == 30
+
+
+def test_a_rubber_band_selects_what_it_encloses_in_a_slice(sliced, session, qtbot) -> None:
+    viewer, _, _ = sliced
+    session.select([])
+    viewer.dims.set_current_step(0, 10)
+    widget, camera = native(viewer), viewer.scene.camera
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+
+    def at(row: float, col: float) -> QPoint:
+        way = (np.array([row, col]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+        return middle + QPoint(round(way[1]), round(way[0]))
+
+    view = tuple(camera.center), camera.zoom
+    # Slice 10 has balls and boxes 1 to 5; the band holds 1 and 4, and half of 2.
+    start, end = at(1, 1), at(46, 30)
+    QTest.mousePress(widget, LEFT, CONTROL, pos=start)
+    qtbot.wait(20)
+    before = canvas(viewer)
+    for share in (0.5, 1.0):
+        move(widget, start + (end - start) * share, LEFT, CONTROL)
+        qtbot.wait(20)
+    assert np.abs(canvas(viewer) - before).max(axis=-1).sum() > 1000
+    QTest.mouseRelease(widget, LEFT, CONTROL, pos=end)
+    qtbot.waitUntil(lambda: session.selected == {1, 4}, timeout=5000)
+    # The slice stays, and nothing was panned.
+    assert viewer.dims.current_step[0] == 10
+    assert (tuple(camera.center), camera.zoom) == view
+    # Another adds; turned round, the slice is read as it is shown.
+    drag(widget, at(1, 39), at(46, 59) - at(1, 39), qtbot, CONTROL)
+    qtbot.waitUntil(lambda: session.selected == {1, 3, 4}, timeout=5000)
+    session.select([])
+    viewer.dims.order = (0, 2, 1)
+    drag(widget, at(1, 1), at(30, 46) - at(1, 1), qtbot, CONTROL)
+    qtbot.waitUntil(lambda: session.selected == {1, 4}, timeout=5000)
+    # A brush keeps its own Ctrl+drag.
+    session.select([])
+    labels = viewer.add_labels(np.zeros_like(session.labels), scale=(1.5,) * 3)
+    labels.mode = "paint"
+    drag(widget, at(1, 1), at(30, 46) - at(1, 1), qtbot, CONTROL)
+    assert session.selected == frozenset()
 
 
 def test_the_status_bar_names_what_is_under_the_mouse_now(

@@ -224,9 +224,19 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
         table.resize(width, 240)
         return [not table.isColumnHidden(column) for column in rare]
 
-    assert shown(300) == [False, False, False]
+    # Of the panel's own width, less its margins and two bars to scroll.
+    assert shown(274) == [True, False, False]
+    assert not table.isColumnHidden(Column.VOLUME)
+    # The state moves beneath the name, in rows that are as much taller, and is drawn there.
+    assert table.isColumnHidden(Column.STATE)
+    assert table.rowHeight(0) > 24
+    before = table.grab().toImage()
+    table.objects.refresh(unpackable={8})
+    assert table.grab().toImage() != before
     assert shown(400) == [True, False, False]
-    assert shown(650) == [True, True, True]
+    assert not table.isColumnHidden(Column.STATE)
+    assert table.rowHeight(0) == 24
+    assert shown(700) == [True, True, True]
     assert not table.horizontalScrollBar().isVisible()
 
 
@@ -235,18 +245,17 @@ def test_default_names_are_whole_in_the_narrow_panel(
 ) -> None:
     # The panel's own width, less its margins and two bars to scroll.
     table.resize(274, 240)
-    before = table.columnWidth(Column.NAME)
     session.queries.unpackable_groups = lambda: ((3, 5),)
     table.objects.refresh(unpackable={3, 5})
-    # Only now that the longest state is there do names give it their room.
-    qtbot.waitUntil(lambda: table.columnWidth(Column.NAME) < before, timeout=5000)
-    assert not table.isColumnHidden(Column.STATE)
     needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
     assert table.columnWidth(Column.NAME) >= needed
-    # What can leave is written bold.
+    assert not table.horizontalScrollBar().isVisible()
+    # Where the state has a column, what can leave is written bold.
     bold = QFont(table.font())
     bold.setBold(True)
     needed = QFontMetrics(bold).horizontalAdvance("leaves together") + 15
+    table.resize(420, 240)
+    assert not table.isColumnHidden(Column.STATE)
     assert table.columnWidth(Column.STATE) >= needed
     assert not table.horizontalScrollBar().isVisible()
 

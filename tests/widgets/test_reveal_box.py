@@ -15,7 +15,9 @@ from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
+from napari_unpack.widgets.held_place import OPENED_MS
 from napari_unpack.widgets.reveal_box import sentence
+from napari_unpack.widgets.section import scroll_to
 from napari_unpack.widgets.unpacking_widget import WIDTH as UNPACKING_WIDTH
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press, rest, states
@@ -81,16 +83,20 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     assert session.direction == (1.0, 0.0, 0.0)
     rest(panel, qtbot)
     assert place_of(panel) == where
-    # Inspected from the table, which the mouse is on, what comes above scrolls up.
-    for widget in (panel.findChild(QScrollArea), panel.objects, table):
-        QApplication.sendEvent(widget, QEvent(QEvent.Type.Enter))
-    panel.commands.inspect(2)
-    qtbot.waitUntil(panel.unpack.inspection.isVisible, timeout=10000)
-    rest(panel, qtbot)
-    assert place_of(panel) == where
-    panel.commands.leave()
-    rest(panel, qtbot)
-    assert place_of(panel) == where
+    # Inspected with the mouse over the picture or the table, what comes above scrolls up.
+    qtbot.wait(OPENED_MS)
+    scroll_to(table)
+    where = place_of(panel)
+    for mouse in (QEvent.Type.Leave, QEvent.Type.Enter):
+        for widget in (panel.findChild(QScrollArea), panel.objects, table):
+            QApplication.sendEvent(widget, QEvent(mouse))
+        panel.commands.inspect(2)
+        qtbot.waitUntil(panel.unpack.inspection.isVisible, timeout=10000)
+        rest(panel, qtbot)
+        assert place_of(panel) == where
+        panel.commands.leave()
+        rest(panel, qtbot)
+        assert place_of(panel) == where
     panel.commands.undo()
     assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
 
@@ -147,7 +153,7 @@ def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     assert f"({len(best.ids)} unpackable)" in panel.unpack.use_best.text()
     words = words_of(best.direction, session.camera)
     assert words in panel.unpack.sentence.text().lower()
-    assert "Next: Object" in panel.unpack.sentence.text()
+    qtbot.waitUntil(lambda: "Next: Object" in panel.unpack.sentence.text(), timeout=10000)
     # However long the words are, the panel gets no wider than its place.
     assert panel.unpack.minimumSizeHint().width() < UNPACKING_WIDTH
     press(qtbot, panel.unpack.use_best)

@@ -13,7 +13,7 @@ from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.boxes import LabelBoxes, box_corners
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
-from napari_unpack.session.ray_queries import BlockingTable, Mask, RayQueries, Size
+from napari_unpack.session.ray_queries import Mask, RayQueries, Size
 from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 from napari_unpack.unpacking.occlusion import Rule
@@ -69,7 +69,9 @@ class OcclusionKey:
         # What a tolerance exempts depends on all that was packed: kept while objects leave by other
         # rules, a result would hide what has become unpackable since.
         kept = (self.rule, self.tolerance) in (("exact", 0.0), (new.rule, new.tolerance))
-        return self.same_question(new) or not (kept or self.packed == new.packed)
+        # The one for more objects serves again as soon as something comes back.
+        fewer = new.packed < self.packed
+        return (self.same_question(new) and not fewer) or not (kept or self.packed == new.packed)
 
     def equals(self, wanted: OcclusionKey) -> bool:
         """Tell whether a result under this key is for just these packed objects."""
@@ -95,6 +97,8 @@ class OcclusionResult:
         The paper's occlusion ratio, which ranks the objects where nothing is unpackable.
     seconds : float
         What it took.
+    held : frozenset of int
+        Those of which only rays say what blocks them, since so much did.
     """
 
     direction: Vector
@@ -103,6 +107,19 @@ class OcclusionResult:
     blocking: BlockingGraph | None
     first_hit: Mapping[int, float]
     seconds: float
+    held: frozenset[int] = frozenset()
+
+    def may_change(self, packed: frozenset[int]) -> bool:
+        """Tell whether the question asked anew of fewer packed objects may be answered otherwise.
+
+        Rays hold an object at the corners of its neighbours' voxels as well. That tells nothing
+        new while others hold it for sure, and does once one of them has left.
+        """
+        gone = self.packed - packed
+        if self.blocking is None:
+            return bool(gone)
+        blockers = self.blocking.graph.predecessors
+        return any(not gone.isdisjoint(blockers(i)) for i in self.held & packed)
 
     def groups(self, packed: frozenset[int], max_group_size: int) -> list[Group]:
         """Return what can leave: single objects, and interlocked groups.
@@ -153,11 +170,12 @@ def find_occlusion(
     counts = rays.occlusion_counts(camera, visible, size, backend)
     unseen = key.packed - {int(i) for i in counts.ids}
     unpackable = frozenset(unpackable_ids(counts, key.rule, key.tolerance)) | unseen
+    held: frozenset[int] = frozenset()
     table = _swept_table(key, rays, direction, visible, counts)
     if table is None:
         blocking = BlockingGraph.of(counts, key.rule, key.tolerance)
     else:
-        ids, blocks = table
+        ids, blocks, held = table
         # Within the tolerance an object leaves although something blocks it.
         exempt = unpackable if key.tolerance > 0 else frozenset()
         blocking = BlockingGraph(blocking_graph(blocks, ids, exempt))
@@ -166,13 +184,14 @@ def find_occlusion(
         # Counts have no rows for them, and a graph of all that is packed is asked about them.
         blocking.graph.add_nodes_from(unseen)
     seconds = perf_counter() - start
-    return OcclusionResult(direction, key.packed, unpackable, blocking, ratios(counts), seconds)
+    first_hit = ratios(counts)
+    return OcclusionResult(direction, key.packed, unpackable, blocking, first_hit, seconds, held)
 
 
 def _swept_table(
     key: OcclusionKey, rays: RayQueries, direction: Vector, visible: Mask, counts: OcclusionCounts
-) -> BlockingTable | None:
-    """Return what blocks what among the packed, by voxels where rays leave it open."""
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], frozenset[int]] | None:
+    """Return what blocks what among the packed, by voxels but for the last."""
     if not rays.can_sweep or key.rule != "exact" or counts.blocks is None:
         return None
     # Moving voxels is what takes long, so the less is moved the better.
@@ -187,7 +206,7 @@ def _swept_table(
     places = np.searchsorted(ids, met)
     columns = held[met]
     blocks[np.ix_(places, places[columns])] = counts.blocks[:, columns]
-    return ids, blocks
+    return ids, blocks, frozenset(int(i) for i in met[columns])
 
 
 @dataclass(frozen=True)

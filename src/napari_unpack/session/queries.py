@@ -175,10 +175,17 @@ class Queries:
             self._keep(key, known)
         return known  # type: ignore[no-any-return]
 
-    def occlusion_task(self) -> Task[OcclusionResult] | None:
-        """Return the task of `occlusion`; None where that is known."""
+    def occlusion_task(self, finer: bool = False) -> Task[OcclusionResult] | None:
+        """Return the task of `occlusion`; None where that is known.
+
+        Parameters
+        ----------
+        finer : bool
+            What was found for more packed objects does only where it would be found again.
+        """
         key = self._occlusion_key()
-        if not key.packed or self._known_occlusion(key) is not None:
+        known = self._known_occlusion(key)
+        if not key.packed or not (known is None or (finer and known.may_change(key.packed))):
             return None
         find = self._find_occlusion()
         return Task(key, lambda _: find(key))

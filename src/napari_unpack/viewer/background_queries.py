@@ -101,10 +101,10 @@ class BackgroundQueries:
 
     def _ask(self) -> None:
         queries, revision = self._session.queries, self._revision
-        occlusion = queries.occlusion_task()
-        if occlusion is None:
+        if queries.occlusion_task() is None:
             self._known()
-        else:
+        occlusion = queries.occlusion_task(finer=True)
+        if occlusion is not None:
             done = partial(self._store_occlusion, occlusion)
             self._scheduler.submit(occlusion, Worker.QUERY, done, slot=OCCLUSION)
         if not self._recolors():

@@ -18,7 +18,7 @@ from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
 from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
 from napari_unpack.viewer.layer_tables import describe, hint
-from napari_unpack.viewer.multi_selection import RubberBand, chosen
+from napari_unpack.viewer.multi_selection import RubberBand, SliceBand, chosen
 from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel, PointerTarget
 from napari_unpack.viewer.surface_points import label_at
 
@@ -318,18 +318,32 @@ class Interaction:
     def _click_in_slice(self, event: MouseEvent) -> Generator[None, None, None]:
         start, there, moved = _pixel(event), event.position, False
         modifiers = _modifiers(event)
-        yield
-        while event.type == "mouse_move":
-            moved = moved or _is_far(_pixel(event), start)
+        bands = "Control" in modifiers and self._pans_slices()
+        band = SliceBand(self._target, start, there) if bands else None
+        with self._camera_held(bands):
             yield
+            while event.type == "mouse_move":
+                moved = moved or _is_far(_pixel(event), start)
+                if band is not None and moved:
+                    band.drag(_pixel(event), event.position)
+                yield
+        steps = self._target.slice_steps
+        with nullcontext() if steps is None else steps.held():
+            if moved and band is not None:
+                band.release()
+            elif not moved and self.tool is None:
+                self.select(self.in_slice(there), modifiers)
         if not moved and self.tool is not None:
             voxel = self._voxel_in_slice(there)
             if voxel is not None:
                 self.tool.click_voxel(voxel)
-        elif not moved:
-            steps = self._target.slice_steps
-            with nullcontext() if steps is None else steps.held():
-                self.select(self.in_slice(there), modifiers)
+
+    def _pans_slices(self) -> bool:
+        """Tell whether a drag over our slices would pan, and not paint or draw."""
+        active = self._target.viewer.layers.selection.active
+        pans = active is None or str(getattr(active, "mode", "pan_zoom")) == "pan_zoom"
+        # In an opened object slices show the whole bag, of which this session has no labels.
+        return pans and self._target.outer_session is None
 
     @contextmanager
     def _camera_held(self, held: bool) -> Generator[None, None, None]:

@@ -1,15 +1,17 @@
-"""Several objects selected by hand: Ctrl and Shift with a click, and a rubber band."""
+"""Several objects selected by hand: Ctrl and Shift with a click, and rubber bands."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.layers import compat
+from napari_unpack.layers.placement import data_to_world, units_of, voxel_at
 from napari_unpack.layers.rendered_image import Sprite
+from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.session.object_state import ObjectState
@@ -113,9 +115,91 @@ class RubberBand:
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the quad of its four sides."""
-        (top, left), (bottom, right) = self._corners
-        round_ = [(top, left), (top, right), (bottom, right), (bottom, left), (top, left)]
-        return self._lines.quads([Line(np.array(round_), INK, 1.5)], frame.size)
+        return self._lines.quads([band_line(self._corners)], frame.size)
+
+
+class SliceBand:
+    """A rectangle drawn upon a slice, in napari's 2D view; selects what it encloses there.
+
+    Parameters
+    ----------
+    target : PointerTarget
+    start : (2,) ndarray of float64
+        Pixel of the canvas where the drag begins, row and column.
+    position : (N,) sequence of float
+        The same in napari's world.
+    """
+
+    def __init__(self, target: PointerTarget, start: Pixel, position: Sequence[float]) -> None:
+        self._target, self._layer = target, target.layers[1]
+        self._corners = np.stack([start, start])
+        self._ends = np.array([position, position], dtype=np.float64)
+        self._lines = CanvasLines(self._scale)
+        self._others = self._layer.slice_overlays
+
+    def drag(self, pixel: Pixel, position: Sequence[float]) -> None:
+        """Draw it up to a corner.
+
+        Parameters
+        ----------
+        pixel : (2,) ndarray of float64
+            Of the canvas.
+        position : (N,) sequence of float
+            The same in napari's world.
+        """
+        self._corners[1], self._ends[1] = pixel, position
+        self._layer.slice_overlays = self._quads_at
+        self._layer.repaint()
+
+    def release(self) -> None:
+        """Draw it no longer, and select."""
+        self._layer.slice_overlays = self._others
+        self._layer.repaint()
+        target, dims = self._target, self._target.viewer.dims
+        shown = [axis - dims.ndim + 3 for axis in dims.displayed]
+        # Another axis of the viewer than the volume's three: there is no slice of ours.
+        if min(shown) < 0:
+            return
+        units, across = units_of(target.viewer), 3 - sum(shown)
+        index = round(voxel_at(target.layers[0], self._ends[0], units)[across])
+        labels = target.session.labels
+        if not 0 <= index < labels.shape[across]:
+            return
+        world = data_to_world(target.layers[0], units)
+        first, second = (axis for axis in range(3) if axis != across)
+        plane = np.take(labels, index, axis=across)
+        rows, cols = (np.arange(n) for n in plane.shape)
+        inside = np.ones(plane.shape, np.bool_)
+        for axis in shown:
+            there = np.add.outer(world[axis, first] * rows, world[axis, second] * cols)
+            there += world[axis, across] * index + world[axis, 3]
+            low, high = np.sort(self._ends[:, axis - 3])
+            inside &= (there >= low) & (there <= high)
+        found = _whole_inside(plane, inside)
+        target.session.select(target.session.selected | found)
+
+    def _scale(self) -> float:
+        return compat.pixel_scale(self._target.viewer)
+
+    def _quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
+        sides = [band_line(self._corners * self._scale())]
+        others = () if self._others is None else self._others(frame)
+        return [*others, *self._lines.quads(sides, frame.size)]
+
+
+def band_line(corners: NDArray[np.float64]) -> Line:
+    """Return the four sides of a rectangle given by two corners."""
+    (top, left), (bottom, right) = corners
+    round_ = [(top, left), (top, right), (bottom, right), (bottom, left), (top, left)]
+    return Line(np.array(round_), INK, 1.5)
+
+
+def _whole_inside(ids: NDArray[np.integer[Any]], inside: NDArray[np.bool_]) -> frozenset[int]:
+    """Return the objects of which no more than `STRAY` lies outside."""
+    whole = np.bincount(ids.ravel())
+    part = np.bincount(ids[inside], minlength=len(whole))
+    found = (whole > 0) & (part >= (1 - STRAY) * whole)
+    return frozenset(int(i) for i in np.flatnonzero(found) if i > 0)
 
 
 def enclosed(
@@ -150,10 +234,7 @@ def enclosed(
     rows, cols = (np.arange(n) for n in size)
     in_rows = (rows >= first[0]) & (rows <= last[0])
     in_cols = (cols >= first[1]) & (cols <= last[1])
-    whole = np.bincount(ids.ravel(), minlength=len(visible))
-    inside = np.bincount(ids[np.ix_(in_rows, in_cols)].ravel(), minlength=len(visible))
-    found = (whole > 0) & (inside >= (1 - STRAY) * whole)
-    return frozenset(int(i) for i in np.flatnonzero(found) if i > 0)
+    return _whole_inside(ids, np.logical_and.outer(in_rows, in_cols))
 
 
 def _shows(scene: Scene, object_id: int, function: TransferFunction) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import (
@@ -17,7 +17,16 @@ from qtpy.QtCore import (
     Qt,
     Signal,
 )
-from qtpy.QtGui import QColor, QFont, QFontMetrics, QPainter, QPainterPath, QPen, QPolygonF
+from qtpy.QtGui import (
+    QColor,
+    QFont,
+    QFontInfo,
+    QFontMetrics,
+    QPainter,
+    QPainterPath,
+    QPen,
+    QPolygonF,
+)
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -29,7 +38,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.object_columns import Column, choice_of
+from napari_unpack.widgets.object_columns import MARKS, Column, choice_of
 from napari_unpack.widgets.object_model import (
     FLAG,
     ID,
@@ -83,7 +92,8 @@ PADDING = 15
 ARROW = 12
 
 # From left to right; a table that chooses by itself shows the first five, and of the others what
-# it has room for. Tooltips have them all.
+# it has room for, the state beneath the name where volume and confidence would have none. Tooltips
+# have them all.
 ORDER = (
     Column.EYE,
     Column.SWATCH,
@@ -204,6 +214,51 @@ class _ClickDelegate(QStyledItemDelegate):
         return QSize(ROW, ROW)
 
 
+# A second line is smaller than the first by the factor that browsers have for small print.
+SMALLER = 5 / 6
+
+
+class _NameDelegate(QStyledItemDelegate):
+    """A name, and beneath it the state where the state has no column."""
+
+    says_state = False
+
+    def height(self, font: QFont) -> int:
+        """Return the height of a row in a font."""
+        if not self.says_state:
+            return ROW
+        return max(ROW, QFontMetrics(font).height() + QFontMetrics(_small(font)).height() + 4)
+
+    def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex) -> None:
+        super().initStyleOption(option, index)
+        if self.says_state:
+            option.text = ""
+
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
+        super().paint(painter, option, index)
+        if not self.says_state:
+            return
+        painter.save()
+        state = index.siblingAtColumn(Column.STATE)
+        left, color = Qt.AlignmentFlag.AlignLeft, option.palette.text().color()
+        cell = option.rect.adjusted(PADDING // 2, 2, -4, -2)
+        first, second = (
+            left | side for side in (Qt.AlignmentFlag.AlignTop, Qt.AlignmentFlag.AlignBottom)
+        )
+        for font, side, text in (
+            (option.font, first, index.data()),
+            (_small(option.font), second, state.data()),
+        ):
+            painter.setFont(font)
+            painter.setPen(color)
+            middle = Qt.TextElideMode.ElideMiddle
+            shown = QFontMetrics(font).elidedText(text, middle, cell.width())
+            painter.drawText(cell, side, shown)
+            # What can be done with an object is as plain as its name; where it is, is not.
+            color.setAlphaF(1.0 if text in MARKS else 0.6)
+        painter.restore()
+
+
 def _draw_swatch(
     painter: QPainter, cell: QRectF, index: QModelIndex, _option: QStyleOptionViewItem
 ) -> None:
@@ -293,6 +348,8 @@ class ObjectTable(QTableView):
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
         self._columns = ChosenColumns(key)
+        self._names = _NameDelegate(self)
+        self.setItemDelegateForColumn(Column.NAME, self._names)
         self._clicked = {
             Column.EYE: self.eye_clicked,
             Column.SWATCH: self.swatch_clicked,
@@ -371,18 +428,30 @@ class ObjectTable(QTableView):
             for column, width in widths.items():
                 self.setColumnWidth(column, width)
         shown = self._columns.chosen
+        self._names.says_state = False
         if shown is None:
-            shown = set(ALWAYS)
-            room = self.viewport().width() - sum(widths[c] for c in ALWAYS)
-            for column in WHERE_ROOM:
-                if column == Column.CONFIDENCE and not self.objects.knows_confidence:
-                    continue
-                room -= widths[column]
-                if room < 0:
-                    break
-                shown.add(column)
+            wanted = [c for c in WHERE_ROOM if self._is_worth_showing(c)]
+            shown = self._fitting(ALWAYS, wanted)
+            if not shown.issuperset({Column.VOLUME, Column.CONFIDENCE}.intersection(wanted)):
+                self._names.says_state = True
+                shown = self._fitting([c for c in ALWAYS if c != Column.STATE], wanted)
         for column in Column:
             self.setColumnHidden(column, column not in shown)
+        self.verticalHeader().setDefaultSectionSize(self._names.height(self.font()))
+
+    def _is_worth_showing(self, column: Column) -> bool:
+        return column != Column.CONFIDENCE or self.objects.knows_confidence
+
+    def _fitting(self, always: Sequence[Column], wanted: Iterable[Column]) -> set[Column]:
+        """Return some columns and the first of others that there is room for."""
+        shown, room = set(always), self.viewport().width()
+        room -= sum(self._widths[column] for column in always)
+        for column in wanted:
+            room -= self._widths[column]
+            if room < 0:
+                break
+            shown.add(column)
+        return shown
 
     def columns_menu(self) -> QMenu:
         """Make the menu in which a person chooses the columns."""
@@ -474,6 +543,13 @@ class ObjectTable(QTableView):
             event.ignore()
             return
         super().keyPressEvent(event)
+
+
+def _small(font: QFont) -> QFont:
+    """Return a font for a second line."""
+    small = QFont(font)
+    small.setPixelSize(round(SMALLER * QFontInfo(font).pixelSize()))
+    return small
 
 
 def _runs(rows: list[int]) -> list[list[int]]:

@@ -47,7 +47,7 @@ MOUSE = (
     ("Drag", "the cutting plane's arrow to push it, its rim to turn it"),
     ("Double click", "inspects an object, in the bag or beside it"),
     ("Click", "selects; with Ctrl or Shift, several; with Alt, the object behind"),
-    ("Ctrl+drag", "selects what it encloses"),
+    ("Ctrl+drag", "selects what it encloses, in slices too"),
     ("Wheel", "zooms"),
 )
 
