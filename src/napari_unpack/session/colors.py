@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.appearance import assign_hues
+from napari_unpack.appearance.hues import spread_hues
 from napari_unpack.appearance.tints import Mode, Rgba, nearest_hue
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import interference_in
@@ -136,7 +136,7 @@ def hues_beside(
     locked : collection of int
         Objects whose hue stays.
     """
-    return assign_hues(nx.Graph(sorted(pairs)), hues, SPRITE_MARGIN, locked=locked)
+    return spread_hues(nx.Graph(sorted(pairs)), hues, SPRITE_MARGIN, locked)
 
 
 def hues_of(colors: Mapping[int, Rgba], mode: Mode) -> frozenset[tuple[int, float]]:
@@ -165,7 +165,7 @@ def chosen_hues(
     graph : networkx.Graph
         From `find_interference`.
     previous : mapping of int to float, optional
-        As for `assign_hues`.
+        As for `spread_hues`.
     key : HuesKey
     hues : mapping of int to float
         As they are, of all objects.
@@ -174,7 +174,7 @@ def chosen_hues(
     locked = key.locked | own.keys()
     # What has its own colour stays as it is, and its neighbours give way to it.
     known = {**(previous or {}), **own} if own else previous
-    packed = assign_hues(graph, known, key.margin, locked=locked)
+    packed = spread_hues(graph, known, key.margin, locked)
     return packed | hues_beside(key.beside, {**hues, **own}, locked)
 
 
