@@ -40,13 +40,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features, in the commit that ends them.
-<<<<<<< HEAD
 MODULES = 373
 LINES = 70154
-=======
-MODULES = 358
-LINES = 70154
->>>>>>> 983cd61 (Hues of neighbours and of sprites beside each other are spread as far as they can be)
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
