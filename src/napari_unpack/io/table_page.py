@@ -44,6 +44,7 @@ th[aria-sort=ascending] button::after { content: " \\2191"; }
 th[aria-sort=descending] button::after { content: " \\2193"; }
 .picture { width: 136px; }
 .picture img { display: block; margin: 0 auto; max-width: 112px; max-height: 84px; }
+.scan.picture img { max-width: 208px; max-height: 156px; }
 td.picture { background: var(--well); }
 td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
   margin-right: 9px; }
