@@ -27,6 +27,7 @@ ORDER = (
     "accuracy",
     "confidence",
     "scaling",
+    "many_bags",
     "cancelling",
     "costs",
     "plugin_start",

@@ -71,7 +71,8 @@ def _rows(output: Path, results: Sequence[ScanResult]) -> Iterator[str]:
         told = [part for part in (one.reason, *one.notes, one.source) if part]
         done = one.status != "failed"
         yield (
-            f'<tr><td class="scan picture">{linked}</td><td>{title}</td><td>{WORDS[one.status]}</td>'
+            f'<tr><td class="scan picture">{linked}</td><td>{title}</td>'
+            + f"<td>{WORDS[one.status]}</td>"
             + number_cell(one.objects if done else None, str(one.objects) if done else "–")
             + number_cell(one.seconds, f"{one.seconds:.1f}")
             + number_cell(one.megabytes if done else None, f"{one.megabytes:.1f}" if done else "–")
