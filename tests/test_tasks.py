@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from threading import Event
+from threading import Event, get_ident
 
 import pytest
 
 from napari_unpack import tasks
-from napari_unpack.tasks import Cancelled, Share, awaited
+from napari_unpack.tasks import Cancelled, Progress, Share, awaited, relayed
 
 
 def test_a_part_of_a_share_tells_of_the_whole_work() -> None:
@@ -57,3 +57,49 @@ def test_waiting_for_another_thread_moves_on_and_can_be_cancelled() -> None:
 
     with pytest.raises(Cancelled):
         awaited(Future(), Share(stop))
+
+
+def test_work_in_a_librarys_code_is_heard_of_every_beat_and_can_be_left() -> None:
+    ended, told, done = Event(), [], []
+
+    def work(report: Progress) -> int:
+        report(0.5, "sleeping")
+        # As a library does that never looks.
+        ended.wait(20)
+        try:
+            report(0.6, "awake")
+        except Cancelled:
+            done.append("cancelled")
+            raise
+        return get_ident()
+
+    def leave(fraction: float, text: str) -> None:
+        told.append((fraction, get_ident()))
+        if len(told) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        relayed(work, leave)
+    fractions = [fraction for fraction, _ in told]
+    # The bar goes on meanwhile, and who called is who is told.
+    assert 0.5 == fractions[0] < fractions[1] < fractions[-1] < 0.6
+    assert {who for _, who in told} == {get_ident()}
+    ended.set()
+    for _ in range(100):
+        if done:
+            break
+        Event().wait(0.02)
+    assert done == ["cancelled"]
+    told.clear()
+    assert relayed(work, lambda *news: told.append(news)) != get_ident()
+    assert [text for _, text in told] == ["sleeping", "awake"]
+    # Who does not want to hear of it waits for it as for any other work.
+    assert relayed(work, None) == get_ident()
+
+
+def test_what_fails_on_the_other_thread_fails_here() -> None:
+    def work(report: Progress) -> None:
+        raise ValueError("no objects")
+
+    with pytest.raises(ValueError, match="no objects"):
+        relayed(work, lambda *_: None)

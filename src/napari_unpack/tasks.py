@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextvars import copy_context
 from dataclasses import dataclass
 from math import prod
+from queue import Empty, Queue
+from threading import Event
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -136,6 +139,67 @@ def attended(work: Callable[[], T], share: Share) -> T:
         return awaited(thread.submit(work), share)
     finally:
         thread.shutdown(wait=False)
+
+
+# What a bar moves on in a beat without news, of what is left.
+CREEP = 1 / 2000
+
+
+def relayed(work: Callable[[Progress], T], progress: Progress | None) -> T:
+    """Do work on a thread of its own; this one hears of it every beat and can leave at any time.
+
+    Parameters
+    ----------
+    work : callable
+        Given a progress that ends it, at its next report, once `progress` has raised. It may be
+        in a library's code for long until then, so it may change nothing but its result.
+    progress : callable, optional
+        Called from this thread alone, with every report and in every beat without one.
+    """
+    if progress is None:
+        return work(no_progress)
+    # Two: the last report and the end, once nobody listens. More would let the work run ahead.
+    told: Queue[tuple[float, str] | None] = Queue(2)
+    left = Event()
+
+    def report(fraction: float, text: str) -> None:
+        if left.is_set():
+            raise Cancelled
+        told.put((fraction, text))
+
+    def run() -> T:
+        try:
+            return work(report)
+        finally:
+            told.put(None)
+
+    thread = ThreadPoolExecutor(1, "unpack-relayed")
+    future = thread.submit(copy_context().run, run)
+    try:
+        _relay(told, progress)
+        return future.result()
+    finally:
+        left.set()
+        while not told.empty():
+            told.get()
+        thread.shutdown(wait=False)
+        # Its error would keep this frame, and that the arrays of the work.
+        del future
+
+
+def _relay(told: Queue[tuple[float, str] | None], progress: Progress) -> None:
+    shown, text = 0.0, ""
+    while True:
+        try:
+            news = told.get(timeout=BEAT_SECONDS)
+        except Empty:
+            # At 0 nobody knows yet how long it takes.
+            shown += CREEP * (1 - shown) * (shown > 0)
+        else:
+            if news is None:
+                return
+            shown, text = max(shown, news[0]), news[1]
+        progress(shown, text)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,10 @@ from napari_unpack.io.headless import copy_session, frame_bag
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
+from napari_unpack.rendering.cpu import CANCELLING
 from napari_unpack.session.errors import percent
 from napari_unpack.session.state import ObjectState
-from napari_unpack.tasks import Progress, no_progress
+from napari_unpack.tasks import Progress, Share, no_progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +101,8 @@ def save_objects_page(
     shown = copy_session(session, packed=False)
     # Framing moves the objects beside the bag, so the scene is described after it.
     camera = frame_bag(shown, BAG)
-    bag = scene_image(shown.scene(), camera, BAG, backend=backend)
+    with CANCELLING.by(Share(report, 0.0, 0.0, "Drawing the bag")):
+        bag = scene_image(shown.scene(), camera, BAG, backend=backend)
     page = _page(title, shown, _data_uri(bag), _rows(shown, report, backend, planned))
     with written_atomically(target) as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -150,7 +152,9 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
     left = {i: k for k, group in enumerate(steps, 1) for i in group}
     for k, i in enumerate(session.ids):
         facts = objects.loc[i]
-        progress(k / len(session.ids), f"Drawing objects: {k} of {len(session.ids)}")
+        text = f"Drawing objects: {k} of {len(session.ids)}"
+        share = Share(progress, k / len(session.ids), (k + 1) / len(session.ids), text)
+        share()
         edges = session.bag.oriented(i).size
         # The colour alone, without the dimming it may have in the scene.
         red, green, blue = (round(255 * float(v)) for v in session.solo_tints(i)[i, :3])
@@ -158,8 +162,10 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
         name = escape(str(facts["name"]))
         swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
         sure = float(facts.get("confidence", math.nan))
+        with CANCELLING.by(share.part(0.3, 1.0)):
+            image = _image(session, i, backend)
         yield (
-            f'<tr><td class="picture"><img src="{_image(session, i, backend)}" alt="{name}"></td>'
+            f'<tr><td class="picture"><img src="{image}" alt="{name}"></td>'
             + number_cell(session.label_of(i), str(session.label_of(i)))
             + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
             + number_cell(left.get(i), str(left.get(i, "")))

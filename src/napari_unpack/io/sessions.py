@@ -112,10 +112,11 @@ def save_session(
                 named = partial(_reference, Path(file), target, name, facts)
                 where = {"reference": attended(named, told.part(0.3, 1.0))}
             manifest[name] = where | facts.record()
-        report(0.9, "Saving the state")
+        state = Share(report, 0.9, 1.0, "Saving the state")
+        state()
         # Small and before the manifest, which makes a folder a session: it comes last.
         with sink.open("picture.png") as stream:
-            stream.write(_picture(scene, camera))
+            stream.write(attended(partial(_picture, scene, camera), state))
         with sink.open(MANIFEST) as stream:
             stream.write(written(manifest))
     report(1.0, "Saved")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 from napari_unpack.atomic import check_writable, folder_written_atomically, written_atomically
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.io.optional import needed
-from napari_unpack.tasks import Progress, no_progress
+from napari_unpack.tasks import Progress, Share, attended, no_progress
 
 if TYPE_CHECKING:
     import trimesh
@@ -113,7 +114,8 @@ def save_surfaces(
                 (folder / f"{wanted[k]:03d} {safe}.stl").write_bytes(_exported(mesh, "stl"))
         else:
             temporary = stack.enter_context(written_atomically(target))
-            temporary.write_bytes(_together(list(meshes), target.suffix.lower()[1:]))
+            told, kind = Share(report, 1.0, 1.0, "Writing surfaces"), target.suffix.lower()[1:]
+            temporary.write_bytes(attended(partial(_together, list(meshes), kind), told))
         report(1.0, "Written")
     return target
 
@@ -176,9 +178,11 @@ def _meshes(
     # A file may say mm and mean µm: the length unit knows.
     scale = session.length_unit.true_mm
     for k, i in enumerate(ids):
-        report(k / len(ids), f"Finding surfaces: {k} of {len(ids)}")
+        text = f"Finding surfaces: {k} of {len(ids)}"
+        share = Share(report, k / len(ids), (k + 1) / len(ids), text)
+        share()
         window = boxes.slices(i)
-        points, triangles = object_surface(labels[window] == i)
+        points, triangles = attended(partial(object_surface, labels[window] == i), share)
         points += [one.start for one in window]
         there = transform_points(place, points * np.asarray(session.spacing)) * scale
         color = np.append(session.solo_tints(i)[i, :3], 1.0)

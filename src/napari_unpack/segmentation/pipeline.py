@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.segmentation.common.array_source import source_of
+from napari_unpack.segmentation.common.array_source import Source, source_of
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
 from napari_unpack.segmentation.common.region import (
@@ -44,7 +44,7 @@ from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_fold
 from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
 from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
-from napari_unpack.tasks import Progress, Share, no_progress
+from napari_unpack.tasks import Progress, Share, relayed
 
 METHODS = ("learned", "cuts")
 # Folds of cloth are at most this many times as dense as the median of the foreground.
@@ -129,7 +129,8 @@ def segment(
         `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
         oracle that ships with the package; with method "cuts" it also decides about cuts.
     progress : callable, optional
-        Called with (fraction, text) twice a second or more often; raising in it cancels.
+        Called with (fraction, text) twice a second or more often; raising in it cancels. What is
+        being done then may go on for a second on a thread, and write to `out` once more.
     method : {"learned", "cuts"}
         "learned" merges what a boundary network predicts to belong together. "cuts" is the method
         of the paper (section 3), recursive cuts chosen by the oracle; it is slow and splits more.
@@ -179,22 +180,43 @@ def segment(
     if out is not None:
         check_out(out, source.shape)
     _check_sizes(smallest, step, working)
-    share = Share(progress or no_progress)
     least = default_smallest_object(source.shape, size) if smallest is None else smallest
     wanted = SegmentOptions(
         method, ForegroundOptions(level, supports, shell), least, grainy, step, rule, oracle
     )
-    find = partial(_segment_grid, options=wanted)
+
+    def work(report: Progress) -> Segmentation:
+        return _segmented(source, size, wanted, Share(report), working, out)
+
+    return relayed(work, progress)
+
+
+def _check_sizes(smallest: float | None, step: float, working: int) -> None:
+    if smallest is not None and not 0 <= smallest < np.inf:
+        raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")
+    if not 0 < step < np.inf:
+        raise ValueError(f"step must be a positive difference of log density, got {step!r}")
+    # Fewer voxels hold no objects of 100 voxels.
+    if not working >= MIN_OBJECT_VOXELS:
+        raise ValueError(
+            f"working must be a number of voxels, {MIN_OBJECT_VOXELS} or more, got {working!r}"
+        )
+
+
+def _segmented(
+    source: Source, size: Spacing, wanted: SegmentOptions, share: Share, working: int, out: Any
+) -> Segmentation:
+    find, oracle = partial(_segment_grid, options=wanted), wanted.oracle
     if source.size > working:
-        fewest = int(max(least / float(np.prod(size)), MIN_OBJECT_VOXELS))
+        fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         labels, table = segment_large(
             source,
             size,
             find,
             share,
             working=working,
-            foreground=level,
-            grainy=grainy,
+            foreground=wanted.foreground.method,
+            grainy=wanted.grainy,
             fewest=fewest,
             oracle=oracle,
             out=out,
@@ -212,18 +234,6 @@ def segment(
         labels = out
     share(1.0, f"{len(table)} objects")
     return Segmentation(labels, table, evidence)
-
-
-def _check_sizes(smallest: float | None, step: float, working: int) -> None:
-    if smallest is not None and not 0 <= smallest < np.inf:
-        raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")
-    if not 0 < step < np.inf:
-        raise ValueError(f"step must be a positive difference of log density, got {step!r}")
-    # Fewer voxels hold no objects of 100 voxels.
-    if not working >= MIN_OBJECT_VOXELS:
-        raise ValueError(
-            f"working must be a number of voxels, {MIN_OBJECT_VOXELS} or more, got {working!r}"
-        )
 
 
 def _segment_grid(

@@ -15,7 +15,7 @@ from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
-from napari_unpack.tasks import SILENT, Progress, Share, no_progress
+from napari_unpack.tasks import SILENT, Progress, Share, relayed
 
 
 def true_objects(
@@ -91,18 +91,21 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     seed : int
         Of the planes that cut objects in two, and of the mixtures.
     progress : callable, optional
-        Called with (fraction in [0, 1], text) for every object; the fraction stays 0 where the
-        number of volumes is not known. Raising in it cancels.
+        Called with (fraction in [0, 1], text) twice a second or more often; the fraction stays 0
+        where the number of volumes is not known. Raising in it cancels.
 
     Raises
     ------
     ValueError
         If a volume has no labels of its shape, or there are fewer than eight objects.
     """
+    return relayed(lambda report: _trained(bags, seed, Share(report)), progress)
+
+
+def _trained(bags: Iterable[Labelled], seed: int, share: Share) -> Oracle:
     good: list[NDArray[np.float64]] = []
     bad: list[NDArray[np.float64]] = []
     total = len(bags) if isinstance(bags, Sized) else 0
-    share = Share(progress or no_progress)
     for k, bag in enumerate(bags):
         at, ended = (0.9 * n / total if total else 0.0 for n in (k, k + 1))
         part = share.part(at, ended, f"Learning from volume {k + 1}: {len(good)} objects so far")

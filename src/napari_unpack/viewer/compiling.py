@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from threading import get_ident
+from contextvars import ContextVar
 from typing import Any
 
 from numba.core import event
@@ -16,10 +16,10 @@ PREPARING = "Preparing: compiled once on this machine"
 
 class _Listener(event.Listener):  # type: ignore[misc]
     def __init__(self, progress: Progress) -> None:
-        self.share, self._progress, self._thread = 0.0, progress, get_ident()
+        self.share, self._progress = 0.0, progress
 
     def on_start(self, _event: Any) -> None:
-        if get_ident() != self._thread:
+        if _LISTENING.get() is not self:
             return
         # Not out of the middle of numba: the next report of the work itself stops it.
         with suppress(Cancelled):
@@ -29,9 +29,13 @@ class _Listener(event.Listener):  # type: ignore[misc]
         pass
 
 
+# By context, which work takes along to a thread of its own.
+_LISTENING: ContextVar[_Listener | None] = ContextVar("listening", default=None)
+
+
 @contextmanager
 def compiling_told(progress: Progress) -> Iterator[Progress]:
-    """Give a progress that also says when this thread compiles a kernel.
+    """Give a progress that also says when this work compiles a kernel.
 
     Parameters
     ----------
@@ -45,5 +49,9 @@ def compiling_told(progress: Progress) -> Iterator[Progress]:
         progress(fraction, text)
 
     # Loading what was compiled before is no such event.
-    with event.install_listener("numba:compile", listener):
-        yield told
+    token = _LISTENING.set(listener)
+    try:
+        with event.install_listener("numba:compile", listener):
+            yield told
+    finally:
+        _LISTENING.reset(token)

@@ -348,7 +348,8 @@ def _with_missed(
         edt.edt(rest, black_border=True, parallel=min(2, thread_count())),
     )
     share(0.4)
-    np.maximum.at(deepest, rest.reshape(-1), depth.reshape(-1))
+    for a, b in share.part(0.4, 0.6).slabs(rest.shape):
+        np.maximum.at(deepest, rest[a:b].reshape(-1), depth[a:b].reshape(-1))
     thick = deepest >= (LEAST_DEPTH_OF_MISSED if shell else 1)
     thick[0] = False
     top = int(parts.max())
