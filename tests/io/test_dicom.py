@@ -209,6 +209,48 @@ def test_a_regular_series_is_as_simpleitk_reads_it(tmp_path: Path) -> None:
         assert there[:3] == pytest.approx(expected.TransformIndexToPhysicalPoint((x, y, 4 - z)))
 
 
+GAP, TILT, DOUBLE = (
+    [(3, 4, z) for z in (0.0, 1.5, 3.0, 6.0)],
+    [(3, 4 + 0.5 * k, 2.0 * k) for k in range(4)],
+    [(3, 4, z) for z in (0.0, 1.5, 3.0, 1.5)],
+)
+
+
+@pytest.mark.parametrize(
+    ("places", "order", "at"),
+    [
+        (GAP, (0, 1, 2, 3), None),
+        (TILT, (0, 1, 2, 3), None),
+        (DOUBLE, (0, 1, 2, 1), None),
+        (GAP[:3], (0, 1, 2), {"t": 1}),
+    ],
+    ids=["gap", "tilt", "double", "phases"],
+)
+def test_every_slice_of_an_irregular_series_is_and_lies_as_simpleitk_reads_it(
+    tmp_path: Path, places: Any, order: Any, at: Any
+) -> None:
+    sitk = pytest.importorskip("SimpleITK")
+    from scipy.ndimage import map_coordinates
+
+    planes = np.random.default_rng(0).integers(-900, 2000, (4, 6, 7))
+    save_slices(tmp_path, planes[list(order)], places, AcquisitionNumber=2)
+    files = sorted(tmp_path.iterdir())
+    if at is not None:
+        save_slices(tmp_path, planes[:3] + 50, places, AcquisitionNumber=1)
+    scan = load_volume(tmp_path, at)
+    assert scan.scanner_from_scan is not None
+    assert (scan.assumed != ()) == (at is None)
+    scan_from_scanner = np.linalg.inv(scan.scanner_from_scan)
+    for file in files:
+        image = sitk.ReadImage(str(file))
+        values = sitk.GetArrayFromImage(image)[0] + 1000.0
+        for y, x in np.ndindex(values.shape):
+            there = [*image.TransformIndexToPhysicalPoint((x, y, 0)), 1]
+            index = (scan_from_scanner @ there)[:3] / scan.spacing
+            found = map_coordinates(scan.volume.astype(float), index[:, None], order=1)
+            assert found == pytest.approx(values[y, x], abs=1e-3)
+
+
 @pytest.mark.parametrize("shared", [True, False])
 def test_an_enhanced_file_has_its_groups_honoured(tmp_path: Path, shared: bool) -> None:
     from pydicom.dataset import Dataset
