@@ -1,5 +1,6 @@
 """What the panel takes from napari's layers."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import dask.array
@@ -7,9 +8,13 @@ import numpy as np
 import pytest
 from napari.layers import Image, Labels
 
+from napari_unpack.geometry.view import View
 from napari_unpack.layers.placement import place_of, spacing_of
+from napari_unpack.rendering.compose import scene_image
+from napari_unpack.session import Session
 from napari_unpack.widgets.layer_inputs import (
     extra_axes,
+    in_memory,
     labels_of,
     misfit,
     names_of,
@@ -53,8 +58,25 @@ def test_of_a_multiscale_image_the_finest_level_is_taken() -> None:
 def test_labels_alone_count_as_water() -> None:
     labels = np.array([[[0, 3], [70000, 0]]])
     volume = volume_of(Labels(labels, name="atlas"))
-    np.testing.assert_array_equal(volume.data, [[[0, 1000], [1000, 0]]])
+    np.testing.assert_array_equal(in_memory(volume), [[[0, 1000], [1000, 0]]])
     assert volume.name == "atlas"
+
+
+def test_labels_that_touch_have_a_groove_between_them() -> None:
+    """It is drawn darker, by both backends alike: they are given the same densities."""
+    labels = np.zeros((24, 40, 40), np.uint16)
+    labels[6:18, 5:20, 5:35], labels[6:18, 20:35, 5:35] = 1, 2
+    volume = in_memory(volume_of(Labels(labels, name="bricks")))
+    assert set(np.unique(volume[:, 19:21, :][labels[:, 19:21, :] > 0])) == {600}
+    assert (volume == 1000).sum() == (labels > 0).sum() - 2 * 12 * 30
+    session = Session(volume, labels)
+    # Of one hue, the light alone tells them apart.
+    session.apply_hues({1: 0.3, 2: 0.3})
+    session.view = View((1.0, 0.0, 0.0))
+    camera = replace(session.camera, height=40.0)
+    image = scene_image(session.scene(), camera, (80, 80), backend="cpu")[..., :3].sum(axis=-1)
+    beside, between = image[30:34, 30:50].mean(), image[39:41, 30:50].mean()
+    assert between < 0.85 * beside
 
 
 def test_a_picture_is_not_a_volume() -> None:

@@ -156,6 +156,10 @@ def is_users(layer: Layer) -> bool:
 # Density of water, HU + 1000.
 WATER = 1000
 
+# Density of labels without an image where they touch: light comes from the slope of densities, and
+# without one there two objects that touch are one flat surface.
+GROOVE = 600
+
 # Of a voxel, beside the volume: int32 labels of the layer, of the session, and to work with.
 LABEL_BYTES = 12
 
@@ -168,7 +172,7 @@ LazyArray: TypeAlias = Any
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A density volume taken from an Image layer.
+    """A density volume taken from an Image layer, or from labels that have none.
 
     Parameters
     ----------
@@ -178,11 +182,14 @@ class Volume:
         Voxel size in mm, z y x.
     name : str
         The layer's name.
+    labelled : bool
+        Whether the data are labels, which `in_memory` makes densities of.
     """
 
     data: LazyArray
     spacing: tuple[float, float, float]
     name: str
+    labelled: bool = False
 
 
 def shape_of(layer: Layer) -> tuple[int, ...]:
@@ -205,8 +212,7 @@ def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
     Parameters
     ----------
     layer : napari.layers.Image or napari.layers.Labels
-        Of a multiscale layer the finest level is taken. Labelled voxels of a Labels layer count
-        as water.
+        Of a multiscale layer the finest level is taken.
     index : sequence of int, optional
         One for each of `extra_axes(layer)`; by default the first of all.
 
@@ -222,11 +228,9 @@ def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
     if 0 in shape:
         raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
     data = _at(layer, index)
-    if isinstance(layer, Labels):
-        data = np.where(np.asarray(data) != 0, np.uint16(WATER), np.uint16(0))
     words = [axis.words(i) for axis, i in zip(extra_axes(layer), index, strict=False)]
     name = f"{layer.name} ({', '.join(words)})" if words else str(layer.name)
-    return Volume(data, spacing_of(layer), name)
+    return Volume(data, spacing_of(layer), name, isinstance(layer, Labels))
 
 
 @dataclass(frozen=True)
@@ -290,7 +294,7 @@ def _at(layer: Layer, index: Sequence[int]) -> LazyArray:
 
 
 def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
-    """Read a volume that may still be on disk.
+    """Read a volume that may still be on disk; labelled voxels count as water.
 
     Parameters
     ----------
@@ -304,6 +308,11 @@ def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
     ValueError
         If volume and labels would fill most of the memory: both are shown whole.
     """
+    data = _read(volume, memory)
+    return _as_water(data) if volume.labelled else data
+
+
+def _read(volume: Volume, memory: float | None) -> NDArray[Any]:
     data = volume.data
     # In memory already: nothing can be refused any more.
     if isinstance(data, np.ndarray):
@@ -319,6 +328,19 @@ def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
             "napari_unpack.segment(data, spacing, out=...) finds the objects of the whole"
         )
     return np.asarray(data)
+
+
+def _as_water(labels: NDArray[Any]) -> NDArray[np.uint16]:
+    """Return densities that show labels: water, and a groove where two of them touch."""
+    density = np.where(labels != 0, np.uint16(WATER), np.uint16(0))
+    for axis in range(labels.ndim):
+        low, high = (
+            tuple(slice(*ends) if k == axis else slice(None) for k in range(labels.ndim))
+            for ends in ((None, -1), (1, None))
+        )
+        touching = (labels[low] != labels[high]) & (labels[low] != 0) & (labels[high] != 0)
+        density[low][touching] = density[high][touching] = GROOVE
+    return density
 
 
 def _memory() -> float | None:
