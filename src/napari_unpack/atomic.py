@@ -7,6 +7,7 @@ import os
 import platform
 import secrets
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -118,7 +119,8 @@ def written_atomically(
     target = _followed(path)
     _check_mode(target)
     _sweep(target.parent)
-    temporary = _new_file(target)
+    with _failure_told(target):
+        temporary = _new_file(target)
     try:
         with _failure_told(target):
             yield temporary
@@ -154,15 +156,19 @@ def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool])
         If the folder it stands in does not exist.
     ValueError
         If something else is there.
+    PermissionError
+        If the folder that is there may not be written to.
     """
     target = _followed(path)
     recover_folder(target)
     if target.exists() and not (target.is_dir() and (is_ours(target) or not any(target.iterdir()))):
         raise ValueError(f"{target} is there and holds something else: choose another name")
+    _check_mode(target)
     _sweep(target.parent)
     # Hidden and beside it: one rename on one file system, and no half folder in sight.
     temporary = target.parent / _own_name()
-    temporary.mkdir()
+    with _failure_told(target):
+        temporary.mkdir()
     try:
         with _failure_told(target):
             yield temporary
@@ -233,9 +239,28 @@ def _followed(path: str | Path) -> Path:
 
 
 def _check_mode(target: Path) -> None:
-    # A rename asks nobody: without this a file that was write-protected would be replaced.
-    if target.is_file() and not target.stat().st_mode & 0o222:
-        raise PermissionError(f"{target} is read-only: choose another name, or make it writable")
+    # A rename asks the folder alone: without this a file that is write-protected, or another
+    # person's, would be replaced.
+    if not target.exists():
+        return
+    mode = target.stat().st_mode
+    if not os.access(target, os.W_OK) or (target.is_file() and not mode & 0o222):
+        raise PermissionError(
+            f"{target} is read-only{_of_another(target)}: choose another name, or make it writable"
+        )
+    # In a folder for all, such as /tmp, each may rename what is his own.
+    folder = target.parent.stat()
+    if folder.st_mode & stat.S_ISVTX and _of_another(target) and _of_another(target.parent):
+        raise PermissionError(
+            f"{target} is another user's, in a folder where only he may replace it: choose another "
+            "name"
+        )
+
+
+def _of_another(path: Path) -> str:
+    # Windows has no numbers of users.
+    mine = os.geteuid() if hasattr(os, "geteuid") else 0
+    return " and another user's" if mine and path.stat().st_uid != mine else ""
 
 
 def _machine() -> str:

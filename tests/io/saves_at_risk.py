@@ -1,8 +1,8 @@
-"""Save every kind of file on a full disk, and while the process is killed.
+"""Save every kind of file on a full disk, while the process is killed, and where others own it.
 
-Run as `python tests/io/saves_at_risk.py full|killed|both FOLDER [ROUNDS [SEED]]`; prints one line
-of JSON for each format and risk. A process of its own: limits and signals would meet the tests' as
-well.
+Run as `python tests/io/saves_at_risk.py full|killed|foreign|all FOLDER [ROUNDS [SEED]]`; prints
+one line of JSON for each format and risk. A process of its own: limits and signals would meet the
+tests' as well.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import random
 import resource
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -167,20 +168,56 @@ def _child(kind: Kind, path: Path, seed: int, after: float | None) -> float:
     return time.perf_counter() - start
 
 
+# Of the folder and of what lies in it: closed to others, open but for the file, and as /tmp is.
+FOREIGN = ((0o755, 0o777), (0o777, 0o755), (0o1777, 0o777))
+NOBODY = 65534
+
+
+def of_another_user(kind: Kind, path: Path) -> dict[str, Any]:
+    """Save over a good file of another user; where this one is not root, into a closed folder."""
+    room, is_root = path.parent, os.geteuid() == 0
+    # Where every user can look, unlike the folders of tests.
+    with tempfile.TemporaryDirectory() as outside:
+        os.chmod(outside, 0o755)
+        path = Path(outside) / room.name / path.name
+        path.parent.mkdir()
+        kind.write(path, 0)
+        before, said = digest(path), []
+        for folder_mode, mode in FOREIGN if is_root else ((0o555, 0o777),):
+            path.chmod(mode if path.is_dir() else mode & 0o666)
+            path.parent.chmod(folder_mode)
+            coming, going = os.pipe()
+            if not os.fork():
+                if is_root:
+                    os.setgid(NOBODY)
+                    os.setuid(NOBODY)
+                try:
+                    kind.write(path, 1)
+                except OSError as error:
+                    os.write(going, str(error).encode())
+                os._exit(0)
+            os.wait()
+            os.close(going)
+            with open(coming, "rb") as told:
+                said.append(told.read().decode())
+        path.parent.chmod(0o755)
+        alone = [other.name for other in path.parent.iterdir()] == [path.name]
+        return {"said": said, "kept": digest(path) == before, "alone": alone}
+
+
 def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
     """Try every kind of file."""
     # Without this the system ends the process, where a full disk gives an error.
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    risks = ("full", "killed") if risk == "both" else (risk,)
+    risks = ("full", "foreign", "killed") if risk == "all" else (risk,)
     for (suffix, kind), each in product(KINDS.items(), risks):
         room = folder / each / (suffix.replace(".", "-") or "-images")
         room.mkdir(parents=True)
         path = room / f"bag{suffix}"
-        found = (
-            on_a_full_disk(kind, path)
-            if each == "full"
-            else while_killed(kind, path, rounds, random.Random(seed))
-        )
+        if each == "killed":
+            found = while_killed(kind, path, rounds, random.Random(seed))
+        else:
+            found = (on_a_full_disk if each == "full" else of_another_user)(kind, path)
         print(json.dumps({"risk": each, "format": suffix, **found}), flush=True)
 
 

@@ -101,3 +101,40 @@ def test_a_place_that_is_none_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "bag.npz", volume=bag(), spacing=SPACING, scanner_from_scan=place)
     with pytest.raises(ValueError, match="where its scan lies"):
         load_volume(tmp_path / "bag.npz")
+
+
+@pytest.mark.parametrize("name", DIRECTIONS)
+def test_a_chosen_time_point_lies_where_its_file_says(tmp_path: Path, name: str) -> None:
+    one = sitk.GetImageFromArray(bag())
+    image = sitk.JoinSeries([one * 0, one])
+    turned = np.eye(4)
+    turned[:3, :3] = DIRECTIONS[name]
+    image.SetSpacing((*SPACING[::-1], 1.0))
+    image.SetOrigin((*ORIGIN, 0.0))
+    image.SetDirection(turned.ravel().tolist())
+    sitk.WriteImage(image, str(tmp_path / "bag.nii.gz"))
+    there = image.TransformIndexToPhysicalPoint((*CORNER[::-1], 1))[:3]
+    scan = load_volume(tmp_path / "bag.nii.gz", {"t": 1})
+    found = brightest(scan.volume, scan.spacing, scan.scanner_from_scan)
+    np.testing.assert_allclose(found, there, atol=1e-3)
+
+
+def test_an_ome_zarr_lies_where_its_transforms_say(tmp_path: Path) -> None:
+    zarr = pytest.importorskip("zarr")
+    group = zarr.open_group(str(tmp_path / "bag.zarr"), mode="w", zarr_format=2)
+    group.create_array("0", data=np.stack([bag() * 0, bag()]))
+    move = {"type": "translation", "translation": [0, 300.0, 45.5, -120.0]}
+    level = [{"type": "scale", "scale": [1, *SPACING]}, move]
+    whole = [{"type": "scale", "scale": [1, 2, 2, 2]}]
+    axes = [{"name": a, "unit": "micrometer"} for a in "czyx"]
+    group.attrs["multiscales"] = [
+        {
+            "axes": axes,
+            "datasets": [{"path": "0", "coordinateTransformations": level}],
+            "coordinateTransformations": whole,
+        }
+    ]
+    scan = load_volume(tmp_path / "bag.zarr", {"c": 1})
+    there = 2e-3 * (np.multiply(CORNER, SPACING)[::-1] + ORIGIN)
+    found = brightest(scan.volume, scan.spacing, scan.scanner_from_scan)
+    np.testing.assert_allclose(found, there, atol=1e-9)

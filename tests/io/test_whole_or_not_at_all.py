@@ -24,10 +24,10 @@ FORMATS = 13
 
 @pytest.fixture(scope="module")
 def tried(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
-    """Return what became of each format at both risks."""
+    """Return what became of each format at every risk."""
     folder = tmp_path_factory.mktemp("saves")
     done = subprocess.run(
-        [sys.executable, SCRIPT, "both", folder], capture_output=True, text=True, check=False
+        [sys.executable, SCRIPT, "all", folder], capture_output=True, text=True, check=False
     )
     # Reading either of the two contents back is part of the script: anything else ends it.
     assert done.returncode == 0, done.stderr
@@ -46,6 +46,15 @@ def test_a_full_disk_is_told_and_keeps_the_old_file(tried: list[dict[str, Any]])
         assert found["alone"], found
         assert "could not be written: " in found["said"], found
         assert "what was there before is unchanged" in found["said"], found
+
+
+def test_what_another_user_owns_is_told_and_left_as_it_is(tried: list[dict[str, Any]]) -> None:
+    for found in at_risk(tried, "foreign"):
+        assert found["kept"], found
+        assert found["alone"], found
+        for said in found["said"]:
+            assert "could not be written: Permission denied" in said or "another user's" in said
+            assert "bag" in said, found
 
 
 def test_a_kill_at_any_moment_leaves_one_of_the_two_files_whole(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,12 @@ def read_itk(path: Path, large: bool = False) -> FileData:
         image = image[..., 0]
     if image.GetDimension() == 4:
         spacing = checked_spacing(image.GetSpacing()[2::-1], path)
-        return FileData(sitk.GetArrayFromImage(image), "tzyx", spacing, assumed=assumed)
+        # Of space alone; a file whose time axis leans into it says nothing of use.
+        turned = np.reshape(image.GetDirection(), (4, 4))[:3, :3]
+        there = _place(turned, image.GetOrigin()[:3])
+        upright = np.allclose(turned @ turned.T, np.eye(3), atol=1e-4)
+        array = sitk.GetArrayFromImage(image)
+        return FileData(array, "tzyx", spacing, None, assumed, there if upright else None)
     if image.GetDimension() != 3:
         # It refuses what is not 3D in the words that all formats share.
         checked_volume_array(sitk.GetArrayFromImage(image), path)
@@ -82,12 +88,16 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
-    place = np.eye(4)
-    # ITK counts x y z.
-    place[:3, :3] = np.reshape(image.GetDirection(), (3, 3))[:, ::-1]
-    place[:3, 3] = image.GetOrigin()
+    place = _place(np.reshape(image.GetDirection(), (3, 3)), image.GetOrigin())
     spacing = checked_spacing(image.GetSpacing()[::-1], path)
     return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
+
+
+def _place(turned: Matrix, origin: Sequence[float]) -> Matrix:
+    place = np.eye(4)
+    # ITK counts x y z.
+    place[:3, :3], place[:3, 3] = turned[:, ::-1], origin
+    return place
 
 
 def write_itk(
