@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from OpenGL import platform
 
-from napari_unpack.rendering.gl import formats
+from napari_unpack.rendering.gl import formats, offscreen, trial
 from napari_unpack.viewer import driver_probe, screen
 from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.driver_probe import probe_driver, tried
@@ -29,6 +30,34 @@ from viewer_fixtures import canvas
 )
 def test_a_child_tells_whether_a_driver_draws(child: str, reason: str) -> None:
     assert tried(child) == reason
+
+
+def test_a_card_without_a_window_is_tried_once_by_a_child_before_it_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(offscreen, "_claimed_by_another", lambda: None)
+    monkeypatch.setattr(offscreen, "_has_display", lambda: True)
+    said: dict[str, str] = {"card": "it ends the process with signal 11", "other": ""}
+    asked: list[str] = []
+
+    def child(_: str) -> str:
+        asked.append(card)
+        return said[card]
+
+    monkeypatch.setattr(trial, "tried", child)
+    for card in ("card", "other", "card", "other"):
+        made = SimpleNamespace(renderer=card, version="1.0")
+        monkeypatch.setattr(offscreen, "Offscreen", lambda made=made: made)
+        reason = f"{card} cannot draw: {said[card]}"
+        assert offscreen.probe.__wrapped__() == ((None, reason) if said[card] else (made, None))
+    assert asked == ["card", "other"]
+
+
+def test_the_child_draws_without_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("PYOPENGL_PLATFORM", "egl"), ("EGL_PLATFORM", "surfaceless")):
+        monkeypatch.setenv(name, value)
+    assert tried(trial.OFFSCREEN) == ""
 
 
 def test_a_driver_without_float_textures_is_found_out_by_the_child(

@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+from napari_unpack.rendering.gl.trial import refusal
+
 
 class Offscreen:
     """A headless canvas; get the process's one from `context()`.
@@ -133,10 +135,14 @@ def probe() -> tuple[Offscreen | None, str | None]:
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
         os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     try:
-        return Offscreen(), None
+        made = Offscreen()
     # Drivers, loaders and bindings fail in every way there is; each only means "not here".
     except Exception as error:
         return None, f"EGL failed: {error or type(error).__name__}"
+    # A software rasteriser is one program with its shader compiler, and known to draw ours.
+    if not is_software_renderer(made.renderer):
+        reason = refusal(f"{made.renderer}, {made.version}")
+    return (None, f"{made.renderer} cannot draw: {reason}") if reason else (made, None)
 
 
 def _claimed_by_another() -> str | None:
