@@ -216,3 +216,19 @@ def test_solid_things_have_nothing_inside_however_noisy_or_blurred_they_are() ->
     assert _opened_or_not(liquid) == "2 parts"
     hollow[12:20, 12:20, 12:20] = 2500
     assert _opened_or_not(hollow) == "2 parts"
+
+
+def test_a_sole_beside_its_shoe_is_no_content_but_food_in_an_open_tin_is() -> None:
+    shoe = np.full((32, 32, 32), 850.0)
+    shoe[:, 18:] = 400
+    assert "nothing is inside" in _opened_or_not(shoe)
+    # Eyelets: small parts of another density that nothing surrounds.
+    shoe[:, 18:] = 800
+    shoe[4:8, 4:8, 4:16] = 390
+    assert "nothing is inside" in _opened_or_not(shoe)
+    tin = np.full((32, 32, 32), 2000.0)
+    tin[8:24, 8:, 8:24] = 900
+    assert _opened_or_not(tin) == "2 parts"
+    # Beside each other things must differ more: a toy car has its axles.
+    shoe[:, 18:] = 2600
+    assert _opened_or_not(shoe) != _opened_or_not(np.full((32, 32, 32), 850.0))

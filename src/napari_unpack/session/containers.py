@@ -32,9 +32,12 @@ LEAST_CORE = 0.1
 """Share of a part that is left a voxel below its border, as of a cube of four voxels: a part with
 less is the blurred border between two densities, unless it is the densest, as wires are."""
 
-LEAST_CONTRAST = 2.0
+LEAST_CONTRAST = 2.5
 """How often denser than the lightest part the densest is, above air, where no part encloses the
-others: cloth in folds and pages have less."""
+others: cloth in folds and pages have less, and a sole beside its shoe (2.0 to 2.2)."""
+
+CONTRAST_INSIDE = 2.0
+"""The same of a part and what it surrounds, as a tin its food."""
 
 AIR_SHARE = 0.15
 """Of the way from the lightest to the densest in the object's box: parts below are air."""
@@ -278,9 +281,13 @@ def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
     left, kept = ids[means >= air], means[means >= air] - low
     if len(left) < 2:
         return False
-    contrast = kept.max() / max(kept.min(), 1e-12)
-    enclosed = _shell(parts * within, [int(i) for i in left], ENCLOSED)
-    return bool(contrast >= LEAST_CONTRAST or enclosed)
+    density = {int(i): max(float(mean), 1e-12) for i, mean in zip(left, kept, strict=True)}
+    if max(density.values()) >= LEAST_CONTRAST * min(density.values()):
+        return True
+    pairs = ((outer, inner) for outer in density for inner in surrounded(parts, outer))
+    if any(abs(np.log(density[a] / density[b])) >= np.log(CONTRAST_INSIDE) for a, b in pairs):
+        return True
+    return bool(_shell(parts * within, list(density), ENCLOSED))
 
 
 def _family(objects: pd.DataFrame, object_id: int) -> set[int]:
