@@ -55,6 +55,15 @@ def test_the_cut_opens_the_studied_object_and_reset_closes_it(studied: Any, qtbo
     at_rest(controller, qtbot)
     assert (np.abs(canvas(viewer) - whole).max(axis=-1) > 12).mean() < 0.005
 
+    # It ends with the inspection, so that sprites, pictures and films are all without it.
+    box.cut.setValue(60)
+    qtbot.waitUntil(lambda: session.style(1).cut is not None, timeout=20000)
+    steps = len(session.history.done)
+    qtbot.keyClick(compat.native_canvas(viewer).native, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: states(session)[1] == "PACKED", timeout=20000)
+    assert session.style(1).cut is None
+    assert len(session.history.done) == steps
+
 
 def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     studied: Any, qtbot: QtBot
