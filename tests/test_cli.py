@@ -12,7 +12,15 @@ from typer.testing import CliRunner
 
 import napari_unpack as nu
 from napari_unpack.cli import Ticker, app
-from napari_unpack.io import Scan, load_labels, load_volume, save_scan
+from napari_unpack.io import (
+    Scan,
+    load_labels,
+    load_volume,
+    save_measurements_csv,
+    save_objects_csv,
+    save_scan,
+)
+from napari_unpack.session.measurements import SurfacePoint
 
 
 def run(*arguments: object) -> Any:
@@ -262,6 +270,25 @@ def test_the_table_is_written_as_a_page_and_as_csv(bag: Path) -> None:
         assert result.exit_code == 0, result.output
         assert "Object 2" in bag.with_name(name).read_text(encoding="utf-8")
     assert run("table", bag, bag.with_name("table.txt")).exit_code == 1
+
+
+def test_tables_of_a_session_have_what_those_of_the_panel_have(bag: Path) -> None:
+    """Notes and flags with the objects, and what was measured in a file of its own."""
+    scan = load_volume(bag)
+    session = nu.Session(scan.volume, scan.labels, scan.spacing)
+    session.annotations.set_note(2, "a note")
+    session.measurements.add([SurfacePoint(1, (4.0, 4.0, 4.0)), SurfacePoint(1, (4.0, 19.0, 4.0))])
+    saved = nu.save_session(session, bag.with_name("bag.unpack"))
+    written, wanted = bag.with_name("cli.csv"), bag.with_name("panel.csv")
+    save_objects_csv(session.objects, wanted, session.length_unit)
+    assert run("table", saved, written).exit_code == 0
+    assert written.read_text() == wanted.read_text()
+    assert "a note" in written.read_text()
+    save_measurements_csv(session, wanted)
+    assert run("table", saved, written, "--measurements").exit_code == 0
+    assert written.read_text() == wanted.read_text()
+    assert "15" in written.read_text()
+    assert run("table", saved, bag.with_name("a.html"), "--measurements").exit_code == 1
 
 
 def test_steps_of_the_demo_are_lines_of_their_own_where_there_is_no_terminal(

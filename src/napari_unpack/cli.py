@@ -337,16 +337,24 @@ def _table(
     ],
     labels: LabelsOption = None,
     view: ViewOption = None,
+    measurements: Annotated[
+        bool,
+        typer.Option(
+            "--measurements", help="Write what was measured in a saved session instead, as CSV."
+        ),
+    ] = False,
     backend: Backend = "auto",
     at: At = None,
     large: Large = False,
 ) -> None:
     """Write the table of objects, as one web page with an image of each, or as CSV."""
-    from napari_unpack.io import save_objects_csv, save_objects_page
+    from napari_unpack.io import save_measurements_csv, save_objects_csv, save_objects_page
 
-    check_output(output, (".html", ".csv"), source, labels)
+    check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend, at, large)
-    if output.suffix.lower() == ".csv":
+    if measurements:
+        typer.echo(f"wrote {save_measurements_csv(session, output)}")
+    elif output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
     else:
         path = save_objects_page(session, output, source.stem, progress=Ticker(), backend=backend)
