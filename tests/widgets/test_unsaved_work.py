@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +15,7 @@ from qtpy.QtCore import QEvent, QObject, Qt
 from qtpy.QtWidgets import QFileDialog, QMessageBox
 
 import napari_unpack as nu
-from napari_unpack.io.recovery import recovery_folder
+from napari_unpack.io.recovery import leftovers, recovery_folder
 from napari_unpack.layers import compat
 from napari_unpack.viewer.viewer_state import SavedView
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -250,6 +252,15 @@ def test_what_is_done_inside_a_container_is_asked_for_and_kept(
     press(qtbot, panel.unpack.next)
     rest(panel, qtbot)
     out = workspace.session.state.placements.keys()
+
+    def kept_open() -> list[int]:
+        file = next(recovery_folder().glob("*/*/session.json"), None)
+        return [] if file is None else json.loads(file.read_bytes())["opened"]
+
+    # As a crash now would leave it.
+    qtbot.waitUntil(lambda: kept_open() == [1])
+    crashed = tmp_path / "crashed"
+    shutil.copytree(recovery_folder(), crashed, ignore=shutil.ignore_patterns("lock"))
     window.close()
     assert "Closing the window ends it." in answer(panel, qtbot, Button.Cancel)
     assert workspace.is_inside
@@ -263,9 +274,18 @@ def test_what_is_done_inside_a_container_is_asked_for_and_kept(
     (kept,) = recovery_folder().glob("*/*/session.json")
     bag = nu.io.open_session(kept.parent).opened_bags.open(workspace.session, 1)
     assert bag.state.placements.keys() == out
+    assert kept_open() == []
     panel.files.save_to(tmp_path / "tin.unpack", session=workspace.document)
     qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
     assert not panel.unsaved.changed
+    (leftover,) = leftovers(crashed)
+    panel.files.restore(leftover, lambda: None)
+    qtbot.waitUntil(lambda: workspace.is_inside, timeout=60000)
+    rest(panel, qtbot)
+    assert workspace.opened == (1,)
+    assert workspace.session.state.placements.keys() == out
+    commands.leave_container()
+    assert workspace.session is workspace.document
 
 
 def test_objects_that_took_long_to_find_are_work_when_the_window_closes(

@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -68,7 +69,14 @@ class UnsavedCopy:
         self._labels: NDArray[Any] | None = None
         self._arrays: dict[str, Any] = {}
 
-    def keep(self, session: Session, name: str, standing: ArrayLike | None, told: Told) -> None:
+    def keep(
+        self,
+        session: Session,
+        name: str,
+        standing: ArrayLike | None,
+        told: Told,
+        opened: Sequence[int] = (),
+    ) -> None:
         """Write a session as it is.
 
         Parameters
@@ -81,6 +89,8 @@ class UnsavedCopy:
             As for `save_session`.
         told : callable
             Given the fraction of the arrays written; raising in it cancels.
+        opened : sequence of int
+            The objects that are open, one within another, the outermost first.
 
         Raises
         ------
@@ -94,7 +104,8 @@ class UnsavedCopy:
             before = None if self._folder is None else self._latest
             if self._labels is not session.labels:
                 self._write_arrays(session, told)
-            manifest = manifest_of(session, standing) | self._arrays | {"name": name}
+            manifest = manifest_of(session, standing) | self._arrays
+            manifest |= {"name": name, "opened": list(opened)}
             with written_atomically(self._latest / MANIFEST) as temporary:
                 temporary.write_bytes(written(manifest))
             # Only now: until this one was whole, the one before was what could be recovered.
@@ -183,12 +194,15 @@ class Leftover:
         What people call it.
     kept : datetime
         When it was last written, local time.
+    opened : tuple of int
+        The objects that were open, one within another, the outermost first.
     """
 
     folder: Path
     session: Path
     name: str
     kept: datetime
+    opened: tuple[int, ...] = ()
 
     def discard(self) -> bool:
         """Take it off the disk; return False where another process has it in hand."""
@@ -213,9 +227,9 @@ def leftovers(home: Path) -> list[Leftover]:
         if not kept:
             _removed(folder)
             continue
-        name = _name(kept[-1])
+        name, opened = _told(kept[-1])
         when = datetime.fromtimestamp(kept[-1].stat().st_mtime)
-        found.append(Leftover(folder, kept[-1].parent, name, when))
+        found.append(Leftover(folder, kept[-1].parent, name, when, opened))
     return sorted(found, key=lambda one: one.kept, reverse=True)
 
 
@@ -262,12 +276,13 @@ def _removed(folder: Path) -> bool:
     return True
 
 
-def _name(manifest: Path) -> str:
+def _told(manifest: Path) -> tuple[str, tuple[int, ...]]:
     try:
-        return str(json.loads(manifest.read_bytes())["name"])
+        told = json.loads(manifest.read_bytes())
+        return str(told["name"]), tuple(int(i) for i in told.get("opened", ()))
     except (OSError, ValueError, KeyError, TypeError):
         # Opening it says what is wrong.
-        return "a scan"
+        return "a scan", ()
 
 
 def _written_array(folder: Path, name: str, array: NDArray[Any], told: Told) -> dict[str, Any]:

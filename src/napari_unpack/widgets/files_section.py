@@ -370,6 +370,9 @@ class FilesSection(Section):
         def restored() -> None:
             self._unsaved.never_saved()
             then()
+            with notifications.errors_shown():
+                for object_id in leftover.opened:
+                    self._workspace.open_container(object_id)
 
         self._read(
             leftover.session,

@@ -105,10 +105,10 @@ class RecoveryKeeper(QObject):
         frozen = copy_session(session, packed=False)
         frozen.log.extend(session.log)
         name, where = bag_name(controller.sources), standing(controller.packed, session.spacing)
-        copy = self._copy
+        copy, opened = self._copy, self._workspace.opened
 
         def keep(progress: Progress) -> None:
-            copy.keep(frozen, name, where, lambda fraction: progress(fraction, ""))
+            copy.keep(frozen, name, where, lambda fraction: progress(fraction, ""), opened)
 
         scheduler.submit(
             Task(object(), keep), Worker.LONG, self._on_kept, failed=self._tell, slot=copy

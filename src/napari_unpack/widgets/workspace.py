@@ -49,6 +49,7 @@ class _OuterBag:
     session: Session
     sources: Sequence[Layer]
     view: SavedView
+    opened: int
 
 
 class Workspace(QObject):
@@ -178,6 +179,11 @@ class Workspace(QObject):
         """Whether the session shown is of the contents of an object."""
         return bool(self._outer)
 
+    @property
+    def opened(self) -> tuple[int, ...]:
+        """The objects that are open, one within another, the outermost first."""
+        return tuple(bag.opened for bag in self._outer)
+
     def open_container(self, object_id: int) -> None:
         """Show what is inside an object as a bag of its own.
 
@@ -212,7 +218,9 @@ class Workspace(QObject):
         view = SavedView.of(self.viewer.scene.camera)
         # What the user chose for the bag holds for its contents.
         inner.tint_mode, inner.length_unit = session.tint_mode, session.length_unit
-        self._switch_to(inner, [*self._outer, _OuterBag(session, controller.sources, view)])
+        self._switch_to(
+            inner, [*self._outer, _OuterBag(session, controller.sources, view, object_id)]
+        )
 
     def leave_container(self) -> None:
         """Go back to the bag that the opened object is from."""
