@@ -126,6 +126,9 @@ def test_segment_and_score(bag: Path) -> None:
     assert "objects" in result.stdout
     assert load_volume(out).volume.shape == (24, 26, 44)
     assert bag.with_name("objects.csv").read_text().startswith("id,voxels")
+    np.save(bag.with_name("bare.npy"), load_volume(bag).volume)
+    result = run("segment", bag.with_name("bare.npy"), bag.with_name("again.npz"))
+    assert "note: bare.npy: it gives no voxel size: 1 mm was assumed" in result.stderr
     result = run("score", bag, bag)
     assert result.exit_code == 0, result.output
     lines = {line.split()[0]: line.split(maxsplit=2)[1:] for line in result.stdout.splitlines()}

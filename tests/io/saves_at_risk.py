@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ from napari_unpack.io import (
     save_session,
 )
 from napari_unpack.io.movies import movie_writer
+from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
 from napari_unpack.session import Session
 
 SHAPE = (16, 64, 64)
@@ -88,11 +89,16 @@ _VOLUME = Kind(
     lambda path, seed: save_scan(Scan(noise(SHAPE, seed), (1.0, 1.0, 1.0)), path),
     lambda path: _seed(load_volume(path).volume, SHAPE),
 )
+_ORACLE = Kind(
+    lambda path, seed: replace(default_oracle(), logistic=np.array([seed, 1.0])).save(path),
+    lambda path: int(Oracle.load(path).logistic[0]),
+)
 _FILM = Kind(_film, _film_seed)
 _SESSION = Kind(_session, lambda path: _seed(open_session(path).volume, SHAPE))
 KINDS = {
     **dict.fromkeys((".npz", ".nii", ".nii.gz", ".mha", ".nrrd", ".tif"), _VOLUME),
     **dict.fromkeys((".mp4", ".gif", ""), _FILM),
+    ".oracle.npz": _ORACLE,
     **dict.fromkeys((".unpack", ".folder"), _SESSION),
     ".csv": Kind(
         lambda path, seed: save_objects_csv(pd.DataFrame({"x": noise((20000,), seed)}), path),

@@ -19,7 +19,7 @@ from napari_unpack.atomic import (
 )
 
 SCRIPT = Path(__file__).with_name("saves_at_risk.py")
-FORMATS = 13
+FORMATS = 14
 
 
 @pytest.fixture(scope="module")

@@ -104,3 +104,22 @@ def test_the_unit_is_the_layers_where_napari_knows_it(
     assert (panel.segment.voxels.size.text(), session.length_unit.name) == (size, unit)
     if units == "um":
         assert float(_told(panel)[1]) == pytest.approx(session.objects["voxels"][1] * 2, rel=1e-3)
+
+
+def test_what_had_to_be_assumed_of_the_file_stands_below_the_voxel_size(
+    qtbot: QtBot, tmp_path: Path
+) -> None:
+    from napari_unpack.io.napari_reader import get_reader
+
+    np.save(tmp_path / "bag.npy", np.zeros((4, 5, 6), np.uint8))
+    read = get_reader(str(tmp_path / "bag.npy"))
+    assert read is not None
+    with pytest.warns(UserWarning, match="1 mm was assumed"):
+        (data, about, _), *_ = read(str(tmp_path / "bag.npy"))
+    shown = VoxelSize()
+    qtbot.addWidget(shown)
+    shown.show_layer(Image(data, **about))
+    assert shown.assumed.isVisibleTo(shown)
+    assert shown.assumed.text() == "Of the file: it gives no voxel size: 1 mm was assumed."
+    shown.show_layer(Image(data))
+    assert not shown.assumed.isVisibleTo(shown)

@@ -112,6 +112,13 @@ def scanner_from_scan(layer: Layer) -> Matrix | None:
     return told if isinstance(told, np.ndarray) and told.shape == (4, 4) else None
 
 
+def assumed_of(layer: Layer) -> tuple[str, ...]:
+    """Return a sentence for each thing that the layer's file does not say and was assumed."""
+    told = layer.metadata.get("assumed")
+    # Others may use the word as well.
+    return tuple(map(str, told)) if isinstance(told, tuple) else ()
+
+
 def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
     """Return the map from a session's world, mm, to napari's in mm as well.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QComboBox, QHBoxLayout, QSizePolicy, QWidget
+from qtpy.QtWidgets import QComboBox, QGridLayout, QSizePolicy, QWidget
 
 from napari_unpack.geometry.length_unit import MM, UNITS, LengthUnit
-from napari_unpack.layers.placement import spacing_of, unit_of
+from napari_unpack.layers.placement import assumed_of, spacing_of, unit_of
 from napari_unpack.widgets.section import label
 from napari_unpack.widgets.theme import GAP
 
@@ -43,11 +43,17 @@ class VoxelSize(QWidget):
             "What the numbers of the file are: mm, µm, or nothing known, which is counted in "
             "voxels. Table, facts, measurements, scale bar and exports follow."
         )
-        line = QHBoxLayout(self)
-        line.setContentsMargins(0, 0, 0, 0)
-        line.setSpacing(GAP)
-        line.addWidget(self.size, stretch=1)
-        line.addWidget(self.names)
+        self.assumed = label("", "hint", wrap=True)
+        self.assumed.setAccessibleName("What had to be assumed of the file")
+        self.assumed.setToolTip("The file does not say it: measurements are right if this is so.")
+        self.assumed.hide()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(GAP)
+        grid.addWidget(self.size, 0, 0)
+        grid.addWidget(self.names, 0, 1)
+        grid.addWidget(self.assumed, 1, 0, 1, 2)
+        grid.setColumnStretch(0, 1)
         self.names.activated.connect(lambda _: self._choose())
 
     def show_layer(self, layer: Layer, unit: LengthUnit | None = None) -> None:
@@ -59,6 +65,9 @@ class VoxelSize(QWidget):
         unit : LengthUnit, optional
             By default the layer's own, where napari knows it.
         """
+        told = assumed_of(layer)
+        self.assumed.setText("Of the file: " + "; ".join(told) + ".")
+        self.assumed.setVisible(bool(told))
         own = unit_of(layer)
         # The same layer anew, after a change of its scale or name: a choice by hand holds.
         kept = self._chosen if layer is self._layer and own.per_mm == self._own.per_mm else None
