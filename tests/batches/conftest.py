@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from napari_unpack.batches.cluster import cluster_client
 from napari_unpack.io import Scan, save_scan
 
 
@@ -81,7 +82,7 @@ class Pair:
             process.wait()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     """A scheduler with two workers."""
     started = Pair(tmp_path_factory.mktemp("dask"))
@@ -89,3 +90,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
     started.worker()
     yield started
     started.close()
+
+
+@pytest.fixture(scope="session")
+def client(pair: Pair) -> Iterator[Any]:
+    """A client of the pair, with both workers."""
+    with cluster_client([], scheduler=str(pair.file)) as found:
+        found.wait_for_workers(2, timeout=60)
+        yield found

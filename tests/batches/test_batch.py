@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
@@ -33,13 +32,6 @@ QUICK: dict[str, Any] = {"pictures": False}
 
 def run(*arguments: object) -> Any:
     return CliRunner().invoke(app, [str(a) for a in arguments])
-
-
-@pytest.fixture(scope="module")
-def client(pair: Pair) -> Iterator[Any]:
-    with cluster.cluster_client([], scheduler=str(pair.file)) as found:
-        found.wait_for_workers(2, timeout=20)
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ found among the foreground that it does not explain (`named_things`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cc3d
@@ -46,6 +46,8 @@ class GridLabels:
         Where the foreground begins at full resolution.
     unit : float
         Density, so that numbers of any scale fit float32.
+    start : (int, int, int)
+        First cell, where this is a part of the grid.
     """
 
     labels: NDArray[np.int32]
@@ -54,6 +56,16 @@ class GridLabels:
     left_out: int
     levels: Levels
     unit: float
+    start: Factors = (0, 0, 0)
+
+    def around(self, cells: Box) -> GridLabels:
+        """Return what labels of a block depend on: its cells and three beyond them."""
+        # A voxel beyond the block has a cell beyond it, that has neighbours, and these theirs.
+        a, b, c = (max(s.start - 3, 0) for s in cells)
+        # Framed by one cell, which within the volume is the next.
+        ends = (s.stop + 5 for s in cells)
+        part = tuple(slice(first, end) for first, end in zip((a, b, c), ends, strict=True))
+        return replace(self, labels=self.labels[part], density=self.density[part], start=(a, b, c))
 
 
 def grid_labels(
@@ -138,14 +150,15 @@ def refined(
     place = within(outer, wide)
     labels = np.zeros(tuple(s.stop - s.start for s in outer), np.int32)
     unexplained = np.zeros(tuple(s.stop - s.start for s in cells), np.int32)
+    origin = np.array(grid.start) * np.array(grid.factors)
     given = (
         values,
         np.array([s.start for s in place]),
-        np.array([s.start for s in outer]),
+        np.array([s.start for s in outer]) - origin,
         grid.labels,
         grid.density,
         np.array(grid.factors),
-        np.array([s.start for s in cells]),
+        np.array([s.start for s in cells]) - np.array(grid.start),
         np.int32(grid.left_out),
         np.float32((levels.low - levels.air) / grid.unit),
         np.float32((levels.high - levels.air) / grid.unit),
@@ -155,7 +168,8 @@ def refined(
     )
     # Layers of cells that begin or end within the block.
     depth = grid.factors[0]
-    first, last = outer[0].start // depth, (outer[0].stop - 1) // depth + 1
+    first = int(outer[0].start - origin[0]) // depth
+    last = int(outer[0].stop - 1 - origin[0]) // depth + 1
     for a, b in share.part(0.1, 0.9).slabs((last - first, depth, *labels.shape[1:])):
         _choose(*given, (first + a, first + b), labels, unexplained)
     inner = within(box, outer)

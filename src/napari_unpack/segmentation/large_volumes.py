@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from itertools import islice
-from threading import Event
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 import cc3d
 import numpy as np
@@ -14,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
+from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.denoising import needs_denoising
@@ -28,11 +26,9 @@ from napari_unpack.segmentation.label_upsampling import (
 )
 from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
 from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
-from napari_unpack.tasks import BEAT_SECONDS, Cancelled, Progress, Share
-from napari_unpack.thread_count import thread_count
+from napari_unpack.tasks import Progress, Share
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
-T = TypeVar("T")
 
 
 def segment_large(
@@ -48,6 +44,7 @@ def segment_large(
     oracle: Oracle | None = None,
     out: Any = None,
     block: int = BLOCK,
+    runner: BlockRunner | None = None,
 ) -> tuple[Any, pd.DataFrame]:
     """Find the objects of a volume that is never in memory as a whole.
 
@@ -73,6 +70,8 @@ def segment_large(
         Where labels are written; by default a new ndarray.
     block : int
         Voxels worked on at once by each thread. The result does not depend on it.
+    runner : BlockRunner, optional
+        What works on blocks, by default threads. The result does not depend on it.
 
     Returns
     -------
@@ -86,9 +85,10 @@ def segment_large(
     # objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
     # bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
     # may come out as an object.
-    share = Share(progress)
+    share, runner = Share(progress), runner or ThreadRunner()
     begun = share.part(0.0, 0.03, "Reducing the volume")
-    grid = reduced(source, spacing, reduction(source.shape, spacing, working), block, begun)
+    factors = reduction(source.shape, spacing, working)
+    grid = reduced(source, spacing, factors, block, begun, runner)
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
     refining = share.part(0.6, 0.9, "Refining the borders")
@@ -103,8 +103,12 @@ def segment_large(
     places = list(blocks(source.shape, grid.factors, block))
     unexplained = np.zeros(labels.shape, np.int32)
     # A generator: only the blocks in work are in memory.
-    jobs = (lambda part, at=place: refined(source, rough, at[0], at[1], part) for place in places)
-    for (box, cells), (found, rest) in _paired(places, jobs, refining.part(0.1, 0.9)):
+    jobs = (
+        BlockJob(refined, grown(box, 2, source.shape), (rough.around(cells), box, cells))
+        for box, cells in places
+    )
+    done = runner.run(source, jobs, len(places), refining.part(0.1, 0.9))
+    for (box, cells), (found, rest) in zip(places, done, strict=True):
         with source.lock:
             out[box] = found
         unexplained[cells] = rest
@@ -115,7 +119,7 @@ def segment_large(
     measuring = share.part(0.9, 1.0, "Measuring objects")
     labels = np.where(things > 0, things, labels)
     top = int(labels.max())
-    sums = _measured(source, out, places, top, spacing, measuring.part(0.0, 0.5))
+    sums = _measured(source, out, places, top, spacing, measuring.part(0.0, 0.5), runner)
     rating = measuring.part(0.5, 0.8)
     confidence = confidences(labels, grid.density, grid.spacing, oracle, rating)
     names = ranks(sums.totals[:, 0])
@@ -173,25 +177,38 @@ def _measured(
     top: int,
     spacing: Spacing,
     share: Share,
+    runner: BlockRunner,
 ) -> ObjectSums:
-    """Add up all objects; every thread has sums of its own, added in order."""
+    """Add up all objects; every block has sums of its own, added in order."""
 
-    def one(part: Share, box: Box) -> ObjectSums:
+    def job(box: Box) -> BlockJob:
         outer = grown(box, 1, source.shape)
         with source.lock:
             found = np.asarray(out[outer]).astype(np.int32, copy=False)
-        sums = ObjectSums.empty(top)
-        start = (outer[0].start, outer[1].start, outer[2].start)
-        sums.add(found, source.read(outer), spacing, start, within(box, outer), part)
-        return sums
+        return BlockJob(_block_sums, outer, (found, box, outer, spacing, top))
 
     total = ObjectSums.empty(top)
-    jobs = (lambda part, box=box: one(part, box) for box, _ in places)
-    for _, sums in _paired(places, jobs, share):
+    jobs = (job(box) for box, _ in places)
+    for sums in runner.run(source, jobs, len(places), share):
         # In the order of blocks: sums of floats depend on it, and must not on threads.
         total.totals[:] += sums.totals
         total.area[:] += sums.area
     return total
+
+
+def _block_sums(
+    source: Source,
+    found: NDArray[np.int32],
+    box: Box,
+    outer: Box,
+    spacing: Spacing,
+    top: int,
+    share: Share,
+) -> ObjectSums:
+    sums = ObjectSums.empty(top)
+    start = (outer[0].start, outer[1].start, outer[2].start)
+    sums.add(found, source.read(outer), spacing, start, within(box, outer), share)
+    return sums
 
 
 def _rename(
@@ -205,39 +222,3 @@ def _rename(
     for box, _ in share.over(places):
         with source.lock:
             out[box] = names[np.asarray(out[box])]
-
-
-def _paired(
-    places: list[tuple[Box, Box]], jobs: Iterator[Callable[[Share], T]], share: Share
-) -> Iterator[tuple[tuple[Box, Box], T]]:
-    """Yield results in order; jobs are a few ahead on threads and end when this is cancelled."""
-    # More threads than eight wait for the store, and each holds a block in memory.
-    count = min(thread_count(), 8)
-    stopping, done, numbered = Event(), [0.0] * len(places), enumerate(jobs)
-
-    def told(n: int) -> Progress:
-        def report(fraction: float, _text: str) -> None:
-            if stopping.is_set():
-                raise Cancelled
-            done[n] = fraction
-
-        return report
-
-    with ThreadPoolExecutor(count, "unpack") as threads:
-
-        def begun(most: int) -> list[Future[T]]:
-            return [threads.submit(job, Share(told(n))) for n, job in islice(numbered, most)]
-
-        waiting = begun(count + 1)
-        try:
-            for place in places:
-                while not wait(waiting[:1], BEAT_SECONDS).done:
-                    share(sum(done) / len(places))
-                result = waiting.pop(0).result()
-                waiting += begun(1)
-                yield place, result
-        finally:
-            # The user cancelled, or a block failed: what runs ends soon, what waits never begins.
-            stopping.set()
-            for future in waiting:
-                future.cancel()

@@ -11,7 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
+from napari_unpack.segmentation.common.block_jobs import BlockRunner
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
 from napari_unpack.segmentation.common.region import (
@@ -36,6 +38,7 @@ from napari_unpack.segmentation.foreground.methods import ForegroundOptions, che
 from napari_unpack.segmentation.isoperimetric.initial_parts import SplitRule, split_parts
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
 from napari_unpack.segmentation.large_volumes import segment_large
+from napari_unpack.segmentation.learned.boundary_network import BoundaryNetwork
 from napari_unpack.segmentation.learned.method import find_objects
 from napari_unpack.segmentation.object_table import object_table, rank_labels
 from napari_unpack.segmentation.postprocessing.cables import gather_cables
@@ -88,6 +91,8 @@ class SegmentOptions:
         Of log density.
     rule : SplitRule, optional
     oracle : callable, optional
+    network : BoundaryNetwork, optional
+        Of method "learned".
     """
 
     method: str
@@ -97,6 +102,7 @@ class SegmentOptions:
     step: float = 0.11
     rule: SplitRule | None = None
     oracle: Oracle | None = None
+    network: BoundaryNetwork | None = None
 
 
 def segment(
@@ -116,6 +122,7 @@ def segment(
     judge: None = None,
     working: int = WORKING_VOXELS,
     out: Any = None,
+    client: Any = None,
 ) -> Segmentation:
     """Find the objects of a packed volume.
 
@@ -160,6 +167,9 @@ def segment(
     out : (Z, Y, X) array of int, optional
         Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
         array. By default a new ndarray of int32.
+    client : distributed.Client, optional
+        Of a Dask cluster, whose workers run the network and, where the volume is larger than
+        `working`, read and label its blocks. The result is the same without it.
 
     Raises
     ------
@@ -181,12 +191,13 @@ def segment(
         check_out(out, source.shape)
     _check_sizes(smallest, step, working)
     least = default_smallest_object(source.shape, size) if smallest is None else smallest
-    wanted = SegmentOptions(
-        method, ForegroundOptions(level, supports, shell), least, grainy, step, rule, oracle
-    )
+    workers = None if client is None else BlockWorkers(client)
+    given = ForegroundOptions(level, supports, shell)
+    network = None if workers is None else workers.network()
+    wanted = SegmentOptions(method, given, least, grainy, step, rule, oracle, network)
 
     def work(report: Progress) -> Segmentation:
-        return _segmented(source, size, wanted, Share(report), working, out)
+        return _segmented(source, size, wanted, Share(report), working, out, workers)
 
     return relayed(work, progress)
 
@@ -204,7 +215,13 @@ def _check_sizes(smallest: float | None, step: float, working: int) -> None:
 
 
 def _segmented(
-    source: Source, size: Spacing, wanted: SegmentOptions, share: Share, working: int, out: Any
+    source: Source,
+    size: Spacing,
+    wanted: SegmentOptions,
+    share: Share,
+    working: int,
+    out: Any,
+    runner: BlockRunner | None,
 ) -> Segmentation:
     find, oracle = partial(_segment_grid, options=wanted), wanted.oracle
     if source.size > working:
@@ -220,6 +237,7 @@ def _segmented(
             fewest=fewest,
             oracle=oracle,
             out=out,
+            runner=runner,
         )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
@@ -266,6 +284,7 @@ def _segment_grid(
             smallest=options.smallest,
             steps=not noisy,
             noted=noted,
+            network=options.network,
         )
         if not noisy:
             apart = share.part(0.9, 0.95, "Telling apart what lies in each other")

@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.common.array_source import Source, blocks
+from napari_unpack.segmentation.common.array_source import Box, Source, blocks
+from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
 from napari_unpack.tasks import SILENT, Share
@@ -74,7 +75,12 @@ def reduction(shape: tuple[int, int, int], spacing: Spacing, most: int = WORKING
 
 
 def reduced(
-    source: Source, spacing: Spacing, factors: Factors, most: int = BLOCK, share: Share = SILENT
+    source: Source,
+    spacing: Spacing,
+    factors: Factors,
+    most: int = BLOCK,
+    share: Share = SILENT,
+    runner: BlockRunner | None = None,
 ) -> WorkingGrid:
     """Reduce a volume in one pass, block by block.
 
@@ -87,6 +93,8 @@ def reduced(
     most : int
         Voxels read at once.
     share : Share
+    runner : BlockRunner, optional
+        What works on blocks, by default threads.
 
     Raises
     ------
@@ -99,13 +107,13 @@ def reduced(
     stride = max(1, int(np.ceil((source.size / MOST_SAMPLES) ** (1 / 3))))
     sample = np.empty(tuple(-(-n // stride) for n in source.shape), source.dtype)
     low, high = np.inf, -np.inf
-    for box, cells in share.over(list(blocks(source.shape, factors, most))):
-        block = source.read(box)
-        least, largest = _means(block, np.array(factors), means[cells])
+    places = list(blocks(source.shape, factors, most))
+    jobs = (BlockJob(reduced_block, box, (box, factors, stride)) for box, _ in places)
+    found = (runner or ThreadRunner()).run(source, jobs, len(places), share)
+    for (box, cells), (part, seen, least, largest) in zip(places, found, strict=True):
+        means[cells] = part
         low, high = min(low, least), max(high, largest)
-        first = [-s.start % stride for s in box]
-        there = tuple(slice(-(-s.start // stride), -(-s.stop // stride)) for s in box)
-        sample[there] = block[first[0] :: stride, first[1] :: stride, first[2] :: stride]
+        sample[tuple(slice(-(-s.start // stride), -(-s.stop // stride)) for s in box)] = seen
     if low > high:
         raise ValueError("volume has no finite value: all of it is NaN or infinite")
     if low == high:
@@ -114,6 +122,28 @@ def reduced(
         )
     z, y, x = (s * f for s, f in zip(spacing, factors, strict=True))
     return WorkingGrid(means, factors, (z, y, x), sample)
+
+
+def reduced_block(
+    source: Source, box: Box, factors: Factors, stride: int, _share: Share
+) -> tuple[NDArray[np.floating[Any]], NDArray[Any], float, float]:
+    """Return the means of a block's cells, its voxels of the sample, and its extreme densities.
+
+    Parameters
+    ----------
+    source : Source
+    box : tuple of slice
+    factors : (int, int, int)
+    stride : int
+        Of the sample.
+    """
+    block = source.read(box)
+    wide = np.float64 if source.dtype.itemsize > 4 else np.float32
+    shape = [-(-n // f) for n, f in zip(block.shape, factors, strict=True)]
+    means: NDArray[np.floating[Any]] = np.empty(shape, wide)
+    least, largest = _means(block, np.array(factors), means)
+    z, y, x = (slice(-s.start % stride, None, stride) for s in box)
+    return means, block[z, y, x].copy(), least, largest
 
 
 @njit(cache=True, nogil=True)

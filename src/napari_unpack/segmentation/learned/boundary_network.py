@@ -137,9 +137,9 @@ class BoundaryNetwork:
         far = np.zeros((3 * len(REACHES), *cells), np.uint8)
         tiles = list(_tiles(cells, tile))
         share = Share(progress, text="Predicting boundaries")
-        for done, (seen, kept) in enumerate(tiles):
-            tile_share = share.part(done / len(tiles), (done + 1) / len(tiles))
-            channels = self._channels(_packed(density, seen, scale), tile_share)
+        packed = (_packed(density, seen, scale) for seen, _ in tiles)
+        predicted = self.all_channels(packed, len(tiles), share)
+        for (seen, kept), channels in zip(tiles, predicted, strict=True):
             inner = tuple(
                 slice(k.start - s.start, k.stop - s.start) for s, k in zip(seen, kept, strict=True)
             )
@@ -152,8 +152,29 @@ class BoundaryNetwork:
         share(1.0)
         return Prediction(foreground, following, far)
 
-    def _channels(self, packed: NDArray[np.float32], share: Share) -> NDArray[np.uint8]:
-        """Run the network on one tile, which takes a second or two."""
+    def all_channels(
+        self, tiles: Iterator[NDArray[np.float32]], count: int, share: Share
+    ) -> Iterator[NDArray[np.uint8]]:
+        """Yield what the network says of each tile, in order.
+
+        Parameters
+        ----------
+        tiles : iterator of (1, 8, z, y, x) ndarray
+        count : int
+            How many there are.
+        share : Share
+        """
+        for done, tile in enumerate(tiles):
+            yield self.channels(tile, share.part(done / count, (done + 1) / count))
+
+    def channels(self, packed: NDArray[np.float32], share: Share) -> NDArray[np.uint8]:
+        """Run the network on one tile, which takes a second or two.
+
+        Parameters
+        ----------
+        packed : (1, 8, z, y, x) ndarray of float32
+        share : Share
+        """
         import onnxruntime
 
         options = onnxruntime.RunOptions()

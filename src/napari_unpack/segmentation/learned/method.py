@@ -208,6 +208,7 @@ def find_objects(
     smallest: float = 0.0,
     steps: bool = True,
     noted: Steps | None = None,
+    network: BoundaryNetwork | None = None,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume by the learned method; 0 is background.
 
@@ -223,10 +224,12 @@ def find_objects(
         Split objects at density steps, draw borders there and keep small metal.
     noted : Steps, optional
         Where what is joined and what is left apart is noted, step by step.
+    network : BoundaryNetwork, optional
+        As for `oversegment`.
     """
     share = Share(progress)
     # Of the time, at any size: the network half, the classifier of borders a quarter.
-    found = oversegment(density, spacing, share.part(0.0, 0.6), foreground, noted=noted)
+    found = oversegment(density, spacing, share.part(0.0, 0.6), foreground, network, noted=noted)
     if not found.parts.any():
         return found.parts
     merging = share.part(0.6, 0.8, "Merging parts")

@@ -1,0 +1,98 @@
+"""Work on the blocks of a volume, a few at once: on threads here, or on workers elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import islice
+from threading import Event
+from typing import Any, Protocol
+
+from napari_unpack.segmentation.common.array_source import Box, Source
+from napari_unpack.tasks import BEAT_SECONDS, Cancelled, Progress, Share
+from napari_unpack.thread_count import thread_count
+
+
+@dataclass(frozen=True, eq=False)
+class BlockJob:
+    """Some work on a block.
+
+    Parameters
+    ----------
+    work : callable
+        `work(source, *given, share)`; it reads no more than `box` of the source.
+    box : tuple of slice
+        In the volume.
+    given : tuple
+    """
+
+    work: Callable[..., Any]
+    box: Box
+    given: tuple[Any, ...]
+
+
+class BlockRunner(Protocol):
+    """Does jobs on the blocks of a volume."""
+
+    def run(
+        self, source: Source, jobs: Iterator[BlockJob], count: int, share: Share
+    ) -> Iterator[Any]:
+        """Yield the results of some jobs in order, while a few are under way.
+
+        Parameters
+        ----------
+        source : Source
+        jobs : iterator of BlockJob
+        count : int
+            How many there are.
+        share : Share
+        """
+
+
+class ThreadRunner:
+    """Does jobs on threads of this process; they end when the share is cancelled."""
+
+    def run(
+        self, source: Source, jobs: Iterator[BlockJob], count: int, share: Share
+    ) -> Iterator[Any]:
+        """Yield the results of some jobs in order.
+
+        Parameters
+        ----------
+        source, jobs, count, share
+            As for `BlockRunner.run`.
+        """
+        # More threads than eight wait for the store, and each holds a block in memory.
+        most = min(thread_count(), 8)
+        stopping, done, numbered = Event(), [0.0] * count, enumerate(jobs)
+
+        def told(n: int) -> Progress:
+            def report(fraction: float, _text: str) -> None:
+                if stopping.is_set():
+                    raise Cancelled
+                done[n] = fraction
+
+            return report
+
+        with ThreadPoolExecutor(most, "unpack") as threads:
+
+            def begun(few: int) -> list[Future[Any]]:
+                return [
+                    threads.submit(job.work, source, *job.given, Share(told(n)))
+                    for n, job in islice(numbered, few)
+                ]
+
+            waiting = begun(most + 1)
+            try:
+                while waiting:
+                    while not wait(waiting[:1], BEAT_SECONDS).done:
+                        share(sum(done) / count)
+                    result = waiting.pop(0).result()
+                    waiting += begun(1)
+                    yield result
+            finally:
+                # The user cancelled, or a block failed: what runs ends soon, what waits never does.
+                stopping.set()
+                for future in waiting:
+                    future.cancel()

@@ -1,0 +1,85 @@
+"""One volume block by block on the workers of a real cluster: the same labels, little memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import dask.array as da
+import numpy as np
+import pytest
+import zarr
+
+import napari_unpack as nu
+from napari_unpack.segmentation import large_volumes
+from napari_unpack.segmentation.block_workers import BlockWorkers
+from napari_unpack.segmentation.common.array_source import blocks, grown, source_of
+from napari_unpack.segmentation.common.block_jobs import BlockJob
+from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.segmentation.label_upsampling import grid_labels, refined
+from napari_unpack.tasks import SILENT
+
+distributed = pytest.importorskip("distributed")
+SIDE, MM = 96, (1.0, 1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def volume() -> np.ndarray:
+    """Balls of two densities in air, and noise."""
+    at = np.indices((SIDE,) * 3)
+    volume = np.random.default_rng(0).normal(60, 20, (SIDE,) * 3)
+    for n, center in enumerate(np.ndindex(2, 2, 2)):
+        middle = 24 + 46 * np.array(center)
+        inside = ((at - middle[:, None, None, None]) ** 2).sum(axis=0) < 18**2
+        volume[inside] += 1100 if n % 2 else 1500
+    return np.clip(volume, 0, None).astype(np.uint16)
+
+
+@pytest.fixture(scope="module")
+def stored(volume: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    place = tmp_path_factory.mktemp("volume") / "in.zarr"
+    return zarr.create_array(str(place), data=volume, chunks=(32,) * 3)
+
+
+def test_labels_are_those_of_one_machine_whatever_the_blocks(
+    volume: np.ndarray, stored: Any, client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = nu.segment(volume, MM, working=48**3)
+    assert len(wanted.objects) == 8
+    out = zarr.open_array(str(tmp_path / "out.zarr"), mode="w", shape=volume.shape, dtype="i4")
+    monkeypatch.setitem(large_volumes.segment_large.__kwdefaults__, "block", 50_000)
+    found = nu.segment(stored, MM, working=48**3, out=out, client=client)
+    assert np.array_equal(out[...], wanted.labels)
+    np.testing.assert_allclose(found.objects, wanted.objects, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["array", "zarr", "dask"])
+def test_a_worker_holds_its_block_and_no_more(
+    volume: np.ndarray, stored: Any, client: Any, kind: str
+) -> None:
+    # Within this test, so that it is sent and not looked up by the worker.
+    def held(source: Any, _share: Any) -> tuple[tuple[int, ...], int]:
+        return source.array.block.shape, int(source.array.block.sum())
+
+    array = {"array": volume, "zarr": stored, "dask": da.from_zarr(stored)}[kind]
+    places = list(blocks(volume.shape, (2, 2, 2), 40**3))
+    boxes = [grown(box, 2, volume.shape) for box, _ in places]
+    jobs = (BlockJob(held, box, ()) for box in boxes)
+    found = list(BlockWorkers(client).run(source_of(array), jobs, len(boxes), SILENT))
+    assert found == [(volume[box].shape, int(volume[box].sum())) for box in boxes]
+
+
+def test_a_part_of_the_grid_labels_a_block_as_all_of_it_does(volume: np.ndarray) -> None:
+    factors = (4, 3, 2)
+    shape = tuple(n // f for n, f in zip(volume.shape, factors, strict=True))
+    means = volume.reshape(shape[0], 4, shape[1], 3, shape[2], 2).mean(axis=(1, 3, 5))
+    names = np.where(means > 600, 1 + (np.indices(shape) // 12).sum(axis=0), 0).astype(np.int32)
+    whole = grid_labels(names, means, means < -1, factors, Levels(60.0, 20.0, 400.0, 700.0))
+    source = source_of(volume)
+    for box, cells in blocks(volume.shape, factors, 30_000):
+        part = whole.around(cells)
+        assert part.labels.size < 0.2 * whole.labels.size
+        for one, other in zip(
+            refined(source, whole, box, cells), refined(source, part, box, cells), strict=True
+        ):
+            assert np.array_equal(one, other)
