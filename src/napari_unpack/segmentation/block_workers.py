@@ -109,7 +109,7 @@ class BlockWorkers:
     def _submitted(self, work: Callable[..., Any], *given: Any) -> Any:
         with warnings.catch_warnings():
             # Blocks are large, and few: with the task they survive the loss of a worker.
-            warnings.filterwarnings("ignore", "Sending large graph")
+            warnings.filterwarnings("ignore", ".*large graph")
             return self.client.submit(work, *given, pure=False)
 
     def _in_order(self, calls: Iterator[Any], count: int, share: Share) -> Iterator[Any]:
