@@ -40,8 +40,13 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features, in the commit that ends them.
-MODULES = 374
-LINES = 70447
+<<<<<<< HEAD
+MODULES = 376
+LINES = 
+=======
+MODULES = 376
+LINES = 
+>>>>>>> 94c1bff (The counts follow)
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
