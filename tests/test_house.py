@@ -40,13 +40,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features, in the commit that ends them.
-<<<<<<< HEAD
 MODULES = 376
-LINES = 
-=======
-MODULES = 376
-LINES = 
->>>>>>> 94c1bff (The counts follow)
+LINES = 70780
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
