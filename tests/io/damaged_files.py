@@ -2,10 +2,8 @@
 
 Run as `python tests/io/damaged_files.py CASES SECONDS [SEED]`, as `make fuzz` does: so many cases
 of each reader, or as many as time lets; ends with status 1 if one ended otherwise. A case is a
-number, its seed, and says all of what is damaged: it is kept by its number, in `KEPT`.
-
-Not Hypothesis, which for damaged bytes could do no more than draw such a number: what it is good
-at, making a failing case small, says little of a file that is damaged in one place to begin with.
+number, its seed, and says all of what is damaged: it is kept by its number, in `KEPT`. In `make
+test` Hypothesis draws every choice instead, and makes what fails small; see `Drawn`.
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import count
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,8 @@ from napari_unpack.session import Session
 
 # Cases that once ended in something else than a sentence.
 KEPT = (646, 1216, 1336)
+# Files that `whole_files` writes.
+READERS = 15
 
 VOLUME = np.arange(4 * 5 * 6, dtype=np.uint16).reshape(4, 5, 6)
 # What numbers of a damaged manifest become.
@@ -76,7 +77,39 @@ def whole_files(folder: Path) -> list[Path]:
     return sorted(folder.iterdir())
 
 
-def damaged(raw: bytes, rng: np.random.Generator) -> bytes:
+class Drawn:
+    """Makes the choices of a `numpy.random.Generator` with a `Random` that Hypothesis draws from.
+
+    Parameters
+    ----------
+    source : random.Random
+    """
+
+    def __init__(self, source: Random) -> None:
+        self._source = source
+
+    def random(self) -> float:
+        """Return a number in [0, 1)."""
+        return self._source.random()
+
+    def integers(self, low: int, high: int | None = None, size: Any = None) -> Any:
+        """Return a whole number below `high`, or so many."""
+        low, high = (0, low) if high is None else (low, high)
+        if size is None:
+            return self._source.randrange(int(low), int(high))
+        return np.array([self.integers(low, high) for _ in range(int(size))], np.int64)
+
+    def choice(self, of: Any, size: Any = None) -> Any:
+        """Return one of several, or so many."""
+        if size is None:
+            return of[self.integers(len(of))]
+        return np.array([self.choice(of) for _ in range(int(size))])
+
+
+Choices = np.random.Generator | Drawn
+
+
+def damaged(raw: bytes, rng: Choices) -> bytes:
     """Return bytes cut off, changed, moved, or with others between them."""
     array, way = np.frombuffer(raw, np.uint8).copy(), rng.integers(5)
     at = int(rng.integers(len(array)))
@@ -96,7 +129,7 @@ def damaged(raw: bytes, rng: np.random.Generator) -> bytes:
     return array.tobytes()
 
 
-def damaged_record(record: Any, rng: np.random.Generator) -> Any:
+def damaged_record(record: Any, rng: Choices) -> Any:
     """Return plain data with one value somewhere in it replaced, left out or doubled."""
     if isinstance(record, dict) and record and rng.random() < 0.93:
         key = str(rng.choice(sorted(record)))
@@ -111,7 +144,7 @@ def damaged_record(record: Any, rng: np.random.Generator) -> Any:
     return ODD[int(rng.integers(len(ODD)))]
 
 
-def damage(path: Path, rng: np.random.Generator) -> None:
+def damage(path: Path, rng: Choices) -> None:
     """Damage a file, one file of a folder, what a compressed file holds, or a manifest."""
     if path.name == "manifest":
         manifest = path / "session.json"
@@ -131,7 +164,7 @@ def damage(path: Path, rng: np.random.Generator) -> None:
         file.write_bytes(damaged(raw, rng))
 
 
-def damaged_archive(raw: bytes, rng: np.random.Generator) -> bytes:
+def damaged_archive(raw: bytes, rng: Choices) -> bytes:
     """Return a zip file with one of its members damaged, or the member of a member."""
     packed = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(raw)) as old, zipfile.ZipFile(packed, "w") as new:
@@ -159,27 +192,35 @@ def open_any(path: Path) -> None:
 
 def cases(seeds: Iterable[int], room: Path) -> Iterator[tuple[int, Path, Exception | None]]:
     """Damage a file for each seed, one reader after another; yield what opening it raised."""
+    files = good_files(room)
+    for seed in seeds:
+        yield seed, *one_case(files[seed % len(files)], room, np.random.default_rng(seed))
+
+
+def good_files(room: Path) -> list[Path]:
+    """Write the good files, and open each."""
     good = room / "good"
     good.mkdir(parents=True)
     files = whole_files(good)
     for path in files:
         open_any(path)
+    return files
+
+
+def one_case(source: Path, room: Path, rng: Choices) -> tuple[Path, Exception | None]:
+    """Damage a copy of a file; return where it is and what opening it raised."""
     # A name that a message can be searched for.
     bad = room / "damaged"
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        source = files[seed % len(files)]
-        shutil.rmtree(bad, ignore_errors=True)
-        bad.mkdir()
-        path = bad / source.name
-        (shutil.copytree if source.is_dir() else shutil.copy)(source, path)
-        damage(path, rng)
-        try:
-            open_any(path)
-        except Exception as error:
-            yield seed, path, error
-        else:
-            yield seed, path, None
+    shutil.rmtree(bad, ignore_errors=True)
+    bad.mkdir()
+    path = bad / source.name
+    (shutil.copytree if source.is_dir() else shutil.copy)(source, path)
+    damage(path, rng)
+    try:
+        open_any(path)
+    except Exception as error:
+        return path, error
+    return path, None
 
 
 def is_told(error: Exception | None, path: Path) -> bool:
