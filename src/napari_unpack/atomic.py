@@ -221,7 +221,8 @@ def _failure_told(target: Path) -> Iterator[None]:
         # Of something that is read meanwhile, which its own message names.
         raise
     except OSError as error:
-        reason = str(error.strerror or error).strip()
+        # Libraries write pages.
+        reason = " ".join(str(error.strerror or error).split())
         told = OSError(
             f"{target} could not be written: {reason}; what was there before is unchanged"
         )

@@ -1,8 +1,8 @@
 """Save every kind of file on a full disk, while the process is killed, and where others own it.
 
-Run as `python tests/io/saves_at_risk.py full|killed|foreign|all FOLDER [ROUNDS [SEED]]`; prints
-one line of JSON for each format and risk. A process of its own: limits and signals would meet the
-tests' as well.
+Run as `python tests/io/saves_at_risk.py RISK FOLDER [ROUNDS [SEED]]`, of full, small, foreign,
+killed or all; prints one line of JSON for each format and risk. A process of its own: limits and
+signals would meet the tests' as well.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ import json
 import os
 import random
 import resource
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -174,6 +176,30 @@ def _child(kind: Kind, path: Path, seed: int, after: float | None) -> float:
     return time.perf_counter() - start
 
 
+def on_a_small_disk(kind: Kind, path: Path) -> dict[str, Any]:
+    """Save over a good file where half of what is needed is free; said is None without a disk."""
+    room = path.parent
+    mount = ("mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(room))
+    if not shutil.which("mount") or subprocess.run(mount, capture_output=True).returncode:
+        return {"said": None}
+    try:
+        kind.write(path, 0)
+        before, free = digest(path), shutil.disk_usage(room).free
+        (room / "filler").write_bytes(bytes(max(free - size(path) // 2, 0)))
+        try:
+            kind.write(path, 1)
+        except OSError as error:
+            said = str(error)
+        else:
+            said = ""
+        (room / "filler").unlink()
+        alone = [other.name for other in room.iterdir()] == [path.name]
+        return {"said": said, "kept": digest(path) == before, "alone": alone}
+    finally:
+        # Lazily: an encoder that still ends may hold it.
+        subprocess.run(("umount", "-l", str(room)), check=True)
+
+
 # Of the folder and of what lies in it: closed to others, open but for the file, and as /tmp is.
 FOREIGN = ((0o755, 0o777), (0o777, 0o755), (0o1777, 0o777))
 NOBODY = 65534
@@ -215,7 +241,8 @@ def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
     """Try every kind of file."""
     # Without this the system ends the process, where a full disk gives an error.
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    risks = ("full", "foreign", "killed") if risk == "all" else (risk,)
+    risks = ("full", "small", "foreign", "killed") if risk == "all" else (risk,)
+    ways = {"full": on_a_full_disk, "small": on_a_small_disk, "foreign": of_another_user}
     for (suffix, kind), each in product(KINDS.items(), risks):
         room = folder / each / (suffix.replace(".", "-") or "-images")
         room.mkdir(parents=True)
@@ -223,7 +250,7 @@ def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
         if each == "killed":
             found = while_killed(kind, path, rounds, random.Random(seed))
         else:
-            found = (on_a_full_disk if each == "full" else of_another_user)(kind, path)
+            found = ways[each](kind, path)
         print(json.dumps({"risk": each, "format": suffix, **found}), flush=True)
 
 
