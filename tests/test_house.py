@@ -250,3 +250,13 @@ def test_public_callables_say_what_they_take_and_raise() -> None:
         silent += [f"{path}: {name}" for name in without_raises]
     assert len(lacking) <= WITHOUT_PARAMETERS, lacking
     assert len(silent) <= WITHOUT_RAISES, silent
+
+
+def test_every_promise_of_reliability_names_a_test_that_there_is() -> None:
+    told = (ROOT / "docs" / "reliability.md").read_text("utf-8")
+    named = re.findall(r"`(?:tests/[a-z]+/)?(test_\w+\.py)(?:::(\w+))?", told)
+    texts = {path.name: path.read_text("utf-8") for path in TESTS}
+    assert len(named) > 50
+    assert [
+        f"{file}::{name}" for file, name in named if f"def {name}" not in texts.get(file, "")
+    ] == []
