@@ -146,3 +146,19 @@ def test_nobody_is_sure_to_a_hundred_percent_as_in_the_panel(tmp_path):
     path = save_objects_page(session, tmp_path / "bag.html", "A bag")
     cells.feed(Path(path).read_text(encoding="utf-8"))
     assert [row[8] for row in cells.rows] == ["Confidence", "99 %", "25 %"]
+
+
+def test_long_names_and_notes_wrap_and_the_bag_fills_its_picture(tmp_path: Path) -> None:
+    """Else they push the other columns out of the window; empty notes take no room."""
+    labels = np.zeros((24, 24, 24), np.uint16)
+    labels[4:20, 4:20, 4:11], labels[4:20, 4:20, 13:20] = 1, 2
+    session = nu.Session(np.where(labels > 0, 1000, 0).astype(np.uint16), labels)
+    session.annotations.set_note(2, "a long note")
+    page = save_objects_page(session, tmp_path / "a.html", backend="cpu").read_text("utf-8")
+    assert page.count('<td class="name">') == 2
+    assert page.count('<td class="long">') == 1
+    # Nothing is out, so that no room is left for sprites.
+    _, encoded = page.split('<figure><img src="data:image/png;base64,')
+    picture = iio.imread(base64.b64decode(encoded.split('"')[0]))[..., :3].astype(int)
+    rows = (np.abs(picture - picture[2, 2]).max(axis=-1) > 25).any(axis=1).nonzero()[0]
+    assert np.ptp(rows) >= 0.7 * len(picture)

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import check_writable, checked_target, written_atomically
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.io.headless import copy_session, frame_bag
+from napari_unpack.io.headless import copy_session
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.rendering.cpu import CANCELLING
 from napari_unpack.session.errors import percent
+from napari_unpack.session.framing import fitted
 from napari_unpack.session.state import ObjectState
 from napari_unpack.tasks import Progress, Share, no_progress
 
@@ -100,7 +101,9 @@ def save_objects_page(
     # A copy may be drawn on a worker thread while the user goes on.
     shown = copy_session(session, packed=False)
     # Framing moves the objects beside the bag, so the scene is described after it.
-    camera = frame_bag(shown, BAG)
+    shown.canvas_size = BAG
+    camera = fitted(shown)
+    shown.look(camera)
     with CANCELLING.by(Share(report, 0.0, 0.0, "Drawing the bag")):
         bag = scene_image(shown.scene(), camera, BAG, backend=backend)
     page = _page(title, shown, _data_uri(bag), _rows(shown, report, backend, planned))
@@ -167,7 +170,8 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
         yield (
             f'<tr><td class="picture"><img src="{image}" alt="{name}"></td>'
             + number_cell(session.label_of(i), str(session.label_of(i)))
-            + f"<td>{swatch}{name}</td><td>{WORDS[session.states[i]]}</td>"
+            + f'<td class="name">{swatch}{name}</td>'
+            + f"<td>{WORDS[session.states[i]]}</td>"
             + number_cell(left.get(i), str(left.get(i, "")))
             + number_cell(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
             # Sorted by the longest edge, though all three are shown.
@@ -175,7 +179,8 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
             + number_cell(facts["mean_density"], f"{facts['mean_density']:.0f}")
             + number_cell(sure, "–" if math.isnan(sure) else percent(sure))
             + f"<td>{escape(str(facts.get('flag', '')))}</td>"
-            + f"<td>{escape(str(facts.get('note', '')))}</td>"
+            + f'<td class="{"long" if facts.get("note") else ""}">'
+            + f"{escape(str(facts.get('note', '')))}</td>"
             + "</tr>"
         )
 

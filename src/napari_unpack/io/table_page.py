@@ -15,13 +15,13 @@ STYLE = """
   :root { --ground: #14171c; --raised: #1c2027; --ink: #e6e9ee; --faint: #98a2b1;
     --line: #2e343e; --well: #0d1014; --accent: #6cb2ff; } }
 * { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1080px; padding: 32px 20px 48px; background: var(--ground);
+body { margin: 0 auto; max-width: 1400px; padding: 32px 20px 48px; background: var(--ground);
   color: var(--ink); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }
 h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em; }
 h2 { font-size: 18px; margin: 28px 0 10px; }
 p, footer { color: var(--faint); margin: 0; }
 header p { margin-bottom: 16px; }
-figure { margin: 20px 0; }
+figure { margin: 20px 0; max-width: 1040px; }
 figure img { display: block; width: 100%; height: auto; border-radius: 10px; }
 .search { display: block; color: var(--faint); margin: 0 0 12px; }
 input { font: inherit; color: var(--ink); background: var(--raised); padding: 5px 10px;
@@ -34,7 +34,8 @@ th, td { padding: 8px 12px; text-align: left; border-bottom: 1px solid var(--lin
 tbody tr:last-child td { border-bottom: 0; }
 th { font-weight: 600; font-size: 13px; color: var(--faint); position: sticky; top: 0;
   background: var(--raised); }
-.long { white-space: normal; overflow-wrap: anywhere; min-width: 220px; }
+.long, .name { white-space: normal; overflow-wrap: anywhere; min-width: 180px; }
+.name { min-width: 150px; }
 a { color: var(--accent); }
 th[data-kind=n], .n { text-align: right; font-variant-numeric: tabular-nums; }
 th button { all: unset; cursor: pointer; }
@@ -50,6 +51,8 @@ td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
   margin-right: 9px; }
 tbody tr:hover td:not(.picture) { background: color-mix(in srgb, var(--accent) 8%, transparent); }
 footer { margin-top: 20px; font-size: 13px; }
+@media (max-width: 600px) { th, td { padding: 6px 8px; } .picture { width: 80px; }
+  .picture img { max-width: 64px; max-height: 56px; } .long { min-width: 160px; } }
 @media print { .search, footer { display: none; } .wide { overflow: visible; } }
 """
 
