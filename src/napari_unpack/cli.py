@@ -128,17 +128,37 @@ def _segment(
             "by default that is found out.",
         ),
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Of Zarr to Zarr: Dask cluster that does the blocks."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Of Zarr to Zarr: processes on this machine.")
+    ] = None,
     at: At = None,
     large: Large = False,
 ) -> None:
-    """Segment a volume into its objects."""
+    """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
     from napari_unpack.io import save_objects_csv
     from napari_unpack.io.volumes import WRITABLE, check_savable, save_scan_somewhere
 
-    check_output(output, WRITABLE, source)
+    check_output(output, (*WRITABLE, ".zarr"), source)
     if csv is not None:
         check_output(csv, ("",), source)
+    if output.suffix.lower() == ".zarr":
+        from napari_unpack.batches.large_files import segment_zarr
+
+        if at is not None:
+            raise ValueError("--at is not for Zarr outputs: give the volume itself")
+        objects = segment_zarr(
+            source, output, smallest, grainy, scheduler, workers, Ticker(), lambda s: typer.echo(s)
+        )
+        typer.echo(f"wrote {output}")
+        if csv is not None:
+            typer.echo(f"wrote {save_objects_csv(objects, csv)}")
+        typer.echo(f"{len(objects)} objects")
+        return
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)

@@ -9,8 +9,12 @@ import dask.array as da
 import numpy as np
 import pytest
 import zarr
+from typer.testing import CliRunner
 
 import napari_unpack as nu
+from napari_unpack.cli import app
+from napari_unpack.io import load_labels
+from napari_unpack.io.ome_zarr import write_labels_zarr
 from napari_unpack.segmentation import large_volumes
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import blocks, grown, source_of
@@ -83,3 +87,36 @@ def test_a_part_of_the_grid_labels_a_block_as_all_of_it_does(volume: np.ndarray)
             refined(source, whole, box, cells), refined(source, part, box, cells), strict=True
         ):
             assert np.array_equal(one, other)
+
+
+def test_zarr_becomes_a_label_image_on_a_cluster(
+    volume: np.ndarray, pair: Any, client: Any, tmp_path: Path
+) -> None:
+    small, out = volume[:48, :48, :48], tmp_path / "labels.zarr"
+    zarr.create_array(str(tmp_path / "in.zarr"), data=small, chunks=(32,) * 3)
+    words = ["segment", tmp_path / "in.zarr", out, "--csv", tmp_path / "objects.csv"]
+    told = CliRunner().invoke(app, [*map(str, words), "--scheduler", str(pair.file)])
+    assert told.exit_code == 0, told.output
+    assert "note: in.zarr: it gives no voxel size: 1 mm was assumed" in told.output
+    labels, spacing = load_labels(out)
+    assert spacing == MM
+    assert np.array_equal(labels, nu.segment(small, MM).labels)
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    (tmp_path / "notes").rename(tmp_path / "notes.zarr")
+    again = CliRunner().invoke(app, ["segment", str(out), str(tmp_path / "notes.zarr")])
+    assert again.exit_code == 1
+    assert "holds something else" in again.output
+
+
+def test_coarser_levels_of_labels_halve_and_keep_their_ids(tmp_path: Path) -> None:
+    labels = np.random.default_rng(0).integers(0, 9, (5, 300, 130)).astype(np.int32)
+    write_labels_zarr(tmp_path / "labels.zarr", labels, (2.0, 1.0, 0.5))
+    read, spacing = load_labels(tmp_path / "labels.zarr")
+    assert (spacing, read.shape) == ((2.0, 1.0, 0.5), labels.shape)
+    assert np.array_equal(read, labels)
+    node = zarr.open_group(str(tmp_path / "labels.zarr"), mode="r")
+    (scale,) = node.attrs["multiscales"]
+    assert [level["path"] for level in scale["datasets"]] == ["0", "1"]
+    assert np.array_equal(node["1"][...], labels[::2, ::2, ::2])
+    assert scale["datasets"][1]["coordinateTransformations"][0]["scale"] == [4.0, 2.0, 1.0]

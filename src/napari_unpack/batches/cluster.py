@@ -143,32 +143,53 @@ def check_workers(client: Any, output: Path) -> None:
     ValueError
         If a worker lacks this package, has another version of it, or does not see the folder.
     """
-    client.wait_for_workers(1)
+    check_versions(client)
     run_file = str(output / RUN)
 
-    # Sent by value, as a worker without this package cannot look it up.
-    def asked(file: str) -> tuple[str, bool]:
+    def seen(file: str) -> bool:
         import os
+
+        return os.path.exists(file)
+
+    for worker, answer in client.run(seen, run_file).items():
+        if not answer:
+            raise ValueError(
+                f"the worker {worker} does not see {output}: choose a folder that all machines "
+                "share"
+            )
+
+
+def check_versions(client: Any) -> None:
+    """Refuse workers without this package, or with another version of it.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Waits until it has a worker.
+
+    Raises
+    ------
+    ValueError
+        If there is one.
+    """
+    client.wait_for_workers(1)
+
+    # Sent by value, as a worker without this package cannot look it up.
+    def asked() -> str:
         from importlib.metadata import version
 
-        return version("napari-unpack"), os.path.exists(file)
+        return version("napari-unpack")
 
-    for worker, answer in client.run(asked, run_file, on_error="return").items():
+    for worker, answer in client.run(asked, on_error="return").items():
         if isinstance(answer, BaseException):
             raise ValueError(
                 f"the worker {worker} has no napari-unpack: install version "
                 f"{installed_version()} there"
             )
-        found, seen = answer
-        if found != installed_version():
+        if answer != installed_version():
             raise ValueError(
-                f"the worker {worker} has napari-unpack {found}, and this is "
+                f"the worker {worker} has napari-unpack {answer}, and this is "
                 f"{installed_version()}: install the same version everywhere"
-            )
-        if not seen:
-            raise ValueError(
-                f"the worker {worker} does not see {output}: choose a folder that all machines "
-                "share"
             )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
@@ -16,7 +18,6 @@ from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
     checked_label_array,
-    checked_place,
     checked_spacing,
     checked_volume_array,
 )
@@ -46,12 +47,7 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     ImportError
         If zarr is missing.
     """
-    zarr = needed("zarr", "zarr", "reading OME-Zarr")
-    try:
-        node = zarr.open(str(path), mode="r")
-    except Exception as error:
-        # zarr raises many kinds of its own, which moved between its releases.
-        raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
+    node = _opened(path)
     if not hasattr(node, "keys"):
         array = checked_volume_array(_voxels(node, path, large), path)
         return FileData(array, assumed=(NO_VOXEL_SIZE,))
@@ -80,20 +76,99 @@ def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> Non
     ImportError
         If zarr is missing.
     """
+    with labels_zarr(path, labels.shape, labels.dtype, spacing) as finest:
+        finest[...] = labels
+
+
+@contextmanager
+def labels_zarr(
+    path: Path, shape: tuple[int, ...], dtype: DTypeLike, spacing: Spacing
+) -> Iterator[Any]:
+    """Give an array for labels of any size; it becomes the finest level of a label image.
+
+    Parameters
+    ----------
+    path : Path
+        A new folder.
+    shape : (int, int, int)
+    dtype : dtype of int
+    spacing : (float, float, float) of mm, z y x
+
+    Yields
+    ------
+    array
+        Of Zarr, all 0, for any part to be written.
+
+    Raises
+    ------
+    ImportError
+        If zarr is missing.
+    """
     zarr = needed("zarr", "zarr", "writing OME-Zarr")
-    node, level = zarr.open_group(str(path), mode="w", zarr_format=2), labels
-    datasets: list[dict[str, Any]] = []
-    while not datasets or max(level.shape) >= SMALLEST_LEVEL:
-        factor = 2 ** len(datasets)
-        name, chunks = str(len(datasets)), tuple(min(n, CHUNK) for n in level.shape)
-        node.create_array(name, data=np.ascontiguousarray(level), chunks=chunks)
-        scale = {"type": "scale", "scale": [mm * factor for mm in spacing]}
-        # Every second voxel as it is: a mean of labels is none. Its centre is the block's first.
-        datasets.append({"path": name, "coordinateTransformations": [scale]})
-        level = level[::2, ::2, ::2]
+    node, datasets = zarr.open_group(str(path), mode="w", zarr_format=2), [_level(0, spacing)]
+    fine = _new_level(node, 0, shape, dtype)
+    yield fine
+    while max(fine.shape) >= 2 * SMALLEST_LEVEL:
+        number = len(datasets)
+        coarse = _new_level(node, number, tuple(-(-n // 2) for n in fine.shape), dtype)
+        # Slab by slab, as labels may be larger than the memory.
+        for z in range(0, coarse.shape[0], CHUNK):
+            # Every second voxel as it is: a mean of labels is none.
+            coarse[z : z + CHUNK] = fine[2 * z : 2 * (z + CHUNK) : 2, ::2, ::2]
+        datasets.append(_level(number, spacing))
+        fine = coarse
     axes = [{"name": axis, "type": "space", "unit": "millimeter"} for axis in SPACE]
+    # Last: without them it is no image.
     node.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": datasets}]
     node.attrs["image-label"] = {"version": "0.4"}
+
+
+def _new_level(node: Any, number: int, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+    chunks = tuple(min(n, CHUNK) for n in shape)
+    return node.create_array(str(number), shape=shape, dtype=dtype, chunks=chunks)
+
+
+def _level(number: int, spacing: Spacing) -> dict[str, Any]:
+    scale = {"type": "scale", "scale": [mm * 2**number for mm in spacing]}
+    return {"path": str(number), "coordinateTransformations": [scale]}
+
+
+def stored_volume(path: Path) -> tuple[Any, Spacing, tuple[str, ...]]:
+    """Return the finest level of a multiscale image with the axes z, y, x, which is not read.
+
+    With it its voxel size, and a sentence for each thing that had to be assumed.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    ValueError
+        If it is not a Zarr image of one volume.
+    ImportError
+        If zarr is missing.
+    """
+    node = _opened(path)
+    if not hasattr(node, "keys"):
+        array, letters, spacing = node, SPACE, checked_spacing(np.ones(3), path)
+        assumed: tuple[str, ...] = (NO_VOXEL_SIZE,)
+    else:
+        array, letters, spacing, assumed = _described(node, path)
+    if letters != SPACE or array.ndim != len(SPACE):
+        raise ValueError(
+            f"{path} must hold one volume with axes z, y, x, got {letters} and {array.ndim} axes"
+        )
+    return array, spacing, assumed
+
+
+def _opened(path: Path) -> Any:
+    zarr = needed("zarr", "zarr", "reading OME-Zarr")
+    try:
+        return zarr.open(str(path), mode="r")
+    except Exception as error:
+        # zarr raises many kinds of its own, which moved between its releases.
+        raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
 
 
 def _attributes(node: Any) -> dict[str, Any]:
@@ -112,47 +187,47 @@ def _voxels(array: Any, path: Path, large: bool) -> NDArray[Any]:
 
 
 def _finest(node: Any, path: Path, large: bool) -> FileData:
+    array, letters, spacing, assumed = _described(node, path)
+    try:
+        voxels = _voxels(array, path, large)
+    except TooLargeError:
+        raise
+    except (KeyError, OSError, ValueError, RuntimeError) as error:
+        raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
+    return FileData(voxels, letters, spacing, assumed=assumed)
+
+
+def _described(node: Any, path: Path) -> tuple[Any, str, Spacing, tuple[str, ...]]:
+    """Return the finest level's array, its axes, its voxel size and what was assumed."""
     scales = _attributes(node).get("multiscales")
     if not scales:
         raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing)")
     # The standard sorts them from fine to coarse.
     level = scales[0]["datasets"][0]
     try:
-        array = _voxels(node[level["path"]], path, large)
-    except TooLargeError:
-        raise
+        array = node[level["path"]]
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
     axes = _axes(scales[0], array.ndim, path)
-    factors, moves, said = np.ones(array.ndim), np.zeros(array.ndim), set()
-    # Both the level and the whole image may scale and move, one after the other.
-    for step in (
-        *level.get("coordinateTransformations", []),
+    factors = np.ones(array.ndim)
+    steps = [
         *scales[0].get("coordinateTransformations", []),
-    ):
-        said.add(kind := step.get("type"))
-        if kind == "scale":
-            by = np.asarray(step["scale"], dtype=float)
-            factors, moves = factors * by, moves * by
-        elif kind == "translation":
-            moves = moves + np.asarray(step["translation"], dtype=float)
-    assumed = [] if "scale" in said else [NO_VOXEL_SIZE]
-    sides, origin = dict.fromkeys(SPACE, 1.0), dict.fromkeys(SPACE, 0.0)
-    for axis, factor, move in zip(axes, factors, moves, strict=True):
+        *level.get("coordinateTransformations", []),
+    ]
+    scaled = [step for step in steps if step.get("type") == "scale"]
+    for step in scaled:
+        # Both the whole image and its level may scale; they multiply.
+        factors = factors * np.asarray(step["scale"], dtype=float)
+    assumed = [] if scaled else [NO_VOXEL_SIZE]
+    sides = dict.fromkeys(SPACE, 1.0)
+    for axis, factor in zip(axes, factors, strict=True):
         if axis["name"] in SPACE:
             # An axis without a unit counts as mm, as in files of this package.
             unit = in_millimetres(axis.get("unit"), "mm", assumed)
-            sides[axis["name"]], origin[axis["name"]] = float(factor) * unit, float(move) * unit
+            sides[axis["name"]] = float(factor) * unit
     letters = "".join(axis["name"] for axis in axes)
     spacing = checked_spacing([sides[axis] for axis in SPACE], path)
-    place = None
-    if "translation" in said:
-        # The format names no side of a body: x, y and z are those of the scanner, as in ITK.
-        place = np.eye(4)
-        place[:3] = np.array(
-            [[0, 0, 1.0, origin["x"]], [0, 1, 0, origin["y"]], [1, 0, 0, origin["z"]]]
-        )
-    return FileData(array, letters, spacing, None, tuple(assumed), checked_place(place, path))
+    return array, letters, spacing, tuple(assumed)
 
 
 def _axes(scale: dict[str, Any], count: int, path: Path) -> list[dict[str, str]]:

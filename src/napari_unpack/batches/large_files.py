@@ -1,0 +1,99 @@
+"""A volume in Zarr, larger than any memory, to labels in Zarr, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from napari_unpack.atomic import check_space, folder_written_atomically
+from napari_unpack.batches.cluster import SHARE_OF_MEMORY, check_versions, cluster_client
+from napari_unpack.io.ome_zarr import labels_zarr, stored_volume
+from napari_unpack.memory import free_memory
+from napari_unpack.read_errors import read_errors_told
+from napari_unpack.tasks import Progress
+from napari_unpack.thread_count import thread_count
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WORKER_BYTES = 2 << 30
+"""Of memory that a worker of this machine takes: its libraries, a tile of the network, a block."""
+
+SHRUNK = 200
+"""Bytes of labels, of four a voxel, that become one at best on the disk."""
+
+
+def segment_zarr(
+    source: Path,
+    output: Path,
+    smallest: float | None = None,
+    grainy: bool | None = None,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    say: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """Segment a Zarr image into an OME-Zarr label image; neither is in memory as a whole.
+
+    Parameters
+    ----------
+    source : Path
+        A Zarr array, or a multiscale image, of axes z, y, x.
+    output : Path
+        .zarr, a folder that is there whole or not at all.
+    smallest, grainy
+        See `segment`.
+    scheduler : str, optional
+        Of a Dask cluster that does the work on blocks. Without it and `workers`, threads do.
+    workers : int, optional
+        Processes of this machine that do.
+    progress : callable, optional
+        Takes (fraction, text); raising in it cancels and leaves no output.
+    say : callable, optional
+        Given a sentence for each thing that had to be assumed of the source.
+
+    Returns
+    -------
+    DataFrame
+        See `Segmentation.objects`.
+
+    Raises
+    ------
+    ValueError
+        If the source is no such image, the output is there and no Zarr, or nothing is found.
+    OSError
+        If no scheduler answers, or the disk has too little space.
+    """
+    from napari_unpack.segmentation import segment
+
+    with read_errors_told(source, "a Zarr image"):
+        array, spacing, assumed = stored_volume(source)
+    for sentence in assumed:
+        if say is not None:
+            say(f"note: {source.name}: {sentence}")
+    check_space(output, 4 * array.size // SHRUNK)
+    with ExitStack() as stack:
+        client = None
+        if scheduler is not None or workers is not None:
+            fit = int(free_memory() * SHARE_OF_MEMORY) // WORKER_BYTES
+            count = workers or max(1, min(thread_count(), fit))
+            client = stack.enter_context(cluster_client([], None, scheduler, count))
+            check_versions(client)
+        place = stack.enter_context(folder_written_atomically(output, _is_zarr))
+        labels = stack.enter_context(labels_zarr(place, array.shape, "int32", spacing))
+        found = segment(
+            array,
+            spacing,
+            progress=progress,
+            smallest=smallest,
+            grainy=grainy,
+            out=labels,
+            client=client,
+        )
+    return found.objects
+
+
+def _is_zarr(folder: Path) -> bool:
+    return any((folder / mark).exists() for mark in (".zgroup", "zarr.json", ".zarray"))
