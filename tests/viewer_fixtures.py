@@ -20,14 +20,16 @@ SHAPE = (40, 48, 60)
 def modules_and_manifests_read_once() -> Iterator[None]:
     """Import what all tests need; keep napari from work that each new viewer would do again.
 
-    The manifests of all that is installed do not change; nobody reads the settings on disk; and
-    no welcome screen is shown, which would be written anew for each of a hundred shortcuts.
+    The manifests of all that is installed do not change, and nobody reads the settings on disk,
+    which take a tenth of a second to write whenever one changes.
     """
     for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
         importlib.import_module(name)
     importlib.import_module("napari_unpack.viewer.controller")
+    from napari.settings import get_settings
     from npe2 import PluginManifest
 
+    get_settings().config_path = None
     found = list(PluginManifest.discover())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PluginManifest, "discover", lambda *_, **__: iter(found))
