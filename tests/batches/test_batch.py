@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from dask_pair import Pair, make_bag
 from typer.testing import CliRunner
 
 import napari_unpack as nu
-from conftest import Pair, make_bag
 from napari_unpack import atomic
 from napari_unpack.batches import cluster
 from napari_unpack.batches.inputs import find_inputs
