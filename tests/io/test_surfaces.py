@@ -7,10 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
+from skimage.measure import marching_cubes
 
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
-from napari_unpack.io.surfaces import object_surface, save_surfaces
+from napari_unpack.io.surfaces import level_surface, object_surface, save_surfaces
+from napari_unpack.tasks import Cancelled, Share
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -44,6 +48,67 @@ def test_a_surface_encloses_what_the_voxels_do(kind: str) -> None:
     mesh = trimesh.Trimesh(points, triangles, process=False)
     assert mesh.is_watertight
     assert abs(mesh.volume) == pytest.approx(mask.sum(), rel=0.006)
+
+
+def blurred(kind: str) -> np.ndarray:
+    z, y, x = np.indices((19, 22, 17))
+    noise = np.random.default_rng(0).random(z.shape)
+    mask = {
+        "sphere": (z - 9) ** 2 + (y - 11) ** 2 + (x - 8) ** 2 < 60,
+        "blobs": gaussian_filter(noise, 1.2) > 0.5,
+        "grains": noise > 0.5,
+        "at the level": noise > 0.5,
+    }[kind]
+    field = gaussian_filter(np.pad(mask.astype(np.float32), 4), 0.7)
+    # Eighths: every twelfth voxel is at the level itself.
+    return np.round(field * 8) / 8 if kind == "at the level" else field
+
+
+def triangles_of(triangles: np.ndarray, names: np.ndarray) -> np.ndarray:
+    """Return triangles by other names of their points, in an order of their own."""
+    named = names[triangles]
+    first = (named.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    return np.unique(np.take_along_axis(named, first, 1), axis=0)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "blobs", "grains", "at the level"])
+def test_a_surface_found_in_slabs_is_that_of_the_whole(kind: str) -> None:
+    field = blurred(kind)
+    at_once = level_surface(field, 0.5, most=field.size)
+    wholes = [at_once] if kind == "at the level" else [at_once, marching_cubes(field, 0.5)[:2]]
+    for deep in (1, 2, 5, len(field) - 2, len(field) - 1):
+        # A little less than one slice more: slabs are of whole slices.
+        points, triangles = level_surface(field, 0.5, most=(deep + 1) * field[0].size - 1)
+        assert trimesh.Trimesh(points, triangles, process=False).is_watertight
+        for (wanted, faces), near in zip(wholes, (1e-5, 0.1), strict=False):
+            away, which = cKDTree(wanted).query(points)
+            assert away.max() < near
+            assert np.quantile(away, 0.99) < 1e-3
+            if kind == "at the level":
+                # Several points of a voxel are all but one: which is which is not asked.
+                assert (len(points), len(triangles)) == (len(wanted), len(faces))
+                continue
+            assert len(np.unique(which)) == len(points) == len(wanted)
+            same = triangles_of(faces, np.arange(len(wanted)))
+            np.testing.assert_array_equal(triangles_of(triangles, which), same)
+
+
+def test_a_surface_is_cancelled_between_two_slabs(session: nu.Session, tmp_path: Path) -> None:
+    told: list[float] = []
+
+    def cancel(fraction: float, _text: str) -> None:
+        told.append(fraction)
+        if len(told) == 4:
+            raise Cancelled
+
+    field = blurred("sphere")
+    with pytest.raises(Cancelled):
+        level_surface(field, 0.5, Share(cancel), most=1)
+    assert told == [k / (len(field) - 1) for k in range(4)]
+    told.clear()
+    with pytest.raises(Cancelled):
+        save_surfaces(session, tmp_path / "bag.stl", progress=cancel)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])

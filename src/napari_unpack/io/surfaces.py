@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
 from napari_unpack.atomic import check_writable, folder_written_atomically, written_atomically
-from napari_unpack.geometry.axes import transform_points
+from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.io.optional import needed
-from napari_unpack.tasks import Progress, Share, attended, no_progress
+from napari_unpack.tasks import SILENT, Progress, Share, attended, no_progress, relayed
 
 if TYPE_CHECKING:
     import trimesh
@@ -37,6 +37,14 @@ FINER = ((3_000, 3), (100_000, 2))
 # on a shell of a large bag each takes seconds, and there one half is near already.
 CLOSE = 0.005
 SMALL_STEPS, LARGE_STEPS = 10, 4
+
+# Marching cubes keep all of Python waiting, for 20 to 130 ns a voxel: a slab takes a tenth of a
+# second.
+SLAB_VOXELS = 2**20
+
+# No voxel of a blurred mask is nearer to the level: there the surface's points on several edges
+# would be one to float32, in bags of up to 2,000 voxels, and slabs could not tell them apart.
+NEAR = 0.0001
 
 # From axes z y x of the scan, as napari draws them, to x to the left, y to the back and z to the
 # head of who lies on the table: what scanners and 3D Slicer count in, and no mirror image.
@@ -121,7 +129,7 @@ def save_surfaces(
 
 
 def object_surface(
-    mask: NDArray[np.bool_],
+    mask: NDArray[np.bool_], progress: Progress = no_progress
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the closed surface of a mask that encloses as much as its voxels are.
 
@@ -129,6 +137,8 @@ def object_surface(
     ----------
     mask : (Z, Y, X) ndarray of bool
         With at least one voxel.
+    progress : callable
+        Told of every slab; raising in it cancels.
 
     Returns
     -------
@@ -136,8 +146,6 @@ def object_surface(
         Voxels z y x, whose centres are at integers.
     triangles : (m, 3) ndarray of int64
     """
-    from skimage.measure import marching_cubes
-
     count = int(mask.sum())
     finer = next((times for most, times in FINER if count < most), 1)
     for axis in range(3):
@@ -149,15 +157,60 @@ def object_surface(
     level = min(0.5, high / 2)
     # At one half, corners and thin sheets shrink or go: the level is moved until the surface
     # encloses what it should, halving the steps.
-    for _ in range(LARGE_STEPS if finer == 1 else SMALL_STEPS):
-        points, triangles, _, _ = marching_cubes(field, level)
+    steps, whole = LARGE_STEPS if finer == 1 else SMALL_STEPS, Share(progress)
+    for k in range(steps):
+        part = whole.part(k / steps, (k + 1) / steps)
+        points, triangles = level_surface(field, level, part)
         share = _enclosed(points, triangles) / (count * finer**3)
         if abs(share - 1) < CLOSE:
             break
         low, high = (level, high) if share > 1 else (low, level)
         level = (low + high) / 2
-    points = (points.astype(np.float64) - margin + 0.5) / finer - 0.5
-    return points, triangles.astype(np.int64)
+    return (points - margin + 0.5) / finer - 0.5, triangles
+
+
+def level_surface(
+    field: NDArray[np.float32], level: float, share: Share = SILENT, most: int = SLAB_VOXELS
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the surface where a field has a level, as points z y x and triangles.
+
+    Parameters
+    ----------
+    field : (Z, Y, X) ndarray of float32
+        In [0, 1], and below the level all around.
+    level : float
+    share : Share
+        Told of every slab.
+    most : int
+        Voxels of a slab, roughly; it decides on the order of the points alone.
+    """
+    from skimage.measure import marching_cubes
+
+    deep = max(1, most // field[0].size)
+    found, faces, count, shared = [], [], 0, np.zeros(0, np.int64)
+    for first in share.over(range(0, len(field) - 1, deep)):
+        # The plane in which two slabs meet is in both, and so are the points in it.
+        slab = field[first : first + deep + 1] - np.float32(level)
+        np.copysign(np.maximum(np.abs(slab), NEAR), slab, out=slab)
+        if slab.min() > 0 or slab.max() < 0:
+            shared = shared[:0]
+            continue
+        points, triangles, _, _ = marching_cubes(slab, 0.0)
+        number = np.full(len(points), -1)
+        number[_in_plane(points, 0)] = shared
+        new = number < 0
+        number[new] = count + np.arange(new.sum())
+        count += int(new.sum())
+        shared = number[_in_plane(points, len(slab) - 1)]
+        found.append(points[new] + np.array([first, 0.0, 0.0]))
+        faces.append(number[triangles])
+    return np.concatenate(found), np.concatenate(faces)
+
+
+def _in_plane(points: NDArray[np.float32], z: int) -> NDArray[np.int64]:
+    """Return which points lie in a plane, in an order that is the same from both of its sides."""
+    there = np.flatnonzero(points[:, 0] == z)
+    return there[np.lexsort(points[there, 1:].T)]
 
 
 def _enclosed(points: NDArray[Any], triangles: NDArray[Any]) -> float:
@@ -169,8 +222,6 @@ def _enclosed(points: NDArray[Any], triangles: NDArray[Any]) -> float:
 def _meshes(
     session: Session, ids: list[int], standing: ArrayLike | None, report: Progress
 ) -> Iterator[tuple[str, trimesh.Trimesh]]:
-    import trimesh
-
     names, labels, boxes = session.objects["name"], session.labels, session.boxes
     moved = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
     told = session.scanner_from_scan
@@ -182,18 +233,27 @@ def _meshes(
         share = Share(report, k / len(ids), (k + 1) / len(ids), text)
         share()
         window = boxes.slices(i)
-        points, triangles = attended(partial(object_surface, labels[window] == i), share)
-        points += [one.start for one in window]
-        there = transform_points(place, points * np.asarray(session.spacing)) * scale
+        # From the object's own voxels to where it lies, in mm.
+        there = np.diag([scale, scale, scale, 1.0]) @ place @ np.diag([*session.spacing, 1.0])
+        there[:3, 3] += there[:3, :3] @ [one.start for one in window]
         color = np.append(session.solo_tints(i)[i, :3], 1.0)
-        mesh = trimesh.Trimesh(there, triangles, process=False)
-        # Two mirrors are none: whichever way the axes go, outside is outside.
-        if mesh.volume < 0:
-            mesh.invert()
-        mesh.visual = trimesh.visual.ColorVisuals(
-            mesh, vertex_colors=np.tile(np.uint8(np.clip(color, 0, 1) * 255), (len(there), 1))
-        )
-        yield str(names[i]), mesh
+        yield str(names[i]), relayed(partial(_mesh, labels[window] == i, there, color), share)
+
+
+def _mesh(
+    mask: NDArray[np.bool_], there: Matrix, color: NDArray[np.float64], progress: Progress
+) -> trimesh.Trimesh:
+    import trimesh
+
+    points, triangles = object_surface(mask, progress)
+    mesh = trimesh.Trimesh(transform_points(there, points), triangles, process=False)
+    # Two mirrors are none: whichever way the axes go, outside is outside.
+    if mesh.volume < 0:
+        mesh.invert()
+    mesh.visual = trimesh.visual.ColorVisuals(
+        mesh, vertex_colors=np.tile(np.uint8(np.clip(color, 0, 1) * 255), (len(points), 1))
+    )
+    return mesh
 
 
 def _together(meshes: list[tuple[str, trimesh.Trimesh]], kind: str) -> bytes:
