@@ -146,6 +146,9 @@ def object_surface(
         Voxels z y x, whose centres are at integers.
     triangles : (m, 3) ndarray of int64
     """
+    # Not from 0, where a bar stands still while the blur is made.
+    whole = Share(progress, 0.01)
+    whole()
     count = int(mask.sum())
     finer = next((times for most, times in FINER if count < most), 1)
     for axis in range(3):
@@ -157,7 +160,7 @@ def object_surface(
     level = min(0.5, high / 2)
     # At one half, corners and thin sheets shrink or go: the level is moved until the surface
     # encloses what it should, halving the steps.
-    steps, whole = LARGE_STEPS if finer == 1 else SMALL_STEPS, Share(progress)
+    steps = LARGE_STEPS if finer == 1 else SMALL_STEPS
     for k in range(steps):
         part = whole.part(k / steps, (k + 1) / steps)
         points, triangles = level_surface(field, level, part)
