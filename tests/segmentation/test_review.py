@@ -139,3 +139,22 @@ def test_an_answer_remembers_what_was_measured() -> None:
     assert answer.chance == pytest.approx(0.4)
     assert len(answer.row) == len(FEATURES)
     assert answer.row[0] == 1
+
+
+def test_what_is_torn_apart_takes_with_it_only_what_holds_to_it_most() -> None:
+    pieces = np.zeros((4, 4, 9), np.int32)
+    for k in (1, 2, 3):
+        pieces[:, :, 3 * k - 3 : 3 * k] = k
+    sums = np.zeros((4, 5))
+    sums[1:] = 48.0, 48.0, 48.0, 48.0, 40.0
+    pairs = np.array([[1, 2], [1, 3], [2, 3]])
+    # The third was joined to the second, but holds to the first over four times as many faces.
+    contact = np.column_stack([[10.0, 40.0, 10.0], np.ones(3), np.zeros(3)])
+    tree = np.array([True, False, True])
+    found = Evidence.of(pieces, sums, pairs, contact, np.array([0.5, 0.9, 0.9]), tree)
+    labels = np.ones(pieces.shape, np.int32)
+    left = {d.pieces: d for d in doubts(found, labels, least=0.0, share=2.0) if d.kind == "join"}
+    assert set(left) == {(1, 2), (2, 3)}
+    assert left[1, 2].side.tolist() == [2]
+    cut = after(left[1, 2], "different", labels, found)
+    assert np.array_equal(cut == cut[0, 0, 3], pieces == 2)

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from napari_unpack.segmentation.review.evidence import Evidence
 from napari_unpack.segmentation.review.rescoring import FEATURES, Rescoring
@@ -20,6 +22,8 @@ SAID: tuple[Said, ...] = ("same", "different", "nothing", "skip")
 LEAST_DOUBT = 0.05
 # Of what answers may win, all told: the many doubts that share the rest are not worth the time.
 SHARE = 0.9
+# Flows are of whole numbers: so many to a face that is sure to be within one object.
+BOND_STEPS = 100
 
 
 @dataclass(frozen=True)
@@ -158,64 +162,56 @@ def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[
 def _joins(
     evidence: Evidence, objects: NDArray[np.int64], answers: Sequence[Answer]
 ) -> list[Doubt]:
-    """Return every join that holds an object together."""
+    """Return every join that holds an object together, with the side that it would lose."""
     ends = objects[evidence.pairs]
     held = (ends[:, 0] == ends[:, 1]) & (ends[:, 0] > 0)
-    wanted = {a.pieces for a in answers if a.said == "same"}
-    # What a person called the same holds as well, and is asked no more.
-    linked = np.array([tuple(p) in wanted for p in evidence.pairs.tolist()], np.bool_)
-    tree = np.flatnonzero(held & (evidence.tree | linked))
-    order, first, last = _subtrees(evidence.pairs[tree], len(objects))
     known = {a.pieces for a in answers}
-    members = {int(i): np.flatnonzero(objects == i) for i in np.unique(ends[held])}
     found = []
-    for k, low, high in zip(tree.tolist(), first.tolist(), last.tolist(), strict=True):
-        one, two = (int(n) for n in evidence.pairs[k])
-        if (one, two) in known or low == high:
-            continue
-        object_id = int(objects[one])
-        side = order[low:high]
-        rest = np.setdiff1d(members[object_id], side)
-        if evidence.sums[side, 0].sum() > evidence.sums[rest, 0].sum():
-            side, rest = rest, side
-        row = _measured(evidence, "join", side, rest)
-        chance = float(evidence.chance[k])
-        found.append(
-            Doubt("join", (one, two), (object_id, object_id), side, chance, chance, 0.0, row)
-        )
+    for object_id in np.unique(ends[held, 0]).tolist():
+        inner = np.flatnonzero(held & (ends[:, 0] == object_id))
+        members, flat = np.unique(evidence.pairs[inner], return_inverse=True)
+        places = flat.reshape(-1, 2)
+        bonds = _bonds(evidence.contact[inner, 0] * evidence.chance[inner], places, len(members))
+        for k, (here, there) in zip(inner.tolist(), places.tolist(), strict=True):
+            one, two = (int(n) for n in evidence.pairs[k])
+            if not evidence.tree[k] or (one, two) in known:
+                continue
+            mask = _torn_off(bonds, here, there)
+            side, rest = members[mask], members[~mask]
+            if evidence.sums[side, 0].sum() >= evidence.sums[rest, 0].sum():
+                side, rest = rest, side
+            row, chance = _measured(evidence, "join", side, rest), float(evidence.chance[k])
+            names = (object_id, object_id)
+            found.append(Doubt("join", (one, two), names, side, chance, chance, 0.0, row))
     return found
 
 
-def _subtrees(
-    edges: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return nodes so ordered that one side of each edge is a stretch of them, and its ends."""
-    near: list[list[tuple[int, int]]] = [[] for _ in range(count)]
-    for k, (one, two) in enumerate(edges.tolist()):
-        near[one].append((two, k))
-        near[two].append((one, k))
-    order: list[int] = []
-    first, last = np.zeros(len(edges), np.int64), np.zeros(len(edges), np.int64)
-    seen = np.zeros(count, np.bool_)
-    for start in range(count):
-        if seen[start] or not near[start]:
-            continue
-        stack = [(start, -1, False)]
-        while stack:
-            node, edge, done = stack.pop()
-            if done:
-                last[edge] = len(order)
-                continue
-            # A pair that a person joined may close a ring: its far end has been here.
-            if seen[node]:
-                continue
-            seen[node] = True
-            if edge >= 0:
-                first[edge] = len(order)
-                stack.append((node, edge, True))
-            order.append(node)
-            stack.extend((other, k, False) for other, k in near[node] if not seen[other])
-    return np.array(order, np.int64), first, last
+def _bonds(strength: NDArray[np.float64], places: NDArray[np.intp], count: int) -> csr_array:
+    """Return how strongly pieces hold on to each other, both ways, in whole numbers."""
+    whole = np.clip(strength * BOND_STEPS, 1, np.iinfo(np.int32).max // 2).astype(np.int32)
+    one, two = places.T
+    both = (np.concatenate([one, two]), np.concatenate([two, one]))
+    return csr_array((np.concatenate([whole, whole]), both), (count, count))
+
+
+def _torn_off(bonds: csr_array, one: int, two: int) -> NDArray[np.bool_]:
+    """Return which pieces stay with the first of two that are torn apart where least holds them.
+
+    Parameters
+    ----------
+    bonds : (N, N) csr_array of int32
+    one, two : int
+
+    Notes
+    -----
+    A minimum cut. Cutting the asked join of the tree alone would leave with the second piece all
+    that had been joined to it later, whatever holds it to the first.
+    """
+    left = csr_array(bonds - maximum_flow(bonds, one, two).flow)
+    left.eliminate_zeros()
+    reached = np.zeros(bonds.shape[0], np.bool_)
+    reached[breadth_first_order(left, one, return_predecessors=False)] = True
+    return reached
 
 
 def _borders(
