@@ -12,6 +12,7 @@ from napari_unpack.rendering.slice_image import (
     ALONG_Z,
     PLANES,
     edge_of,
+    object_window,
     slice_image,
     window_for,
 )
@@ -100,3 +101,21 @@ def test_the_window_of_a_volume_leaves_metal_out() -> None:
     flat_low, flat_high = window_for(np.full((2, 2, 2), 7))
     assert flat_low < 7 < flat_high
     assert window_for(np.full((2, 2, 2), np.nan)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("metal", [0.0, 0.01, 0.1, 0.4])
+def test_the_window_of_objects_shows_water_and_plastic_beside_any_amount_of_metal(
+    metal: float,
+) -> None:
+    rng = np.random.default_rng(0)
+    volume = rng.normal(1100, 80, (40, 40, 40))
+    volume[rng.random(volume.shape) < metal] = 17_000
+    labels = np.ones(volume.shape, np.uint16)
+    # Metal of no object, and air around: neither counts.
+    volume[:2], labels[:2] = 30_000, 0
+    volume[2:20], labels[2:20] = 0, 0
+    low, high = object_window(volume, labels)
+    assert low == 0
+    assert 0.25 < (1000 - low) / (high - low) < 0.95
+    assert object_window(volume, np.zeros_like(labels)) == (0.0, 1.0)
+    assert object_window(np.zeros_like(volume), labels) == (0.0, 1.0)

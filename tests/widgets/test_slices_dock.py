@@ -16,7 +16,7 @@ from qtpy.QtWidgets import QApplication, QToolTip
 from mouse import LEFT, NONE, PLAIN, move
 from napari_unpack.appearance import tints_of
 from napari_unpack.layers import compat
-from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
+from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES, object_window
 from napari_unpack.viewer.linked_slices import OUTSIDE
 from napari_unpack.viewer.ruler_drawing import FAINT
 from napari_unpack.widgets.remembered import remembered
@@ -268,7 +268,10 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     linked, session, dock, view = slices.linked, slices.session, slices.dock, slices.z
     slices.controller.recolor_at_rest = False
     image = slices.controller.sources[0]
-    assert linked.window == tuple(image.contrast_limits)
+    automatic = linked.window
+    assert automatic == object_window(session.volume, session.labels)
+    # The densest of the balls would leave the others dark.
+    assert automatic[1] < image.contrast_limits[1] == 4500
     linked.point_at(CENTERS[0])
     drawn(dock, qtbot)
     at = (CENTERS[0][1], CENTERS[0][2])
@@ -281,7 +284,7 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     image.contrast_limits = before
     assert linked.window == (100, 2000)
     press(qtbot, dock.automatic)
-    assert linked.window == before
+    assert linked.window == automatic
 
     def color() -> np.ndarray:
         drawn(dock, qtbot)

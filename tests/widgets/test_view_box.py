@@ -43,3 +43,43 @@ def test_fit_and_the_sides_by_button_menu_and_key(
         assert piled.camera.height == pytest.approx(fitted(piled).height, rel=0.01)
     # To look is no step: there is nothing of it to undo.
     assert piled.history.done == steps
+
+
+def test_keys_alone_turn_the_bag_and_what_is_inspected_and_tab_leaves_the_table(
+    viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    controller, shift = panel.workspace.controller, Qt.KeyboardModifier.ShiftModifier
+    assert controller is not None
+    controller.seconds = 0.05
+    rest(panel, qtbot)
+    canvas = compat.native_canvas(viewer).native
+
+    def angle(before: np.ndarray, after: np.ndarray) -> float:
+        return float(np.degrees(np.arccos((np.trace(before.T @ after) - 1) / 2)))
+
+    was, height = piled.camera.rotation.copy(), piled.camera.height
+    for key in (Qt.Key.Key_Right, Qt.Key.Key_Right):
+        QTest.keyClick(canvas, key, shift)
+    rest(panel, qtbot)
+    assert angle(was, piled.camera.rotation) == pytest.approx(30, abs=1)
+    assert piled.camera.height == pytest.approx(height, rel=1e-3)
+    QTest.keyClick(canvas, Qt.Key.Key_N)
+    rest(panel, qtbot)
+    QTest.keyClick(canvas, Qt.Key.Key_I)
+    rest(panel, qtbot)
+    (one,) = piled.poses
+    held, seen = controller.rotation_of(one).copy(), piled.camera.rotation.copy()
+    QTest.keyClick(canvas, Qt.Key.Key_Up, shift)
+    rest(panel, qtbot)
+    assert angle(held, controller.rotation_of(one)) == pytest.approx(15, abs=1)
+    np.testing.assert_allclose(piled.camera.rotation, seen, atol=1e-6)
+
+    table = panel.objects.table
+    panel.window().activateWindow()
+    table.setFocus()
+    for key in (Qt.Key.Key_Tab, Qt.Key.Key_Backtab):
+        qtbot.waitUntil(table.hasFocus, timeout=5000)
+        QTest.keyClick(table, Qt.Key.Key_Down)
+        QTest.keyClick(table, key)
+        assert not table.hasFocus()
+        table.setFocus()

@@ -162,28 +162,3 @@ def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
     """
     z, y, x = (float(mm) for mm in axes.checked_spacing(spacing, f"the voxel size in {source}"))
     return z, y, x
-
-
-# Voxels that tell the range of a scan well enough; to sort all of a large one takes seconds.
-SAMPLED = 1 << 20
-
-
-def display_range(volume: NDArray[Any], labels: NDArray[Any]) -> tuple[float, float]:
-    """Return the densities that slices show as black and as white.
-
-    Parameters
-    ----------
-    volume, labels : (Z, Y, X) ndarray
-        From the least density to what nearly all voxels of objects stay below: between the
-        least and the greatest, a little metal would leave all else black.
-    """
-    # The same voxels of both: every few along all axes, whatever their order in memory.
-    step = max(1, round((volume.size / SAMPLED) ** (1 / 3)))
-    few = (slice(None, None, step),) * 3
-    seen, objects = np.asarray(volume[few], np.float64), np.asarray(labels[few]) != 0
-    finite = np.isfinite(seen)
-    of_objects = seen[finite & objects]
-    if not of_objects.size:
-        return 0.0, 1.0
-    low, high = float(seen[finite].min()), float(np.percentile(of_objects, 98))
-    return low, high if high > low else low + 1.0

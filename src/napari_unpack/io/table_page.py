@@ -52,7 +52,8 @@ td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
 tbody tr:hover td:not(.picture) { background: color-mix(in srgb, var(--accent) 8%, transparent); }
 footer { margin-top: 20px; font-size: 13px; }
 @media (max-width: 600px) { th, td { padding: 6px 8px; } .picture { width: 80px; }
-  .picture img { max-width: 64px; max-height: 56px; } .long { min-width: 160px; } }
+  .picture img { max-width: 64px; max-height: 56px; } .long { min-width: 160px; }
+  .name { min-width: 104px; } }
 @media print { .search, footer { display: none; } .wide { overflow: visible; } }
 """
 

@@ -21,6 +21,13 @@ SAMPLES = 1 << 20
 # Percent of the voxels left out at either end: metal and streaks would make the rest one grey.
 LEFT_OUT = 0.5
 
+# Of the voxels of objects, percent that are darker than white.
+DARKER = 98
+
+# White is at most so many times the median of the objects' densities: in a bag of water, plastic
+# and much metal, more would leave the first two nearly black.
+BRIGHTEST = 3.0
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -140,3 +147,27 @@ def window_for(volume: Any) -> Window:
     low, high = (float(v) for v in np.percentile(values, (LEFT_OUT, 100.0 - LEFT_OUT)))
     # A volume of one density is still to be seen.
     return (low, high) if high > low else (low - 1.0, low + 1.0)
+
+
+def object_window(volume: Any, labels: Any) -> Window:
+    """Return the window that shows what most objects are of, whatever is between or within them.
+
+    Parameters
+    ----------
+    volume, labels : (Z, Y, X) array
+        Densities and object IDs; a million voxels of each are read at most.
+    """
+    # The same voxels of both: every few along all axes, whatever their order in memory.
+    step = max(1, int(np.ceil((labels.size / SAMPLES) ** (1 / 3))))
+    few = (slice(None, None, step),) * 3
+    seen, objects = np.asarray(volume[few]), np.asarray(labels[few]) != 0
+    finite = np.isfinite(seen)
+    of_objects = seen[finite & objects]
+    if not of_objects.size:
+        return 0.0, 1.0
+    low = float(seen[finite].min())
+    middle, high = (float(v) for v in np.percentile(of_objects, (50, DARKER)))
+    # Where most is as dark as the darkest there is no telling what is metal.
+    if middle > low:
+        high = min(high, low + BRIGHTEST * (middle - low))
+    return low, high if high > low else low + 1.0

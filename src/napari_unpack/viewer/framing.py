@@ -148,6 +148,19 @@ class Framing:
         else:
             self._go(turned)
 
+    def turn_by(self, rotation: np.ndarray) -> None:
+        """Turn the view at once, as a drag does; a person's zoom and the fit stay.
+
+        Parameters
+        ----------
+        rotation : (3, 3) ndarray of float64
+            Of pivot space.
+        """
+        if self._glide is not None:
+            self._tick(float("inf"))
+        seen = self._seen
+        point_camera(self._viewer, self._layer, replace(seen, rotation=rotation @ seen.rotation))
+
     def follow(self) -> None:
         """Make room for what comes out, and fill the window again as things go back."""
         # What asks may be a draw, in which the camera must not move.

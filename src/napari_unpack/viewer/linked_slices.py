@@ -15,7 +15,7 @@ from psygnal import Signal, SignalGroup
 from napari_unpack.appearance import tints_of
 from napari_unpack.geometry.axes import Vector, transform_points
 from napari_unpack.layers.placement import units_of, voxel_at
-from napari_unpack.rendering.slice_image import PLANES, Plane, Window, slice_image, window_for
+from napari_unpack.rendering.slice_image import PLANES, Plane, Window, object_window, slice_image
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.layer_tables import hint
@@ -372,10 +372,13 @@ def image_of(controller: SessionController) -> Image | None:
 
 
 def first_window(controller: SessionController) -> Window:
-    """Return the contrast limits of a session's image; where it has none, what suits its volume."""
-    image = image_of(controller)
-    low, high = (0.0, 0.0) if image is None else image.contrast_limits
-    return (float(low), float(high)) if high > low else window_for(controller.session.volume)
+    """Return the contrast limits chosen for a session's image; else what suits its objects."""
+    image, session = image_of(controller), controller.session
+    # napari begins with the whole range, in which metal leaves plastic and water nearly black.
+    if image is not None and image.contrast_limits != image.contrast_limits_range:
+        low, high = image.contrast_limits
+        return float(low), float(high)
+    return object_window(session.volume, session.labels)
 
 
 def middle_of(session: Session, object_id: int) -> NDArray[np.float64]:

@@ -189,15 +189,15 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
 
 def _layers(path: Path) -> list[LayerData]:
     from napari_unpack.io import open_session
-    from napari_unpack.io.scan import display_range
     from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
+    from napari_unpack.rendering.slice_image import object_window
 
     session = open_session(path)
     about: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
     about["affine"] = standing_of(path)
     about["metadata"] = {"scanner_from_scan": session.scanner_from_scan}
-    limits = display_range(session.volume, session.labels)
+    limits = object_window(session.volume, session.labels)
     shown = {"name": path.stem, "colormap": "gray", "contrast_limits": limits}
     return [
         (session.volume, {**about, **shown}, "image"),

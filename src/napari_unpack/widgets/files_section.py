@@ -216,9 +216,9 @@ class _Opened:
 
 def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
     from napari_unpack.io import open_session
-    from napari_unpack.io.scan import display_range
     from napari_unpack.io.session_json import given_labels
     from napari_unpack.io.sessions import standing_of
+    from napari_unpack.rendering.slice_image import object_window
     from napari_unpack.session.framing import alike, fitted
 
     session = open_session(path, progress=progress, large=large)
@@ -231,7 +231,7 @@ def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
     # A session saved during an inspection opens with the whole bag.
     camera = None if whole or session.state.inspected is not None else session.camera
     session.leave()
-    shown = display_range(session.volume, session.labels)
+    shown = object_window(session.volume, session.labels)
     return _Opened(session, labels, standing_of(path), shown, camera)
 
 

@@ -377,6 +377,8 @@ class ObjectTable(QTableView):
         )
         self.setShowGrid(False)
         self.setWordWrap(False)
+        # Arrow keys go from cell to cell: Tab would never come out of the table.
+        self.setTabKeyNavigation(False)
         # The ends of names tell objects apart: a number, a mark.
         self.setTextElideMode(Qt.TextElideMode.ElideMiddle)
         # By pixels, as wide columns would jump otherwise.

@@ -39,6 +39,7 @@ KEYS = (
     ("Ctrl+Shift+Z", "redo"),
     (FIT_KEY, "fit"),
     ("1…7", "view from a side"),
+    ("Shift+arrows", "turn the bag or the inspected object"),
     ("Escape", "leave, cancel or select nothing"),
 )
 MOUSE = (
@@ -57,6 +58,16 @@ def help_text() -> str:
     keys = " · ".join(f"<b>{key}</b>\u00a0{what}" for key, what in KEYS)
     mouse = "".join(f"<br><b>{how}</b> {what}" for how, what in MOUSE)
     return keys + mouse
+
+
+# Pixels of a drag that turns by 15 degrees, which is what one press of an arrow key does.
+ARROW = 24.0
+TURNS = {
+    "Shift-Left": (0.0, -ARROW),
+    "Shift-Right": (0.0, ARROW),
+    "Shift-Up": (-ARROW, 0.0),
+    "Shift-Down": (ARROW, 0.0),
+}
 
 
 class Shortcuts:
@@ -100,6 +111,7 @@ class Shortcuts:
             "Escape": self._escape,
             FIT_KEY: commands.fit,
             **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
+            **{key: partial(commands.turn, *way) for key, way in TURNS.items()},
             **others,
         }
         workspace.switched.connect(self._bind)

@@ -63,7 +63,9 @@ class SlicesDock(DockContents):
         for control, name in names.items():
             control.setAccessibleName(name)
         self.automatic = button(
-            "Automatic greys", "Let black and white follow the contrast limits of the image."
+            "Automatic greys",
+            "Let black and white follow the contrast limits chosen for the image, or else "
+            "suit what most objects are of.",
         )
         self.fit = button("Fit", "Show each slice whole (Home).")
         self.center = button(
