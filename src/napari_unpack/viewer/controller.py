@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from napari.layers import Layer
-from numpy.typing import NDArray
 from psygnal import Signal, SignalGroup
 from qtpy.QtCore import QCoreApplication, QEventLoop
 
@@ -29,7 +28,7 @@ from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.cut_handle import CutHandle
 from napari_unpack.viewer.framing import Framing
-from napari_unpack.viewer.interaction import Interaction, drag_rotation
+from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, measure_next, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
@@ -394,21 +393,6 @@ class SessionController:
             As for `Framing.look_from`.
         """
         self.framing.look_from(camera, window)
-
-    def turn_by(self, pixels: NDArray[np.float64]) -> None:
-        """Turn the bag, or what is inspected, as a drag does.
-
-        Parameters
-        ----------
-        pixels : (2,) ndarray of float64
-            Way of the drag, rows down and columns to the right.
-        """
-        held, rotation = self.renderer.animator.turned_by_hand, drag_rotation(pixels)
-        if held:
-            self.renderer.held.turn(held, rotation)
-            self.renderer.held.turned(held)
-        elif self.viewer.dims.ndisplay == 3:
-            self.framing.turn_by(rotation)
 
     def look_from_side(self, side: Side | None) -> None:
         """Glide to a view from one side of the bag; None looks against the direction of unpacking.

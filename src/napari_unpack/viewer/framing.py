@@ -149,17 +149,23 @@ class Framing:
             self._go(turned)
 
     def turn_by(self, rotation: np.ndarray) -> None:
-        """Turn the view at once, as a drag does; a person's zoom and the fit stay.
+        """Turn the bag, or what is inspected, at once, as a drag does; zoom and fit stay.
 
         Parameters
         ----------
         rotation : (3, 3) ndarray of float64
             Of pivot space.
         """
-        if self._glide is not None:
-            self._tick(float("inf"))
-        seen = self._seen
-        point_camera(self._viewer, self._layer, replace(seen, rotation=rotation @ seen.rotation))
+        held = self._renderer.animator.turned_by_hand
+        if held:
+            self._renderer.held.turn(held, rotation)
+            self._renderer.held.turned(held)
+        elif self._viewer.dims.ndisplay == 3:
+            if self._glide is not None:
+                self._tick(float("inf"))
+            seen = self._seen
+            turned = replace(seen, rotation=rotation @ seen.rotation)
+            point_camera(self._viewer, self._layer, turned)
 
     def follow(self) -> None:
         """Make room for what comes out, and fill the window again as things go back."""

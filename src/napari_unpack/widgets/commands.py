@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.annotation_commands import AnnotationCommands
@@ -188,10 +186,6 @@ class Commands:
     def look_from(self, side: Side | None) -> None:
         """Look at the bag from a side, or from where objects leave to."""
         self._run(lambda controller: controller.look_from_side(side))
-
-    def turn(self, down: float, right: float) -> None:
-        """Turn the bag, or what is inspected, as a drag of so many pixels does."""
-        self._run_if_open(lambda controller: controller.turn_by(np.array([down, right])))
 
     # What is seen, and how.
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.commands import Commands, objects_in
@@ -111,7 +113,7 @@ class Shortcuts:
             "Escape": self._escape,
             FIT_KEY: commands.fit,
             **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
-            **{key: partial(commands.turn, *way) for key, way in TURNS.items()},
+            **{key: partial(self._turn, way) for key, way in TURNS.items()},
             **others,
         }
         workspace.switched.connect(self._bind)
@@ -144,6 +146,12 @@ class Shortcuts:
         """Take back what was done last, also where it is still being worked out."""
         if not self._repair.call_off():
             self._commands.undo()
+
+    def _turn(self, way: tuple[float, float]) -> None:
+        from napari_unpack.viewer.interaction import drag_rotation
+
+        if self._workspace.controller is not None:
+            self._workspace.controller.framing.turn_by(drag_rotation(np.array(way)))
 
     def _escape(self) -> None:
         """End what was begun last."""
