@@ -18,6 +18,7 @@ from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
     checked_label_array,
+    checked_place,
     checked_spacing,
     checked_volume_array,
 )
@@ -154,7 +155,8 @@ def stored_volume(path: Path) -> tuple[Any, Spacing, tuple[str, ...]]:
         array, letters, spacing = node, SPACE, checked_spacing(np.ones(3), path)
         assumed: tuple[str, ...] = (NO_VOXEL_SIZE,)
     else:
-        array, letters, spacing, assumed = _described(node, path)
+        array, found = _described(node, path)
+        letters, spacing, assumed = found.axes, found.spacing, found.assumed
     if letters != SPACE or array.ndim != len(SPACE):
         raise ValueError(
             f"{path} must hold one volume with axes z, y, x, got {letters} and {array.ndim} axes"
@@ -187,18 +189,18 @@ def _voxels(array: Any, path: Path, large: bool) -> NDArray[Any]:
 
 
 def _finest(node: Any, path: Path, large: bool) -> FileData:
-    array, letters, spacing, assumed = _described(node, path)
+    array, found = _described(node, path)
     try:
         voxels = _voxels(array, path, large)
     except TooLargeError:
         raise
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
-    return FileData(voxels, letters, spacing, assumed=assumed)
+    return replace(found, volume=voxels)
 
 
-def _described(node: Any, path: Path) -> tuple[Any, str, Spacing, tuple[str, ...]]:
-    """Return the finest level's array, its axes, its voxel size and what was assumed."""
+def _described(node: Any, path: Path) -> tuple[Any, FileData]:
+    """Return the finest level's array, and what is said of it: data without a volume."""
     scales = _attributes(node).get("multiscales")
     if not scales:
         raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing)")
@@ -209,25 +211,36 @@ def _described(node: Any, path: Path) -> tuple[Any, str, Spacing, tuple[str, ...
     except (KeyError, OSError, ValueError, RuntimeError) as error:
         raise ValueError(f"the finest level of {path} cannot be read: {error}") from error
     axes = _axes(scales[0], array.ndim, path)
-    factors = np.ones(array.ndim)
-    steps = [
-        *scales[0].get("coordinateTransformations", []),
+    factors, moves, said = np.ones(array.ndim), np.zeros(array.ndim), set()
+    # Both the level and the whole image may scale and move, one after the other.
+    for step in (
         *level.get("coordinateTransformations", []),
-    ]
-    scaled = [step for step in steps if step.get("type") == "scale"]
-    for step in scaled:
-        # Both the whole image and its level may scale; they multiply.
-        factors = factors * np.asarray(step["scale"], dtype=float)
-    assumed = [] if scaled else [NO_VOXEL_SIZE]
-    sides = dict.fromkeys(SPACE, 1.0)
-    for axis, factor in zip(axes, factors, strict=True):
+        *scales[0].get("coordinateTransformations", []),
+    ):
+        said.add(kind := step.get("type"))
+        if kind == "scale":
+            by = np.asarray(step["scale"], dtype=float)
+            factors, moves = factors * by, moves * by
+        elif kind == "translation":
+            moves = moves + np.asarray(step["translation"], dtype=float)
+    assumed = [] if "scale" in said else [NO_VOXEL_SIZE]
+    sides, origin = dict.fromkeys(SPACE, 1.0), dict.fromkeys(SPACE, 0.0)
+    for axis, factor, move in zip(axes, factors, moves, strict=True):
         if axis["name"] in SPACE:
             # An axis without a unit counts as mm, as in files of this package.
             unit = in_millimetres(axis.get("unit"), "mm", assumed)
-            sides[axis["name"]] = float(factor) * unit
+            sides[axis["name"]], origin[axis["name"]] = float(factor) * unit, float(move) * unit
     letters = "".join(axis["name"] for axis in axes)
     spacing = checked_spacing([sides[axis] for axis in SPACE], path)
-    return array, letters, spacing, tuple(assumed)
+    place = None
+    if "translation" in said:
+        # The format names no side of a body: x, y and z are those of the scanner, as in ITK.
+        place = np.eye(4)
+        place[:3] = np.array(
+            [[0, 0, 1.0, origin["x"]], [0, 1, 0, origin["y"]], [1, 0, 0, origin["z"]]]
+        )
+    said_of = FileData(None, letters, spacing, None, tuple(assumed), checked_place(place, path))
+    return array, said_of
 
 
 def _axes(scale: dict[str, Any], count: int, path: Path) -> list[dict[str, str]]:
