@@ -141,20 +141,39 @@ def test_an_answer_remembers_what_was_measured() -> None:
     assert answer.row[0] == 1
 
 
-def test_what_is_torn_apart_takes_with_it_only_what_holds_to_it_most() -> None:
+def three_pieces() -> tuple[Evidence, np.ndarray]:
+    """Return three pieces of one object; the third was joined to the second."""
     pieces = np.zeros((4, 4, 9), np.int32)
     for k in (1, 2, 3):
         pieces[:, :, 3 * k - 3 : 3 * k] = k
     sums = np.zeros((4, 5))
     sums[1:] = 48.0, 48.0, 48.0, 48.0, 40.0
     pairs = np.array([[1, 2], [1, 3], [2, 3]])
-    # The third was joined to the second, but holds to the first over four times as many faces.
+    # It holds to the first over four times as many faces.
     contact = np.column_stack([[10.0, 40.0, 10.0], np.ones(3), np.zeros(3)])
     tree = np.array([True, False, True])
     found = Evidence.of(pieces, sums, pairs, contact, np.array([0.5, 0.9, 0.9]), tree)
-    labels = np.ones(pieces.shape, np.int32)
+    return found, np.ones(pieces.shape, np.int32)
+
+
+def test_what_is_torn_apart_takes_with_it_only_what_holds_to_it_most() -> None:
+    found, labels = three_pieces()
     left = {d.pieces: d for d in doubts(found, labels, least=0.0, share=2.0) if d.kind == "join"}
     assert set(left) == {(1, 2), (2, 3)}
     assert left[1, 2].side.tolist() == [2]
     cut = after(left[1, 2], "different", labels, found)
-    assert np.array_equal(cut == cut[0, 0, 3], pieces == 2)
+    assert np.array_equal(cut == cut[0, 0, 3], found.pieces == 2)
+
+
+def test_what_a_person_called_one_object_is_not_torn_apart_by_another_question() -> None:
+    found, labels = three_pieces()
+    # The third goes with the second now, however little holds it there.
+    said = Answer("join", (2, 3), "same", 0.9, (0.0,) * len(FEATURES))
+    left = doubts(found, labels, [said], least=0.0, share=2.0)
+    joins = {d.pieces: d for d in left if d.kind == "join"}
+    assert set(joins) == {(1, 2)}
+    assert sorted(joins[1, 2].side.tolist()) in ([1], [2, 3])
+    # Both ways lead over a person's word: there is nothing to ask.
+    also = Answer("join", (1, 3), "same", 0.9, (0.0,) * len(FEATURES))
+    left = doubts(found, labels, [said, also], least=0.0, share=2.0)
+    assert not [d for d in left if d.kind == "join"]

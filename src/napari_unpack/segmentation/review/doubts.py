@@ -24,6 +24,8 @@ LEAST_DOUBT = 0.05
 SHARE = 0.9
 # Flows are of whole numbers: so many to a face that is sure to be within one object.
 BOND_STEPS = 100
+# A person's word: more than all faces of a bag, and some hundred of them fit 32 bits.
+MOST_BOND = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -166,17 +168,23 @@ def _joins(
     ends = objects[evidence.pairs]
     held = (ends[:, 0] == ends[:, 1]) & (ends[:, 0] > 0)
     known = {a.pieces for a in answers}
+    one_object = {a.pieces for a in answers if a.said == "same"}
+    said = np.array([tuple(p) in one_object for p in evidence.pairs.tolist()], np.bool_)
+    # Nothing that was measured tears apart what a person called one object.
+    strength = np.where(said, np.inf, evidence.contact[:, 0] * evidence.chance)
     found = []
     for object_id in np.unique(ends[held, 0]).tolist():
         inner = np.flatnonzero(held & (ends[:, 0] == object_id))
         members, flat = np.unique(evidence.pairs[inner], return_inverse=True)
         places = flat.reshape(-1, 2)
-        bonds = _bonds(evidence.contact[inner, 0] * evidence.chance[inner], places, len(members))
+        bonds = _bonds(strength[inner], places, len(members))
         for k, (here, there) in zip(inner.tolist(), places.tolist(), strict=True):
             one, two = (int(n) for n in evidence.pairs[k])
             if not evidence.tree[k] or (one, two) in known:
                 continue
             mask = _torn_off(bonds, here, there)
+            if (mask[places[said[inner], 0]] != mask[places[said[inner], 1]]).any():
+                continue
             side, rest = members[mask], members[~mask]
             if evidence.sums[side, 0].sum() >= evidence.sums[rest, 0].sum():
                 side, rest = rest, side
@@ -188,7 +196,8 @@ def _joins(
 
 def _bonds(strength: NDArray[np.float64], places: NDArray[np.intp], count: int) -> csr_array:
     """Return how strongly pieces hold on to each other, both ways, in whole numbers."""
-    whole = np.clip(strength * BOND_STEPS, 1, np.iinfo(np.int32).max // 2).astype(np.int32)
+    # Both ways add up in a flow, and many meet at one piece.
+    whole = np.clip(strength * BOND_STEPS, 1, MOST_BOND).astype(np.int32)
     one, two = places.T
     both = (np.concatenate([one, two]), np.concatenate([two, one]))
     return csr_array((np.concatenate([whole, whole]), both), (count, count))
