@@ -124,17 +124,22 @@ def size(path: Path) -> int:
     return max(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
 
 
+def saved(kind: Kind, path: Path) -> str:
+    """Save the other content and return what was said against it, nothing where all went well."""
+    try:
+        kind.write(path, 1)
+    except OSError as error:
+        return str(error)
+    return ""
+
+
 def on_a_full_disk(kind: Kind, path: Path) -> dict[str, Any]:
     """Save over a good file where files may grow to a half of what is needed."""
     kind.write(path, 0)
     before, limits = digest(path), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size(path) // 2, limits[1]))
     try:
-        kind.write(path, 1)
-    except OSError as error:
-        said = str(error)
-    else:
-        said = ""
+        said = saved(kind, path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     return {
@@ -186,12 +191,7 @@ def on_a_small_disk(kind: Kind, path: Path) -> dict[str, Any]:
         kind.write(path, 0)
         before, free = digest(path), shutil.disk_usage(room).free
         (room / "filler").write_bytes(bytes(max(free - size(path) // 2, 0)))
-        try:
-            kind.write(path, 1)
-        except OSError as error:
-            said = str(error)
-        else:
-            said = ""
+        said = saved(kind, path)
         (room / "filler").unlink()
         alone = [other.name for other in room.iterdir()] == [path.name]
         return {"said": said, "kept": digest(path) == before, "alone": alone}
@@ -223,10 +223,7 @@ def of_another_user(kind: Kind, path: Path) -> dict[str, Any]:
                 if is_root:
                     os.setgid(NOBODY)
                     os.setuid(NOBODY)
-                try:
-                    kind.write(path, 1)
-                except OSError as error:
-                    os.write(going, str(error).encode())
+                os.write(going, saved(kind, path).encode())
                 os._exit(0)
             os.wait()
             os.close(going)
