@@ -152,3 +152,16 @@ def test_to_the_opposite_side_it_passes_before_the_bag():
     ]
     assert max(p[0] for p in way) > 100.0
     assert min(p[0] for p in way) >= -1e-9
+
+
+def test_an_object_shrinks_as_fast_as_it_goes_so_that_it_stays_in_the_window():
+    """It ends small beside the window's edge: still large there, it would reach out of it."""
+    now = camera()
+    sideways = now.in_world((0.0, 0.0, 1.0))
+    home = packed_pose(CENTER, now).center
+    target = Pose(home + np.array([0.0, 0.0, 200.0]), np.eye(3), 0.25)
+    leaving = Flight(7, CENTER, sideways, 60.0, target)
+    # Of a box 80 mm wide: how far right its right side is.
+    poses = [leaving.pose_at(f, now) for f in np.linspace(0, 1, 200)]
+    reach = [pose.center[2] + 40 * pose.scale for pose in poses]
+    assert max(reach) <= home[2] + 200 + 40 * 0.25 + 1e-9

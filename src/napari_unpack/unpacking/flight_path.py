@@ -229,17 +229,22 @@ class Flight:
             center = (1 - gone) * leaving.center + gone * outside.center
             return replace(leaving, center=center)
         rest = (fraction - first) / (1.0 - first)
-        pose = outside.toward(self.target, ease(rest))
+        turned = outside.toward(self.target, ease(rest))
         along = unit(camera.linear @ self.direction)
         if self.around is not None:
             middle = packed_pose(self.around.center, camera).center
             ends = outside.center, along, self.target.center
-            place = path_around_bag(*ends, middle, self.around.radius, 1.0 - (1.0 - rest) ** 2)
-            return replace(pose, center=_before_the_eye(place, camera))
-        gone = 1.0 - (1.0 - rest) ** 3
-        ahead = outside.center + along * min(0.35 * self.clear, way / 3)
-        ahead = _before_the_eye(ahead, camera)
-        return replace(pose, center=_bezier(outside.center, ahead, self.target.center, gone))
+            gone = 1.0 - (1.0 - rest) ** 2
+            place = path_around_bag(*ends, middle, self.around.radius, gone)
+            place = _before_the_eye(place, camera)
+        else:
+            gone = 1.0 - (1.0 - rest) ** 3
+            ahead = outside.center + along * min(0.35 * self.clear, way / 3)
+            ahead = _before_the_eye(ahead, camera)
+            place = _bezier(outside.center, ahead, self.target.center, gone)
+        # Size keeps pace with place: an object still large beside its slot would leave the window.
+        scale = outside.toward(self.target, gone).scale
+        return replace(turned, center=place, scale=scale)
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
