@@ -305,3 +305,47 @@ def test_a_single_slice_is_no_volume(tmp_path: Path) -> None:
     dataset(NUMBERS[0]).save_as(tmp_path / "one.dcm", enforce_file_format=True)
     with pytest.raises(ValueError, match="single slice"):
         load_volume(tmp_path / "one.dcm")
+
+
+def segmentation(segments: np.ndarray) -> Any:
+    """Return a binary segmentation of (S, K, R, C) segments, a frame a slice of each."""
+    from pydicom.pixels import pack_bits
+    from pydicom.uid import SegmentationStorage
+
+    count, slices = segments.shape[:2]
+    data = dataset(
+        segments, SOPClassUID=SegmentationStorage, NumberOfFrames=count * slices, Modality="SEG"
+    )
+    data.SeriesInstanceUID, data.SegmentationType = "1.2.5", "BINARY"
+    data.BitsAllocated, data.BitsStored, data.HighBit = 1, 1, 0
+    data.PixelData = pack_bits(segments.astype(np.uint8))
+    del data.RescaleSlope, data.RescaleIntercept
+    data.PerFrameFunctionalGroupsSequence = [pydicom.Dataset() for _ in range(count * slices)]
+    for n, groups in enumerate(data.PerFrameFunctionalGroupsSequence):
+        position, which = pydicom.Dataset(), pydicom.Dataset()
+        position.ImagePositionPatient = [7, 8, 2.5 * (n % slices)]
+        which.ReferencedSegmentNumber = 1 + n // slices
+        groups.PlanePositionSequence = [position]
+        groups.SegmentIdentificationSequence = [which]
+    return data
+
+
+@pytest.mark.parametrize("named", ["segments.dcm", "."])
+def test_a_segmentation_is_told_as_such_and_never_read_as_time_points(
+    tmp_path: Path, named: str
+) -> None:
+    # Two segments of three slices: six frames at three places, as two time points have.
+    segments = np.zeros((2, 3, 4, 5), np.int32)
+    segments[0, :, :2], segments[1, :, 2:] = 1, 1
+    segmentation(segments).save_as(tmp_path / "segments.dcm", enforce_file_format=True)
+    with pytest.raises(ValueError, match=r"segments.dcm is a DICOM segmentation, not a scan: save"):
+        load_volume(tmp_path / named)
+
+
+def test_a_segmentation_beside_a_scan_is_left_out(tmp_path: Path) -> None:
+    write_series(tmp_path)
+    segments = np.ones((2, 3, 4, 5), np.int32)
+    segmentation(segments).save_as(tmp_path / "segments.dcm", enforce_file_format=True)
+    scan = load_volume(tmp_path)
+    assert scan.volume[1].tolist() == (1000 + np.arange(20).reshape(4, 5)).tolist()
+    assert scan.assumed == ("it holds 1 segmentation(s) (segments.dcm): left out",)

@@ -34,6 +34,9 @@ _GROUPS = {
     "FrameAcquisitionNumber": "FrameContentSequence",
 }
 
+# SOP classes of files that hold the voxels of segments (binary, fractional, as labels), no scan.
+_SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
+
 # What tells scans of one place apart, the surest first.
 _PHASES = (
     "TemporalPositionIndex",
@@ -152,6 +155,8 @@ def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, A
     alone = _header(pydicom, path, force=True)
     if alone is None or "Rows" not in alone:
         raise ValueError(f"{path} is not a readable DICOM or DICOS image")
+    if _is_segmentation(alone):
+        raise _segmentation_error(path)
     if int(alone.get("NumberOfFrames") or 1) > 1:
         return [(path, alone)]
     beside = sorted(p for p in path.parent.iterdir() if p.is_file())
@@ -169,13 +174,23 @@ def _series(
     pydicom: Any, files: list[Path], source: Path, assumed: list[str], wanted: Any = None
 ) -> list[tuple[Path, Any]]:
     found: dict[Any, list[tuple[Path, Any]]] = {}
+    segmentations = []
     for file in files:
         # Not forced: a folder also holds text files and thumbnails.
         header = _header(pydicom, file)
-        if header is not None and "Rows" in header:
+        if header is None or "Rows" not in header:
+            continue
+        if _is_segmentation(header):
+            segmentations.append(file)
+        else:
             found.setdefault(header.get("SeriesInstanceUID"), []).append((file, header))
+    if not found and segmentations:
+        raise _segmentation_error(segmentations[0])
     if not found:
         raise ValueError(f"{source} holds no DICOM images")
+    if segmentations:
+        names = ", ".join(file.name for file in segmentations[:3])
+        assumed.append(f"it holds {len(segmentations)} segmentation(s) ({names}): left out")
     # The user named a file: its series is meant, even if another has more slices.
     if wanted in found:
         return found[wanted]
@@ -186,6 +201,18 @@ def _series(
             "open a file of another to have that"
         )
     return max(found.values(), key=len)
+
+
+def _is_segmentation(header: Any) -> bool:
+    return header.get("SOPClassUID") in _SEGMENTATIONS
+
+
+def _segmentation_error(path: Path) -> ValueError:
+    # Not read: its frames lie where its segments do, seldom where the scan's slices do.
+    return ValueError(
+        f"{path} is a DICOM segmentation, not a scan: save it as a label volume (NIfTI or NRRD, "
+        "as 3D Slicer and dcmqi do), and open that as labels"
+    )
 
 
 def _sizes(headers: list[tuple[Path, Any]]) -> tuple[int, int, bool]:
