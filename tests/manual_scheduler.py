@@ -68,6 +68,8 @@ class ManualWorkers:
         self._posted: list[Callable[[], None]] = []
         self.asked: list[Hashable] = []
         """Slots of all that was ever submitted."""
+        self.ran: list[tuple[Hashable, Hashable]] = []
+        """Slot and key of all that was computed."""
 
     def add(self, job: Job) -> None:
         self.asked.append(job.slot)
@@ -100,6 +102,7 @@ class ManualWorkers:
         assert not any(job.worker is worker for job, _ in self._running)
         job = next(j for j in self._waiting if (j.worker, j.slot) == (worker, slot))
         self._waiting.remove(job)
+        self.ran.append((job.slot, job.task.key))
         self._running.append((job, job.run(_show)))
 
     def finish(self, worker: Worker) -> None:

@@ -1,4 +1,4 @@
-"""Four hundred commands of the soak: `make soak` goes on for an hour."""
+"""Six hundred commands of the soak: `make soak` goes on for an hour."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from napari_unpack.session import Session
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import pile_of_balls
 
-COMMANDS = 400
+COMMANDS = 600
 
 
 def soak_tool() -> Any:
