@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
+import dask.array as da
 import numpy as np
 import pytest
+from napari.layers import Image
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, QPointF, Qt
 from qtpy.QtGui import QImage, QWheelEvent
@@ -16,12 +19,12 @@ from qtpy.QtWidgets import QApplication, QToolTip
 from mouse import LEFT, NONE, PLAIN, move
 from napari_unpack.appearance import tints_of
 from napari_unpack.layers import compat
-from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES, object_window
-from napari_unpack.viewer.linked_slices import OUTSIDE
+from napari_unpack.rendering.slice_image import ALONG_X, ALONG_Y, ALONG_Z, PLANES
+from napari_unpack.viewer.linked_slices import OUTSIDE, limits_chosen
 from napari_unpack.viewer.ruler_drawing import FAINT
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.slices_button import OPEN, SlicesButton
-from opened_panel import CENTERS, at_rest, press, rest
+from opened_panel import CENTERS, at_rest, controller_with, pile_of_balls, press, rest
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
 SHIFT = Qt.KeyboardModifier.ShiftModifier
@@ -268,10 +271,11 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     linked, session, dock, view = slices.linked, slices.session, slices.dock, slices.z
     slices.controller.recolor_at_rest = False
     image = slices.controller.sources[0]
-    automatic = linked.window
-    assert automatic == object_window(session.volume, session.labels)
-    # The densest of the balls would leave the others dark.
-    assert automatic[1] < image.contrast_limits[1] == 4500
+    # Half of the balls' voxels are of 1350 or less, and white is at three times that above air; the
+    # densest would leave the others dark.
+    automatic = (20, 20 + 3 * (1350 - 20))
+    assert linked.window == automatic
+    assert image.contrast_limits == [20, 4500]
     linked.point_at(CENTERS[0])
     drawn(dock, qtbot)
     at = (CENTERS[0][1], CENTERS[0][2])
@@ -283,6 +287,12 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     dock.white.setValue(2000)
     image.contrast_limits = before
     assert linked.window == (100, 2000)
+    press(qtbot, dock.automatic)
+    assert linked.window == automatic
+    # Set now, the whole range is a choice as well.
+    image.contrast_limits = (100, 2500)
+    image.contrast_limits = before
+    assert linked.window == before == (20, 4500)
     press(qtbot, dock.automatic)
     assert linked.window == automatic
 
@@ -335,6 +345,66 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     session.delete([1])
     np.testing.assert_allclose(color(), expected(0.0), atol=2)
     assert linked.name_at(CENTERS[0]) == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "window"),
+    [
+        (None, (20, 4010)),
+        ((100, 3000), (100, 3000)),
+        ((20, 4500), (20, 4500)),
+        ((0, 9e3), (0, 9e3)),
+    ],
+)
+def test_contrast_limits_that_a_script_gave_are_those_of_the_slices(
+    viewer: Any, panel: Any, qtbot: QtBot, given: Any, window: tuple[float, float]
+) -> None:
+    """Also those that are the whole range of the data, in which napari itself begins."""
+    volume, labels = pile_of_balls()
+    image = viewer.add_image(volume, name="bag", contrast_limits=given)
+    # Which makes them the range of napari's slider, too.
+    assert image.contrast_limits_range == list(given or (20, 4500))
+    controller_with(panel, qtbot, viewer.add_labels(labels, name="expert"))
+    press(qtbot, panel.slices.button)
+    drawn(panel.slices.dock, qtbot)
+    assert panel.slices.dock.linked.window == window
+    # Also after another choice that was made while nobody saw the slices.
+    press(qtbot, panel.slices.button)
+    image.contrast_limits = (200, 2000)
+    press(qtbot, panel.slices.button)
+    drawn(panel.slices.dock, qtbot)
+    assert panel.slices.dock.linked.window == (200, 2000)
+    press(qtbot, panel.slices.dock.automatic)
+    assert panel.slices.dock.linked.window == (20, 4010)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "given", "chosen"),
+    [
+        (np.uint16, None, False),
+        (np.float32, None, False),
+        (np.uint8, None, False),
+        (np.uint16, (3, 90), True),
+        (np.uint16, (0, 100), True),
+        (np.float32, (np.float32(0), np.float32(100)), True),
+        (np.uint8, (0, 100), True),
+        # Just what napari takes: nothing is left that would tell.
+        (np.float32, (0.0, 100.0), False),
+        (np.uint8, (0, 255), False),
+    ],
+)
+@pytest.mark.parametrize("many", [np.asarray, partial(da.from_array, chunks=2), "multiscale"])
+def test_contrast_limits_that_were_given_are_told_from_those_that_napari_takes(
+    dtype: Any, given: Any, chosen: bool, many: Any
+) -> None:
+    volume = np.zeros((4, 5, 6), dtype)
+    # The whole range is in the first plane, which is all that napari sees of what is in chunks.
+    volume[0, 2, 3] = 100
+    made = [volume, volume[::2]] if isinstance(many, str) else many(volume)
+    image = Image(made, contrast_limits=given)
+    assert limits_chosen(image) is chosen
+    volume[2] = 50
+    assert limits_chosen(image) is chosen
 
 
 def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from napari.layers import Image
+from napari.layers.utils.layer_utils import calc_data_range
 from numpy.typing import ArrayLike, NDArray
 from psygnal import Signal, SignalGroup
 
@@ -100,8 +101,11 @@ class LinkedSlices:
         self.events = SliceEvents()
         self.crosshair = self._voxel(self._session.bag.center / self._session.spacing)
         self._image = image_of(self._controller)
-        self._window = first_window(self._controller)
-        self._automatic = True
+        self._limits = limits_of(self._image)
+        self._follows = True
+        self._window = object_window(self._session.volume, self._session.labels)
+        if self._limits is not None and limits_chosen(self._image):
+            self._window = self._limits
         self._overlay = 0.5
         self._marked = False
         self._open = False
@@ -226,7 +230,7 @@ class LinkedSlices:
     @window.setter
     def window(self, window: Window) -> None:
         """Show densities otherwise; the white one stays above the black one."""
-        self._automatic = False
+        self._follows = False
         self._show_window(window)
 
     def _show_window(self, window: Window) -> None:
@@ -237,13 +241,14 @@ class LinkedSlices:
         self.draw()
 
     def reset_window(self) -> None:
-        """Follow the contrast limits of the image again."""
-        self._automatic = True
-        self._show_window(first_window(self._controller))
+        """Show what suits the objects, until somebody sets the contrast limits of the image."""
+        self._follows = True
+        self._show_window(object_window(self._session.volume, self._session.labels))
 
     def _follow_image(self, _event: object = None) -> None:
-        if self._automatic:
-            self._show_window(first_window(self._controller))
+        before, self._limits = self._limits, limits_of(self._image)
+        if self._follows and self._limits is not None and self._limits != before:
+            self._show_window(self._limits)
 
     @property
     def overlay(self) -> float:
@@ -371,14 +376,31 @@ def image_of(controller: SessionController) -> Image | None:
     return next((layer for layer in controller.sources if isinstance(layer, Image)), None)
 
 
-def first_window(controller: SessionController) -> Window:
-    """Return the contrast limits chosen for a session's image; else what suits its objects."""
-    image, session = image_of(controller), controller.session
-    # napari begins with the whole range, in which metal leaves plastic and water nearly black.
-    if image is not None and image.contrast_limits != image.contrast_limits_range:
-        low, high = image.contrast_limits
-        return float(low), float(high)
-    return object_window(session.volume, session.labels)
+def limits_of(image: Image | None) -> Window | None:
+    """Return the contrast limits of an image, None without one."""
+    if image is None:
+        return None
+    low, high = image.contrast_limits
+    return float(low), float(high)
+
+
+def limits_chosen(image: Image) -> bool:
+    """Tell whether somebody chose an image's contrast limits, rather than napari.
+
+    Notes
+    -----
+    napari does not say. It begins with the whole range of the data, in which metal leaves plastic
+    and water nearly black: floats, but for bytes 0 to 255. Of data that are no NumPy array it
+    takes those of the first plane. What is given as just these, to the last digit and of the same
+    kind, passes for napari's; set while the slices are open it is followed.
+    """
+    data = image.data[-1] if image.multiscale else image.data
+    if image.multiscale or not isinstance(data, np.ndarray):
+        data = data[(0,) * (data.ndim - 2)]
+    limits = image.contrast_limits
+    if limits != [*calc_data_range(data, dtype=image.dtype)]:
+        return True
+    return image.dtype != np.uint8 and any(type(limit) is not float for limit in limits)
 
 
 def middle_of(session: Session, object_id: int) -> NDArray[np.float64]:

@@ -64,8 +64,8 @@ class SlicesDock(DockContents):
             control.setAccessibleName(name)
         self.automatic = button(
             "Automatic greys",
-            "Let black and white follow the contrast limits chosen for the image, or else "
-            "suit what most objects are of.",
+            "Let black and white suit what most objects are of, until the contrast limits of the "
+            "image are set anew.",
         )
         self.fit = button("Fit", "Show each slice whole (Home).")
         self.center = button(
