@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import dask.array as da
@@ -57,7 +58,18 @@ def test_labels_are_those_of_one_machine_whatever_the_blocks(
     np.testing.assert_allclose(found.objects, wanted.objects, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["array", "zarr", "dask"])
+class Camera:
+    """A volume that can be read here alone, whatever its attributes are called."""
+
+    def __init__(self, volume: np.ndarray) -> None:
+        self._volume, self.shape, self.dtype = volume, volume.shape, volume.dtype
+        self.store = self.dask = Lock()
+
+    def __getitem__(self, box: Any) -> np.ndarray:
+        return self._volume[box]
+
+
+@pytest.mark.parametrize("kind", ["array", "zarr", "dask", "camera"])
 def test_a_worker_holds_its_block_and_no_more(
     volume: np.ndarray, stored: Any, client: Any, kind: str
 ) -> None:
@@ -65,7 +77,13 @@ def test_a_worker_holds_its_block_and_no_more(
     def held(source: Any, _share: Any) -> tuple[tuple[int, ...], int]:
         return source.array.block.shape, int(source.array.block.sum())
 
-    array = {"array": volume, "zarr": stored, "dask": da.from_zarr(stored)}[kind]
+    kinds = {
+        "array": volume,
+        "zarr": stored,
+        "dask": da.from_zarr(stored),
+        "camera": Camera(volume),
+    }
+    array = kinds[kind]
     places = list(blocks(volume.shape, (2, 2, 2), 40**3))
     boxes = [grown(box, 2, volume.shape) for box, _ in places]
     jobs = (BlockJob(held, box, ()) for box in boxes)

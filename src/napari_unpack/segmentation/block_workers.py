@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from threading import Lock
+from threading import Event, Lock
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class BlockWorkers:
     def run(
         self, source: Source, jobs: Iterator[BlockJob], count: int, share: Share
     ) -> Iterator[Any]:
-        """Yield the results of some jobs in order; Dask tries those of a lost worker elsewhere.
+        """Do the jobs on the cluster; Dask tries those of a lost worker elsewhere.
 
         Parameters
         ----------
@@ -92,15 +92,18 @@ class BlockWorkers:
         yield from self._in_order(calls, count, share)
 
     def _begun(self, source: Source, job: BlockJob) -> Any:
-        array, told = source.array, (job.box, source.shape, job.work, job.given)
-        if hasattr(array, "dask"):
-            # The cluster reads its chunks, and joins them where the work is done.
-            from dask.delayed import delayed
+        # napari brings dask; nobody has a Zarr array without having imported zarr.
+        from dask.array import Array as DaskArray
+        from dask.delayed import delayed
 
+        array, told = source.array, (job.box, source.shape, job.work, job.given)
+        if isinstance(array, DaskArray):
+            # The cluster reads its chunks, and joins them where the work is done.
             call = delayed(_on_block, pure=False)(array[job.box], *told)
             return self.client.compute(call)
-        if hasattr(array, "store"):
-            # A Zarr array is read where the work is done.
+        zarr = sys.modules.get("zarr")
+        if zarr is not None and isinstance(array, zarr.Array):
+            # It is read where the work is done.
             return self._submitted(_on_stored_block, array, *told)
         with source.lock:
             block = np.ascontiguousarray(array[job.box])
@@ -130,11 +133,14 @@ class BlockWorkers:
             self.client.cancel(list(waiting))
 
     def _awaited(self, future: Any, share: Share, done: float) -> Any:
+        # Not `result(timeout)`, which now and then fails by itself (dask/distributed#8514).
+        ended = Event()
+        future.add_done_callback(lambda _: ended.set())
         while not future.done():
             share(done)
-            # An error of the work itself, of any kind, comes once it is done.
-            with suppress(TimeoutError):
-                future.result(timeout=BEAT_SECONDS)
+            ended.wait(BEAT_SECONDS)
+            # A result that is lost with its worker is waited for once more.
+            ended.clear()
         return future.result()
 
 

@@ -40,6 +40,9 @@ class BlockRunner(Protocol):
     ) -> Iterator[Any]:
         """Yield the results of some jobs in order, while a few are under way.
 
+        What a job raises comes out in its turn. Then, and where the share is cancelled, jobs that
+        wait are never begun.
+
         Parameters
         ----------
         source : Source
@@ -47,6 +50,7 @@ class BlockRunner(Protocol):
         count : int
             How many there are.
         share : Share
+            Told of what is done every `BEAT_SECONDS`.
         """
 
 
@@ -56,7 +60,7 @@ class ThreadRunner:
     def run(
         self, source: Source, jobs: Iterator[BlockJob], count: int, share: Share
     ) -> Iterator[Any]:
-        """Yield the results of some jobs in order.
+        """Do the jobs on at most eight threads.
 
         Parameters
         ----------
