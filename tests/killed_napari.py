@@ -51,6 +51,43 @@ def unpack_for_ever() -> None:
     napari.run()
 
 
+def end_without_closing(worker_sleeps: bool) -> None:
+    """Unpack, and end as a script does that never closes its viewer, with a status of its own."""
+    import time
+
+    import napari
+    from qtpy.QtWidgets import QApplication
+
+    from napari_unpack.io.recovery import recovery_folder
+    from napari_unpack.layers import compat
+    from napari_unpack.session import Session
+    from napari_unpack.tasks import Progress
+
+    viewer: Any = napari.Viewer(show=True)
+    viewer.window.resize(*SMALL)
+    image, expert = add_bag(viewer)
+    _, panel = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
+    panel.workspace.open(Session(image.data, expert.data), [image, expert], recolor_at_rest=False)
+    panel.workspace.controller.unpack(1)
+    while not list(recovery_folder().glob("*/*/session.json")):
+        QApplication.processEvents()
+    # Qt tells the active window, and who watches it, when it goes.
+    QApplication.setActiveWindow(compat.native_window(viewer))
+    # Things fly, and a worker is at work.
+    panel.workspace.controller.seconds = 600.0
+    panel.workspace.controller.unpack(1)
+
+    def sleep(progress: Progress) -> None:
+        for k in range(600):
+            time.sleep(0.1)
+            progress(k / 600, "sleeping")
+
+    if worker_sleeps:
+        panel.segment.progress.begin(sleep)
+    print("ending", flush=True)
+    raise SystemExit(3)
+
+
 def quit_while_working() -> None:
     """Quit while a worker is in a step that nobody can call off; say when."""
     import time

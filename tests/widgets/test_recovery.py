@@ -44,12 +44,13 @@ def out_on_disk() -> int:
     return 0 if kept is None else len(kept["session"]["situation"]["out"])
 
 
-def another_napari(does: str) -> subprocess.Popen[str]:
+def another_napari(does: str, errors: int | None = None) -> subprocess.Popen[str]:
     """Start a process that does what a function of `killed_napari` does."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    code = f"import killed_napari; killed_napari.{does}()"
-    command = [sys.executable, "-c", code]
-    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+    call = does if "(" in does else f"{does}()"
+    command = [sys.executable, "-c", f"import killed_napari; killed_napari.{call}"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": errors}
+    return subprocess.Popen(command, env=environment, text=True, **pipes)
 
 
 def crash() -> dict[str, Any]:
@@ -175,3 +176,24 @@ def test_quitting_during_a_segmentation_ends_the_process(qtbot: QtBot) -> None:
     finally:
         other.kill()
         other.wait()
+
+
+@pytest.mark.parametrize("worker_sleeps", [False, True])
+def test_a_script_that_never_closes_its_viewer_ends_as_it_says_and_loses_nothing(
+    worker_sleeps: bool,
+) -> None:
+    other = another_napari(f"end_without_closing({worker_sleeps})", subprocess.STDOUT)
+    try:
+        assert other.stdout is not None
+        while (line := other.stdout.readline()) != "ending\n":
+            assert line, "it has ended before"
+        begun = monotonic()
+        assert other.wait(timeout=60) == 3
+        # A minute's work is called off, and no trace of an exception is left.
+        assert monotonic() - begun < 20
+        assert other.stdout.read() == ""
+    finally:
+        other.kill()
+        other.wait()
+    assert len(leftovers(recovery_folder())) == 1
+    assert out_on_disk() >= 1

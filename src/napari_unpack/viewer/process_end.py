@@ -1,11 +1,17 @@
-"""The process ends although a worker is still in a library's code that nobody can call off."""
+"""The end of the process: in order, and although a worker is in a library's code."""
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 import threading
+from functools import cache
 from time import monotonic, sleep
+from typing import Any
+from weakref import WeakSet
+
+from qtpy.compat import isalive
 
 # The name that threads of this package begin with.
 OURS = "unpack"
@@ -14,6 +20,39 @@ OURS = "unpack"
 GRACE_SECONDS = 0.5
 
 LOOK_SECONDS = 0.05
+
+
+_ends_with_process: WeakSet[Any] = WeakSet()
+
+
+def end_with_process(one: Any) -> None:
+    """Have an object ended before Python ends.
+
+    Parameters
+    ----------
+    one : QObject
+        With a method `end`; not called where Qt has deleted the object before.
+
+    Notes
+    -----
+    A script may end without closing the viewer. Qt then deletes the windows in an order of its
+    own, in which what one of ours still hears of finds others gone: that aborts the process.
+    """
+    _ends_with_process.add(one)
+    _register()
+
+
+@cache
+def _register() -> None:
+    # Before Python waits for threads, as a segmentation may take long; its public `atexit` comes
+    # only after.
+    getattr(threading, "_register_atexit", atexit.register)(_end_all)
+
+
+def _end_all() -> None:
+    for one in list(_ends_with_process):
+        if isalive(one):
+            one.end()
 
 
 def end_despite_workers() -> None:
@@ -29,7 +68,11 @@ def end_despite_workers() -> None:
     # Before Python begins to wait; its public `atexit` comes only after.
     register = getattr(threading, "_register_atexit", None)
     if register is not None:
-        register(ended.set)
+        try:
+            register(ended.set)
+        except RuntimeError:
+            # Python ends already, of a script, with its exit status: it waits for them.
+            return
         threading.Thread(target=_watch, args=(ended,), name=f"{OURS}-end", daemon=True).start()
 
 

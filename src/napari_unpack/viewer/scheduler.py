@@ -515,8 +515,9 @@ class Scheduler:
     # Timers.
 
     def soon(self, call: Call) -> None:
-        """Call once the event loop gets to it; from any thread."""
-        self._workers.post(lambda: None if self.closed else call())
+        """Call once the event loop gets to it; from any thread, and never once closed."""
+        if not self.closed:
+            self._workers.post(lambda: None if self.closed else call())
 
     def later(self, milliseconds: int, call: Call) -> None:
         """Call once.

@@ -18,6 +18,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.layers import compat
+from napari_unpack.viewer.process_end import end_with_process
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.viewer.screen import screen_notice
 from napari_unpack.viewer.warm_up import warm_up_task
@@ -127,6 +128,7 @@ class UnpackingWidget(QWidget):
         # `Viewer.close` deletes the panel before it could end; long work would run on.
         self.destroyed.connect(lambda *_: scheduler.close())
         self.destroyed.connect(lambda *_: release())
+        end_with_process(self)
         scheduler.submit(warm_up_task(), Worker.LONG, lambda _: None, failed=lambda _: None)
         if notice := screen_notice():
             notifications.warn(notice)
