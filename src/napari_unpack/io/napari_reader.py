@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.io.file_data import SPACE, FileData
 
 LayerData = tuple[Any, dict[str, Any], str]
@@ -38,7 +39,9 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
-    With `scale` and `units` in mm. Several channels or time points stay axes in front of z, y, x,
+    With `scale` and `units` in mm. A multiscale OME-Zarr whose finest level does not fit into
+    memory becomes layers of all its levels, which are not read; of those the panel unpacks the
+    finest that does. Several channels or time points stay axes in front of z, y, x,
     from which the panel lets one be chosen. Names of objects become the labels' `features`. What
     had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`;
     `metadata["scanner_from_scan"]` is as in a `Scan`.
@@ -59,9 +62,15 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
-    found, name = read_file(first, large).space_last(), stem_of(first)
-    if found.assumed:
-        warnings.warn(f"{first.name}: {'; '.join(found.assumed)}", stacklevel=2)
+    name = stem_of(first)
+    try:
+        found = read_file(first, large).space_last()
+    except TooLargeError:
+        stored = _stored_layers(first, name)
+        if not stored:
+            raise
+        return stored
+    _tell_assumed(first, found)
     names = read_names(first) if found.volume is not None and suffix_of(first) == ".npz" else None
     if is_segmentation(first):
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
@@ -76,6 +85,31 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
         about = _attributes(replace(found, axes=SPACE), f"{name} labels" if layers else name)
         layers.append((found.labels, about | named, "labels"))
     return layers
+
+
+def _stored_layers(path: Path, name: str) -> list[LayerData]:
+    """Return the layers of a multiscale OME-Zarr, which is not read; none of anything else."""
+    from napari_unpack.io.ome_zarr import stored_levels
+    from napari_unpack.read_errors import read_errors_told
+
+    if not _is_zarr(path):
+        return []
+    with read_errors_told(path, "a Zarr image"):
+        stored = stored_levels(path)
+    if stored is None:
+        return []
+    _tell_assumed(path, stored.described)
+    about = _attributes(stored.described, name) | {"multiscale": True}
+    layers: list[LayerData] = [(stored.image, about | {"colormap": "gray"}, "image")]
+    if stored.labels:
+        about = _attributes(replace(stored.described, axes=SPACE), f"{name} labels")
+        layers.append((stored.labels, about | {"multiscale": True}, "labels"))
+    return layers
+
+
+def _tell_assumed(path: Path, found: FileData) -> None:
+    if found.assumed:
+        warnings.warn(f"{path.name}: {'; '.join(found.assumed)}", stacklevel=3)
 
 
 def _attributes(found: FileData, name: str) -> dict[str, Any]:
@@ -117,12 +151,16 @@ def _is_ours(path: Path) -> bool:
     return not keys or bool(keys & {"volume", "labels"})
 
 
+def _is_zarr(folder: Path) -> bool:
+    marks = ("zarr.json", ".zgroup", ".zarray")
+    return folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks)
+
+
 def _is_dicom_or_zarr(folder: Path) -> bool:
     if not os.access(folder, os.R_OK | os.X_OK):
         # The reader says that it may not be read.
         return True
-    marks = ("zarr.json", ".zgroup", ".zarray")
-    if folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks):
+    if _is_zarr(folder):
         return True
     files = (p for p in sorted(folder.rglob("*")) if p.is_file())
     # A series has its slices together: twenty files tell, thousands would take seconds.

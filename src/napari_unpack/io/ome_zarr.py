@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,56 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
         labels = None
     return replace(found, labels=labels)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredLevels:
+    """A multiscale image that is not read.
+
+    Parameters
+    ----------
+    described : FileData
+        What is said of it; it holds no volume.
+    image, labels : list of dask array
+        Their levels, the finest first; empty where there are no labels.
+    """
+
+    described: FileData
+    image: list[Any]
+    labels: list[Any]
+
+
+def stored_levels(path: Path) -> StoredLevels | None:
+    """Return the levels of a multiscale image whose last axes are z, y, x; None of anything else.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    ValueError
+        If it is not a Zarr image.
+    ImportError
+        If zarr or dask is missing.
+    """
+    node = _opened(path)
+    if not hasattr(node, "keys"):
+        return None
+    _, described = _described(node, path)
+    image = _levels(node)
+    if len(image) < 2 or not described.axes.endswith(SPACE):
+        return None
+    names = list(_label_names(node))
+    labels = _levels(node["labels"][names[0]]) if names else []
+    finest = image[0].shape[-len(SPACE) :]
+    return StoredLevels(described, image, labels if labels and labels[0].shape == finest else [])
+
+
+def _levels(node: Any) -> list[Any]:
+    dask = needed("dask.array", "dask", "reading a volume larger than the memory")
+    scales = _attributes(node).get("multiscales") or [{"datasets": []}]
+    return [dask.from_zarr(node[level["path"]]) for level in scales[0]["datasets"]]
 
 
 def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:
@@ -254,14 +304,18 @@ def _axes(scale: dict[str, Any], count: int, path: Path) -> list[dict[str, str]]
 
 
 def _labels(node: Any, path: Path, large: bool) -> NDArray[Any] | None:
-    if "labels" not in node:
-        return None
-    group = node["labels"]
-    names = _attributes(group).get("labels") or list(group.keys())
+    names = _label_names(node)
     if not names:
         return None
     # Labels have no channels; of several time points the first lies over the volume's first.
-    found = _finest(group[names[0]], path, large)
+    found = _finest(node["labels"][names[0]], path, large)
     first = found.one_volume({a: 0 for a in found.axes if a not in SPACE}, path).volume
     assert first is not None, "it was read"
     return checked_label_array(first, f"the labels of {path}")
+
+
+def _label_names(node: Any) -> list[str]:
+    if "labels" not in node:
+        return []
+    group = node["labels"]
+    return _attributes(group).get("labels") or list(group.keys())

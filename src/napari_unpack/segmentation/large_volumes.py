@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import cc3d
@@ -129,6 +130,57 @@ def segment_large(
     table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
+
+
+def measured_objects(
+    source: Source,
+    labels: Any,
+    ids: NDArray[np.integer[Any]],
+    spacing: Spacing,
+    progress: Progress,
+    block: int = BLOCK,
+) -> pd.DataFrame:
+    """Measure objects whose labels are never in memory as a whole.
+
+    Parameters
+    ----------
+    source : Source
+        Densities.
+    labels : (Z, Y, X) array of int
+        Of its shape; read block by block.
+    ids : (N,) ndarray of int
+        The objects, ascending, without 0; what else is labelled is left out.
+    spacing : (float, float, float) of mm, z y x
+    progress : callable
+        Raising in it cancels.
+    block : int
+        Voxels in work at once.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by id: voxels, volume_mm3, mean_density, z, y, x (centroid, mm) and
+        isoperimetric_ratio, as in `pipeline.Segmentation`. Objects without a voxel are left out.
+    """
+    places, named = list(blocks(source.shape, (1, 1, 1), block)), _Renamed(labels, ids)
+    share, runner = Share(progress), ThreadRunner()
+    sums = _measured(source, named, places, len(ids), spacing, share, runner)
+    table = sums.table(spacing, dict.fromkeys(range(len(ids) + 1), np.nan))
+    table.index = pd.Index(ids[table.index.to_numpy() - 1].astype(np.int64), name="id")
+    return table.drop(columns="confidence")
+
+
+@dataclass(frozen=True, eq=False)
+class _Renamed:
+    """Labels in which the objects of some ascending IDs are 1, 2, ...; all else is 0."""
+
+    labels: Any
+    ids: NDArray[np.integer[Any]]
+
+    def __getitem__(self, box: Box) -> NDArray[np.int32]:
+        found = np.asarray(self.labels[box])
+        place = np.minimum(np.searchsorted(self.ids, found), len(self.ids) - 1)
+        return np.where(self.ids[place] == found, place + 1, 0).astype(np.int32)
 
 
 def _check_room(out: Any, top: int) -> None:

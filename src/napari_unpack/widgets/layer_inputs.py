@@ -14,6 +14,7 @@ from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QComboBox
 
 from napari_unpack.layers.compat import unwrap
+from napari_unpack.layers.levels import Factors, factors_of, finest_fitting
 from napari_unpack.layers.placement import FIELDS, spacing_of
 
 if TYPE_CHECKING:
@@ -184,12 +185,25 @@ class Volume:
         The layer's name.
     labelled : bool
         Whether the data are labels, which `in_memory` makes densities of.
+    whole : array, optional
+        The volume at full resolution, where `data` is a coarser level of it: all of it fits no
+        memory.
+    factors : (int, int, int)
+        Voxels of `whole` to one of `data`, z y x.
     """
 
     data: LazyArray
     spacing: tuple[float, float, float]
     name: str
     labelled: bool = False
+    whole: LazyArray | None = None
+    factors: Factors = (1, 1, 1)
+
+    @property
+    def whole_spacing(self) -> tuple[float, float, float]:
+        """Voxel size of `whole` in mm, z y x."""
+        z, y, x = (mm / f for mm, f in zip(self.spacing, self.factors, strict=True))
+        return z, y, x
 
 
 def shape_of(layer: Layer) -> tuple[int, ...]:
@@ -206,15 +220,17 @@ def refusal_of(layer: Layer) -> str:
     return "no voxels" if 0 in shape else ""
 
 
-def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
+def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = None) -> Volume:
     """Take the density volume out of an Image layer.
 
     Parameters
     ----------
     layer : napari.layers.Image or napari.layers.Labels
-        Of a multiscale layer the finest level is taken.
+        Of a multiscale layer the finest level is taken that fits the memory.
     index : sequence of int, optional
         One for each of `extra_axes(layer)`; by default the first of all.
+    memory : float, optional
+        Bytes; by default this computer's, where the system tells.
 
     Raises
     ------
@@ -227,10 +243,31 @@ def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
         raise ValueError(f"'{layer.name}' is {len(shape)}D ({extent}): choose a 3D volume")
     if 0 in shape:
         raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
-    data = _at(layer, index)
+    levels = [_at(layer, index, level) for level in range(_level_count(layer))]
     words = [axis.words(i) for axis, i in zip(extra_axes(layer), index, strict=False)]
+    level = _fitting(levels, memory)
+    words += [f"level {level}"] if level else []
     name = f"{layer.name} ({', '.join(words)})" if words else str(layer.name)
-    return Volume(data, spacing_of(layer), name, isinstance(layer, Labels))
+    spacing, labelled = spacing_of(layer), isinstance(layer, Labels)
+    if not level:
+        return Volume(levels[0], spacing, name, labelled)
+    factors = factors_of(levels[0].shape, levels[level].shape)
+    z, y, x = (mm * f for mm, f in zip(spacing, factors, strict=True))
+    return Volume(levels[level], (z, y, x), name, labelled, levels[0], factors)
+
+
+def _fitting(levels: Sequence[LazyArray], memory: float | None) -> int:
+    """Return which level is unpacked: the finest that fits, the coarsest where none does."""
+    if isinstance(levels[0], np.ndarray):
+        return 0
+    room = _memory() if memory is None else memory
+    voxel = np.dtype(levels[0].dtype).itemsize + LABEL_BYTES
+    usable = None if room is None else USABLE_MEMORY * room
+    return finest_fitting([level.shape for level in levels], voxel, usable)
+
+
+def _level_count(layer: Layer) -> int:
+    return len(layer.data) if layer.multiscale else 1
 
 
 @dataclass(frozen=True)
@@ -284,12 +321,13 @@ def _finest(layer: Layer) -> LazyArray:
     return layer.data[0] if layer.multiscale else layer.data
 
 
-def _at(layer: Layer, index: Sequence[int]) -> LazyArray:
-    """Return the three-dimensional part of a layer's data; lazy arrays stay lazy."""
+def _at(layer: Layer, index: Sequence[int], level: int = 0) -> LazyArray:
+    """Return the three-dimensional part of a layer's level; lazy arrays stay lazy."""
     axes = extra_axes(layer)
     where = [*index, *[0] * (len(axes) - len(index))]
     steps = [i for axis, i in zip(axes, where, strict=True) if axis.step is not None]
-    data = _finest(layer)[tuple(steps)] if steps else _finest(layer)
+    data = layer.data[level] if layer.multiscale else layer.data
+    data = data[tuple(steps)] if steps else data
     return data[..., where[-1]] if axes and axes[-1].step is None else data
 
 
@@ -370,16 +408,37 @@ def labels_of(layer: Labels, volume: Volume, index: Sequence[int] = ()) -> LazyA
     Raises
     ------
     ValueError
-        If the shapes differ.
+        If the shapes differ, those of all levels.
     """
-    data = _at(layer, index[: len(extra_axes(layer))])
-    if tuple(data.shape) != tuple(volume.data.shape):
-        given, wanted = (" x ".join(map(str, a.shape)) for a in (data, volume.data))
-        raise ValueError(
-            f"labels '{layer.name}' are {given} but '{volume.name}' is {wanted}: "
-            "choose labels made from this volume"
-        )
-    return data
+    own = index[: len(extra_axes(layer))]
+    levels = [_at(layer, own, level) for level in range(_level_count(layer))]
+    for level in levels:
+        if tuple(level.shape) == tuple(volume.data.shape):
+            return level
+    given, wanted = (" x ".join(map(str, a.shape)) for a in (levels[0], volume.data))
+    raise ValueError(
+        f"labels '{layer.name}' are {given} but '{volume.name}' is {wanted}: "
+        "choose labels made from this volume"
+    )
+
+
+def whole_labels_of(layer: Labels, volume: Volume, index: Sequence[int] = ()) -> LazyArray | None:
+    """Take the labels of a volume at full resolution, where that is a level of a larger one.
+
+    Parameters
+    ----------
+    layer, volume, index
+        As for `labels_of`.
+
+    Returns
+    -------
+    (Z, Y, X) array of int or None
+        None where the volume is whole, or the layer has no labels of its finest level.
+    """
+    finest = _at(layer, index[: len(extra_axes(layer))])
+    if volume.whole is None or tuple(finest.shape) != tuple(volume.whole.shape):
+        return None
+    return finest
 
 
 def names_of(layer: Labels) -> dict[int, str]:

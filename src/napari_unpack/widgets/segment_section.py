@@ -13,6 +13,7 @@ from napari.layers import Image, Labels, Layer
 
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.compat import unwrap
+from napari_unpack.layers.levels import place_of_level
 from napari_unpack.layers.placement import (
     equal_spacing,
     place_of,
@@ -34,6 +35,7 @@ from napari_unpack.widgets.layer_inputs import (
     names_of,
     refusal_of,
     volume_of,
+    whole_labels_of,
 )
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Section, button, form
@@ -59,6 +61,14 @@ class _Order:
     volume: Volume
     ids: LazyArray | None
     unit: LengthUnit
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """Where its objects stand, as arguments of a 3D layer."""
+        layer = self.image if self.labels is None else self.labels
+        if self.volume.whole is None:
+            return place_of(layer)
+        return place_of_level(self.image, self.volume.factors)
 
 
 class SegmentSection(Section):
@@ -266,16 +276,17 @@ class SegmentSection(Section):
         with notifications.errors_shown():
             index = self.index.index
             volume = volume_of(image, index)
-            ids = None
+            ids = whole = None
             if _is_labels(labels):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
+                whole = whole_labels_of(labels, volume, index)
             order = _Order(
                 image, labels if _is_labels(labels) else None, volume, ids, self.voxels.unit
             )
             settings = self.options.settings()
             self._order, self._then, self._begun = order, then, monotonic()
             self._explain_missing_volume(image)
-            self._begin(partial(build, volume, ids, names or {}, settings))
+            self._begin(partial(build, volume, ids, names or {}, settings, whole_labels=whole))
 
     def _explain_missing_volume(self, layer: Layer) -> None:
         """Say why labels are shown without a volume although the viewer has one."""
@@ -311,13 +322,16 @@ class SegmentSection(Section):
             show = partial(self._show, self._order, result, monotonic() - self._begun)
             # Once more for what was done while the objects were found.
             # Where they are not wanted now, their labels are there all the same.
-            keep = partial(self._labels_layer, self._order, result)
+            keep = partial(self._labels_layer, self._order, result, self._order.image.visible)
             self._unsaved.ask("The new objects take its place.", show, cancelled=keep)
 
     def _show(self, order: _Order, built: BuiltSession, seconds: float) -> None:
         # An open session hides the image: the new labels must take over its real visibility.
         self._workspace.close()
-        image, labels = order.image, self._labels_layer(order, built)
+        visible = order.image.visible
+        image = order.image if order.volume.whole is None else self._level_layer(order, built)
+        # After the image, on which they lie.
+        labels = self._labels_layer(order, built, visible)
         preferred = preferences()
         built.session.backend = preferred.backend
         built.session.length_unit = order.unit
@@ -337,7 +351,7 @@ class SegmentSection(Section):
         if self._then is not None:
             self._then()
 
-    def _labels_layer(self, order: _Order, built: BuiltSession) -> Labels | None:
+    def _labels_layer(self, order: _Order, built: BuiltSession, visible: bool) -> Labels | None:
         """Return the layer of an order's objects, a new one where they are new."""
         image, labels = order.image, order.labels
         # Objects of one time point are labels of their own, as those that were found are, and
@@ -350,10 +364,27 @@ class SegmentSection(Section):
             self._workspace.viewer.add_labels(
                 np.asarray(new),
                 name=f"{order.volume.name} objects",
-                **place_of(image if labels is None else labels),
-                visible=image.visible,
+                **order.place,
+                visible=visible,
             )
         )
+
+    def _level_layer(self, order: _Order, built: BuiltSession) -> Layer:
+        """Add the level that is unpacked as a layer, in place of all levels."""
+        finest = " x ".join(map(str, order.volume.factors))
+        notifications.inform(
+            f"{order.image.name!r} does not fit into memory as a whole. It is shown at a coarser "
+            f"level, whose voxels are {finest} of it; the table tells what was measured of all "
+            "voxels."
+        )
+        visible, order.image.visible = order.image.visible, False
+        # Of labels without an image there are no limits and no colours to keep.
+        kept = ("contrast_limits", "gamma", "colormap") if _is_image(order.image) else ()
+        look = {name: getattr(order.image, name) for name in kept}
+        level = self._workspace.viewer.add_image(
+            built.session.volume, name=order.volume.name, **order.place, **look, visible=visible
+        )
+        return unwrap(level)
 
     def _add_sample(self) -> None:
         if not self.progress.running:

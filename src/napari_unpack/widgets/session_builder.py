@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.tasks import Progress, Share, attended
 from napari_unpack.viewer.warm_up import color_labels
-from napari_unpack.widgets.layer_inputs import Volume, in_memory
+from napari_unpack.widgets.layer_inputs import LazyArray, Volume, in_memory
 from napari_unpack.widgets.session_settings import GENTLE_FOV
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from napari_unpack.segmentation import Segmentation
     from napari_unpack.session import Session
 
 # Share of an object that may be blocked and it still counts as unpackable. Labels of real scans are
@@ -50,6 +55,7 @@ def build(
     names: Mapping[int, str],
     settings: dict[str, Any],
     progress: Progress,
+    whole_labels: LazyArray | None = None,
 ) -> BuiltSession:
     """Segment a volume unless labels are given, and make its session.
 
@@ -64,6 +70,9 @@ def build(
         Keyword arguments of `napari_unpack.segment`.
     progress : callable
         Takes (fraction in [0, 1], text); raises to cancel.
+    whole_labels : (Z, Y, X) array of int, optional
+        These labels at full resolution, where the volume is a level of a larger one: what is
+        measured of objects is measured there.
 
     Raises
     ------
@@ -74,7 +83,7 @@ def build(
     from napari_unpack.viewer.compiling import compiling_told
 
     with compiling_told(progress) as told:
-        return _build(volume, labels, names, settings, told)
+        return _build(volume, labels, names, settings, told, whole_labels)
 
 
 def _build(
@@ -83,6 +92,7 @@ def _build(
     names: Mapping[int, str],
     settings: dict[str, Any],
     progress: Progress,
+    whole_labels: LazyArray | None,
 ) -> BuiltSession:
     from napari_unpack.io.headless import named_objects
 
@@ -92,26 +102,30 @@ def _build(
     density = in_memory(volume)
     objects = named_objects(names)
     found: NDArray[np.int32] | None = None
-    evidence = None
+    evidence, share = None, Share(progress)
+    finding = share.part(0.0, SEGMENTING_SHARE)
     if labels is None:
         from napari_unpack.segmentation import segment
 
         with _advice_about_the_panel():
-            segmentation = segment(
-                density,
-                spacing=volume.spacing,
-                progress=lambda fraction, text: progress(SEGMENTING_SHARE * fraction, text),
-                **settings,
-            )
-        labels = found = segmentation.labels
-        objects, evidence = segmentation.objects, segmentation.evidence
-    measuring = Share(progress).part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
+            if volume.whole is None:
+                segmentation = segment(
+                    density, spacing=volume.spacing, progress=finding, **settings
+                )
+                found = segmentation.labels
+            else:
+                found, segmentation = _segmented_whole(volume, settings, finding)
+        labels, objects, evidence = found, segmentation.objects, segmentation.evidence
+    measuring = share.part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
     ids = np.asarray(labels)
     if not ids.any():
         raise ValueError(
             f"no objects were found in '{volume.name}': it may hold nothing denser than its "
             "surroundings, or the labels are empty"
         )
+    if whole_labels is not None and volume.whole is not None:
+        objects = _measured_whole(volume, whole_labels, ids, objects, measuring.part(0.0, 0.9))
+        measuring = measuring.part(0.9, 1.0)
     from napari_unpack.geometry.view import FROM_ABOVE, View
     from napari_unpack.session import Session
     from napari_unpack.session.framing import fitted
@@ -127,6 +141,51 @@ def _build(
     fitted(session)
     progress(1.0, "Opening the 3D view")
     return BuiltSession(session, found)
+
+
+def _segmented_whole(
+    volume: Volume, settings: dict[str, Any], share: Share
+) -> tuple[NDArray[np.int32], Segmentation]:
+    """Find the objects at full resolution, block by block; return their labels at the level too.
+
+    The labels of the whole lie on the disk meanwhile.
+    """
+    from napari_unpack.io.ome_zarr import labels_zarr
+    from napari_unpack.segmentation import segment
+
+    whole, spacing = volume.whole, volume.whole_spacing
+    assert whole is not None, "asked before"
+    with (
+        TemporaryDirectory(prefix="napari-unpack-") as folder,
+        labels_zarr(Path(folder) / "labels.zarr", whole.shape, "int32", spacing) as stored,
+    ):
+        found = segment(whole, spacing, progress=share, out=stored, **settings)
+        # The middle one of the voxels that one of the level stands for.
+        every = tuple(slice(f // 2, None, f) for f in volume.factors)
+        labels = np.zeros(volume.data.shape, np.int32)
+        taken = stored[every][tuple(slice(0, n) for n in labels.shape)]
+        labels[tuple(slice(0, n) for n in taken.shape)] = taken
+    return labels, replace(found, labels=labels)
+
+
+def _measured_whole(
+    volume: Volume,
+    labels: LazyArray,
+    ids: NDArray[np.integer[Any]],
+    named: pd.DataFrame | None,
+    share: Share,
+) -> pd.DataFrame:
+    """Return the table of the objects at a level, measured at full resolution."""
+    from napari_unpack.segmentation.common.array_source import source_of
+    from napari_unpack.segmentation.large_volumes import measured_objects
+
+    present = np.unique(ids[ids != 0])
+    source = source_of(volume.whole)
+    table = measured_objects(source, labels, present, volume.whole_spacing, share)
+    if volume.labelled:
+        # Labels that stand for their volume have no densities.
+        table = table.drop(columns="mean_density")
+    return table if named is None else table.join(named)
 
 
 @contextmanager
