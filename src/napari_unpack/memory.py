@@ -13,6 +13,14 @@ PICTURE_BYTES = 120
 ENCODER_BYTES = 350
 
 
+def total_memory() -> int:
+    """Return the bytes of memory that this computer has, or its container."""
+    whole = int(psutil.virtual_memory().total)
+    with suppress(OSError, ValueError):
+        whole = min(whole, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return whole
+
+
 def free_memory() -> int:
     """Return the bytes that can be taken without anything being swapped out or ended."""
     free = int(psutil.virtual_memory().available)

@@ -63,7 +63,7 @@ def little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the finest level not fit, to read and to unpack, but the next."""
     finest = 96**3
     monkeypatch.setattr("napari_unpack.file_sizes.free_memory", lambda: 2 * finest)
-    monkeypatch.setattr(layer_inputs, "_memory", lambda: 10.0 * finest)
+    monkeypatch.setattr(layer_inputs, "total_memory", lambda: 10 * finest)
 
 
 def _layers(path: Path) -> tuple[Image, Labels]:
@@ -102,8 +102,8 @@ def test_what_does_not_is_layers_of_levels_that_are_not_read(
 
 def test_the_finest_level_that_fits_is_taken_and_the_coarsest_where_none_does() -> None:
     shapes = [(64, 64, 64), (32, 32, 32), (16, 16, 16)]
-    taken = [finest_fitting(shapes, 2, memory) for memory in (2 * 64**3, 2 * 64**3 - 1, 1.0, None)]
-    assert taken == [0, 1, 2, 0]
+    taken = [finest_fitting(shapes, 2, memory) for memory in (2 * 64**3, 2 * 64**3 - 1, 1.0)]
+    assert taken == [0, 1, 2]
 
 
 def test_levels_that_keep_or_drop_the_last_voxel_have_the_same_factors() -> None:

@@ -13,7 +13,7 @@ from napari_unpack.layers.placement import data_to_world
 Factors = tuple[int, int, int]
 
 
-def finest_fitting(shapes: Sequence[Sequence[int]], voxel: int, memory: float | None) -> int:
+def finest_fitting(shapes: Sequence[Sequence[int]], voxel: int, memory: float) -> int:
     """Return the first of some levels that fits the memory, the last where none does.
 
     Parameters
@@ -22,11 +22,9 @@ def finest_fitting(shapes: Sequence[Sequence[int]], voxel: int, memory: float | 
         Of the levels, the finest first.
     voxel : int
         Bytes that a voxel takes.
-    memory : float or None
-        Bytes there are; None where nobody knows, then the finest is taken.
+    memory : float
+        Bytes there are.
     """
-    if memory is None:
-        return 0
     # As floats: a product of three sizes of a made-up file may pass 2^63.
     needed = [voxel * float(np.prod([float(n) for n in shape])) for shape in shapes]
     return next((k for k, size in enumerate(needed) if size <= memory), len(shapes) - 1)

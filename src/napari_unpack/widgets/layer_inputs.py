@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -16,6 +15,7 @@ from qtpy.QtWidgets import QComboBox
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.levels import Factors, factors_of, finest_fitting
 from napari_unpack.layers.placement import FIELDS, spacing_of
+from napari_unpack.memory import total_memory
 
 if TYPE_CHECKING:
     import napari
@@ -230,7 +230,7 @@ def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = No
     index : sequence of int, optional
         One for each of `extra_axes(layer)`; by default the first of all.
     memory : float, optional
-        Bytes; by default this computer's, where the system tells.
+        Bytes; by default this computer's.
 
     Raises
     ------
@@ -260,10 +260,9 @@ def _fitting(levels: Sequence[LazyArray], memory: float | None) -> int:
     """Return which level is unpacked: the finest that fits, the coarsest where none does."""
     if isinstance(levels[0], np.ndarray):
         return 0
-    room = _memory() if memory is None else memory
+    room = total_memory() if memory is None else memory
     voxel = np.dtype(levels[0].dtype).itemsize + LABEL_BYTES
-    usable = None if room is None else USABLE_MEMORY * room
-    return finest_fitting([level.shape for level in levels], voxel, usable)
+    return finest_fitting([level.shape for level in levels], voxel, USABLE_MEMORY * room)
 
 
 def _level_count(layer: Layer) -> int:
@@ -339,7 +338,7 @@ def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
     volume : Volume
         Its data may be a zarr or dask array.
     memory : float, optional
-        Bytes; by default this computer's, where the system tells.
+        Bytes; by default this computer's.
 
     Raises
     ------
@@ -356,9 +355,9 @@ def _read(volume: Volume, memory: float | None) -> NDArray[Any]:
     if isinstance(data, np.ndarray):
         return data
     voxels = float(np.prod([float(n) for n in data.shape]))
-    room = _memory() if memory is None else memory
+    room = total_memory() if memory is None else memory
     needed = voxels * (np.dtype(data.dtype).itemsize + LABEL_BYTES)
-    if room is not None and needed > USABLE_MEMORY * room:
+    if needed > USABLE_MEMORY * room:
         extent = " x ".join(map(str, data.shape))
         raise ValueError(
             f"'{volume.name}' ({extent}) needs about {needed / 1e9:.0f} GB to be unpacked, and "
@@ -379,14 +378,6 @@ def _as_water(labels: NDArray[Any]) -> NDArray[np.uint16]:
         touching = (labels[low] != labels[high]) & (labels[low] != 0) & (labels[high] != 0)
         density[low][touching] = density[high][touching] = GROOVE
     return density
-
-
-def _memory() -> float | None:
-    """Return this computer's memory in bytes, None where the system does not tell."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return None
 
 
 def labels_of(layer: Labels, volume: Volume, index: Sequence[int] = ()) -> LazyArray:
