@@ -40,13 +40,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features, in the commit that ends them.
-<<<<<<< HEAD
-MODULES = 377
-LINES = 71250
-=======
 MODULES = 378
-LINES = 71570
->>>>>>> 758ff9c (The memory that there is, asked in one place; counts)
+LINES = 71610
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
