@@ -18,7 +18,7 @@ export NAPARI_CONFIG ?=
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots clean
+.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots dist workflows clean
 
 setup: $(READY)
 
@@ -75,6 +75,24 @@ requirements: $(READY)
 	@$(LOCK) pyproject.toml --group dev -o requirements/dev.txt
 	@$(LOCK) --group bench -c requirements/dev.txt -o requirements/bench.txt
 	@$(LOCK) --group tools -c requirements/dev.txt -o requirements/tools.txt
+	@$(LOCK) --group docs -c requirements/dev.txt -c requirements/tools.txt -o requirements/docs.txt
+
+# Wheel and sdist in dist/, each tried as a person gets it: installed into a fresh environment,
+# without the repository, where the plugin unpacks its sample bag. Installs from the package index.
+dist: $(READY)
+	@$(INSTALL) requirements/tools.txt
+	@rm -rf dist
+	@$(BIN)/python -m build --no-isolation --outdir dist . >/dev/null
+	@$(BIN)/twine check --strict dist/*
+	@$(BIN)/check-manifest --no-build-isolation
+	@$(BIN)/npe2 validate napari_unpack
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/check_dist.py dist
+
+# The workflows, against their schema and for what is unsafe in them.
+workflows: $(READY)
+	@$(INSTALL) requirements/tools.txt
+	@$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	@$(BIN)/zizmor --offline --quiet .github/workflows
 
 # Known advisories on what the hashed files name (asks the package index).
 audit: $(READY)

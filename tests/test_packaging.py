@@ -61,6 +61,11 @@ def test_the_wheel_has_every_module_and_every_shader(built: Path) -> None:
     assert modules | shaders | {"napari_unpack/napari.yaml", "napari_unpack/py.typed"} <= names
 
 
+def test_the_wheel_has_at_most_5_mb(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    assert wheel.stat().st_size <= 5_000_000
+
+
 def test_the_sdist_has_the_manifest_once_and_the_shaders(built: Path) -> None:
     (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:

@@ -20,6 +20,7 @@ ASKED = {
     "dev": [*PROJECT["project"]["dependencies"], *GROUPS["dev"]],
     "bench": GROUPS["bench"],
     "tools": GROUPS["tools"],
+    "docs": GROUPS["docs"],
 }
 
 
@@ -66,7 +67,7 @@ def test_the_hashed_file_has_what_pyproject_asks_for_and_all_that_this_needs(nam
 
 
 def test_the_files_agree_with_each_other() -> None:
-    for other in ("bench", "tools"):
+    for other in ("bench", "tools", "docs"):
         both = pinned(other).items()
         different = {n: v for n, v in both if pinned("dev").get(n, v) != v}
         assert different == {}

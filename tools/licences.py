@@ -20,6 +20,10 @@ COPYLEFT = re.compile(r"\b(A?GPL|(?<!Lesser )General Public)\b", re.IGNORECASE)
 BY_FILE = "copyleft of its own files only, less than the LGPL asks; used unmodified"
 EXCEPTIONS = {
     "certifi": ("Mozilla Public License 2.0 (MPL 2.0)", BY_FILE),
+    "docutils": (
+        "BSD License AND GNU General Public License (GPL)",
+        "the GPL is of one file, its mode for Emacs; a tool of `make dist` alone",
+    ),
     "hypothesis": ("MPL-2.0", BY_FILE + ", by tests alone"),
     "pathspec": ("Mozilla Public License 2.0 (MPL 2.0)", BY_FILE + ", by mypy alone"),
     "tqdm": ("MPL-2.0 AND MIT", BY_FILE),
