@@ -63,6 +63,23 @@ def test_a_film_has_its_size_and_every_flight(tmp_path: Path, session: Any, suff
     assert [p.name for p in tmp_path.iterdir()] == [f"film{suffix}"]
 
 
+def test_cancel_is_asked_before_every_frame_and_the_bar_moves_with_each(
+    tmp_path: Path, session: Any
+) -> None:
+    told: list[tuple[int, float]] = []
+
+    def tell(fraction: float, _text: str) -> None:
+        told.append((len(list(tmp_path.rglob("*.png"))), fraction))
+
+    movie(session, tmp_path / "film", 2, (64, 64), 10, 0.5, "cpu", progress=tell)
+    written = [frames for frames, _ in told]
+    assert written[-1] == 6 + 2 * (5 + 1) + 12
+    assert max(after - before for before, after in pairwise(written)) == 1
+    # One frame rests after each flight, for which the bar has no room.
+    furthest = [max(f for n, f in told if n == k) for k in range(written[-1])]
+    assert sum(after > before for before, after in pairwise(furthest)) >= written[-1] - 1 - 2
+
+
 def test_filming_leaves_the_session_as_it_was(tmp_path: Path, session: Any) -> None:
     session.unpack(1)
     before = dict(session.states), session.camera, session.hues

@@ -357,40 +357,53 @@ class _Shooting:
 
     def still(self, rest: float, share: Share) -> Iterator[Frame]:
         # Rendered once: nothing moves while it stands.
-        frame = self.image(self.camera, share)
-        for _ in range(max(1, round(rest * self.fps))):
+        frame = self.image(self.camera, share.part(0.0, 0.5))
+        for _ in share.part(0.5, 1.0).over(range(self.frames(rest))):
             yield frame
+
+    def step(self, share: Share) -> bool:
+        """Go a step further; return whether anything flies."""
+        with CANCELLING.by(share):
+            return bool(self.session.go_to(self.session.step + 1) and self.session.flights)
+
+    def frames(self, seconds: float) -> int:
+        return max(1, round(seconds * self.fps))
 
 
 def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterator[Frame]:
     session, share = shooting.session, shooting.share
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
+    # The bar goes by frames, as if the objects left one by one.
+    flying = wanted * (shooting.frames(seconds) + shooting.frames(STANDSTILL[1]))
+    first, last = shooting.frames(STANDSTILL[0]), shooting.frames(STANDSTILL[2])
+    begun, ending = first / (first + flying + last), 1.0 - last / (first + flying + last)
     # Without a screen, flights are off: the movie is what they are for.
     session.animated, session.seconds = True, seconds
-    yield from shooting.still(STANDSTILL[0], share.part(0.0, 0.0))
+    yield from shooting.still(STANDSTILL[0], share.part(0.0, begun))
+    flights = share.part(begun, ending)
     gone, camera, poses = 0, shooting.camera, session.poses
     # A step more each time: those that a person took, then the next to leave.
-    while gone < wanted and session.go_to(session.step + 1) and session.flights:
-        flights = dict(session.flights)
+    while gone < wanted and shooting.step(flights.part(gone / wanted, gone / wanted)):
+        leaving = dict(session.flights)
         # Flights of a group need not start together: a step lasts until the last has landed.
-        start = min(flight.start for flight in flights.values())
-        length = max(flight.start + flight.seconds for flight in flights.values()) - start
-        frames = max(1, round(length * shooting.fps))
+        start = min(flight.start for flight in leaving.values())
+        length = max(flight.start + flight.seconds for flight in leaving.values()) - start
+        frames = shooting.frames(length)
         # As in the window: there is room for a sprite before it comes.
         glide = CameraGlide(camera, camera := shooting.camera, start)
         for i in range(frames):
-            at, ended = (min((gone + len(flights) * k / frames) / wanted, 1.0) for k in (i, i + 1))
-            part = share.part(at, ended, f"Rendering: {gone} of {wanted} objects out")
+            at, ended = (min((gone + len(leaving) * k / frames) / wanted, 1.0) for k in (i, i + 1))
+            part = flights.part(at, ended, f"Rendering: {gone} of {wanted} objects out")
             time = start + (i + 1) * length / frames
             yield shooting.image(glide.camera(time), part, time, poses, glide.gone(time))
-        for object_id in flights:
+        for object_id in leaving:
             # By hand: no clock runs here, so none would land by itself.
             session.land(object_id)
-        gone, poses = gone + len(flights), session.poses
+        gone, poses = gone + len(leaving), session.poses
         at = min(gone / wanted, 1.0)
-        yield from shooting.still(STANDSTILL[1], share.part(at, at))
-    yield from shooting.still(STANDSTILL[2], share.part(1.0, 1.0))
+        yield from shooting.still(STANDSTILL[1], flights.part(at, at))
+    yield from shooting.still(STANDSTILL[2], share.part(ending, 1.0))
 
 
 def _turning(shooting: _Shooting, seconds: float) -> Iterator[Frame]:

@@ -42,6 +42,9 @@ SMALL_STEPS, LARGE_STEPS = 10, 4
 # second.
 SLAB_VOXELS = 2**20
 
+# What is written between two checks.
+PIECE_BYTES = 2**24
+
 # No voxel of a blurred mask is nearer to the level: there the surface's points on several edges
 # would be one to float32, in bags of up to 2,000 voxels, and slabs could not tell them apart.
 NEAR = 0.0001
@@ -123,7 +126,10 @@ def save_surfaces(
         else:
             temporary = stack.enter_context(written_atomically(target))
             told, kind = Share(report, 1.0, 1.0, "Writing surfaces"), target.suffix.lower()[1:]
-            temporary.write_bytes(attended(partial(_together, list(meshes), kind), told))
+            written = memoryview(attended(partial(_together, list(meshes), kind), told))
+            with temporary.open("wb") as file:
+                for first in told.over(range(0, len(written), PIECE_BYTES)):
+                    file.write(written[first : first + PIECE_BYTES])
         report(1.0, "Written")
     return target
 

@@ -68,3 +68,13 @@ def test_patience_ends() -> None:
         assert way.give(left) == left
     assert way.give(5.0) == 5.0
     assert not way.mine
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_short_passes_tell_one_after_the_other_and_never_fall(threads: int) -> None:
+    told: list[float] = []
+    with CANCELLING.by(Share(lambda done, _text: told.append(done))):
+        for _ in range(5):
+            over_bands(8, lambda _, first, last: None, lambda: None, threads, 1)
+    assert len(told) >= 5
+    assert told == sorted(told)

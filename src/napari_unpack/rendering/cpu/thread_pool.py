@@ -70,8 +70,15 @@ class Cancelling:
     @contextmanager
     def by(self, share: Share) -> Iterator[None]:
         """Report to a share while passes begun by this thread run, which may cancel them."""
-        own = get_ident()
-        self._shares[own] = share
+        own, furthest = get_ident(), 0.0
+
+        def onward(done: float, text: str) -> None:
+            # One pass after another begins at 0; nobody knows how many there are.
+            nonlocal furthest
+            furthest = max(furthest, done)
+            share(furthest, text)
+
+        self._shares[own] = Share(onward)
         try:
             yield
         finally:
@@ -142,6 +149,8 @@ def over_bands(
 
     if workers <= 1:
         return [worker()]
+    # Passes that take less than a beat come one after the other.
+    share()
     with ThreadPoolExecutor(workers, "unpack") as pool:
         futures = [pool.submit(worker) for _ in range(workers)]
         try:

@@ -26,6 +26,7 @@ from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volu
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
+from napari_unpack.thread_count import thread_count
 
 # Stored with the weights and compared with them: the names must stay as they were trained.
 PAIR_FEATURES = (
@@ -130,7 +131,9 @@ def measure_parts(
     share : Share
     """
     top = int(labels.max())
-    depth = edt.edt(labels, anisotropy=spacing, black_border=True)
+    # All of Python waits for it: no longer than need be.
+    threads = min(2, thread_count())
+    depth = edt.edt(labels, anisotropy=spacing, black_border=True, parallel=threads)
     share(0.3)
     faces = np.prod(spacing) / np.array(spacing)
     sums, area, middle, step = _measure(labels, lifted, depth, top, faces)
