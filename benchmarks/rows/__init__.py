@@ -28,6 +28,7 @@ ORDER = (
     "confidence",
     "scaling",
     "many_bags",
+    "large_volume",
     "cancelling",
     "costs",
     "plugin_start",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -56,6 +57,30 @@ def test_labels_are_those_of_one_machine_whatever_the_blocks(
     found = nu.segment(stored, MM, working=48**3, out=out, client=client)
     assert np.array_equal(out[...], wanted.labels)
     np.testing.assert_allclose(found.objects, wanted.objects, rtol=1e-9)
+
+
+BLOCK, WHOLE = 40_000, SIDE**3
+LIMIT = 20 * 60_000 + (6 << 20)
+"""Bytes: 20 a voxel of a block with those around it, and a tile of the network, which all of the
+reduced volume fits into."""
+
+
+def test_the_peak_of_a_worker_follows_its_blocks_and_not_the_volume(
+    stored: Any, client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = zarr.open_array(str(tmp_path / "out.zarr"), mode="w", shape=stored.shape, dtype="i4")
+    peaks = {}
+    # Kernels are loaded with the first, which takes memory once.
+    for block in (BLOCK, BLOCK, WHOLE):
+        monkeypatch.setitem(large_volumes.segment_large.__kwdefaults__, "block", block)
+        client.run(tracemalloc.start)
+        try:
+            nu.segment(stored, MM, working=48**3, out=out, client=client)
+            traced = client.run(tracemalloc.get_traced_memory)
+        finally:
+            client.run(tracemalloc.stop)
+        peaks[block] = max(peak for _, peak in traced.values())
+    assert peaks[BLOCK] < LIMIT < peaks[WHOLE]
 
 
 class Camera:
