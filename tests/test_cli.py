@@ -1,5 +1,6 @@
 """The command line, on a bag of three boxes."""
 
+import shutil
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -7,6 +8,7 @@ from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -20,6 +22,7 @@ from napari_unpack.io import (
     save_objects_csv,
     save_scan,
 )
+from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.session.measurements import SurfacePoint
 
 
@@ -324,7 +327,11 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
     locked.write_bytes(b"")
     locked.chmod(0o444)
     before = bag.read_bytes()
+    usage = SimpleNamespace(free=1000)
+    monkeypatch.setattr("napari_unpack.atomic.shutil.disk_usage", lambda _: usage)
     for source, output, sentence in (
+        (bag, bag.parent / "none" / "found.npz", "no folder"),
+        (bag, bag.with_name("found.nii.gz"), "MB free: free some, or choose another folder"),
         (bag, bag, "is the input and would be overwritten"),
         (bag, link, "is the input and would be overwritten"),
         (bag, locked, "is read-only"),
@@ -340,7 +347,8 @@ def test_a_segmentation_that_cannot_be_saved_goes_elsewhere_and_says_where(
     bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     labels = load_labels(bag)[0]
-    found = SimpleNamespace(labels=labels, objects=[])
+    objects = pd.DataFrame({"volume": [7.0]}, index=pd.Index([1], name="id"))
+    found = SimpleNamespace(labels=labels, objects=objects)
     out = tmp_path / "there"
     out.mkdir()
 
@@ -350,9 +358,32 @@ def test_a_segmentation_that_cannot_be_saved_goes_elsewhere_and_says_where(
         return found
 
     monkeypatch.setattr(nu, "segment", segment)
-    result = run("segment", bag, out / "found.nii.gz")
+    result = run("segment", bag, out / "found.nii.gz", "--csv", out / "found.csv")
+    assert result.exit_code == 1
+    assert "no folder" in result.output
+    path, table = [
+        Path(line[6:]) for line in result.output.splitlines() if line.startswith("wrote ")
+    ]
+    np.testing.assert_array_equal(load_labels(path)[0], labels)
+    assert pd.read_csv(table)["volume"].tolist() == [7.0]
+    for file in (path, table):
+        shutil.rmtree(file.parent)
+
+
+def test_an_oracle_that_cannot_be_saved_goes_elsewhere_and_says_where(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    oracle, out = default_oracle(), tmp_path / "there"
+    out.mkdir()
+
+    def train(*args: object, **settings: object) -> nu.Oracle:
+        out.rmdir()
+        return oracle
+
+    monkeypatch.setattr(nu, "train", train)
+    result = run("train", out / "mine.npz", bag)
     assert result.exit_code == 1
     assert "no folder" in result.output
     (path,) = [Path(line[6:]) for line in result.output.splitlines() if line.startswith("wrote ")]
-    np.testing.assert_array_equal(load_labels(path)[0], labels)
-    path.unlink()
+    np.testing.assert_array_equal(nu.Oracle.load(path).logistic, oracle.logistic)
+    shutil.rmtree(path.parent)

@@ -29,6 +29,7 @@ from napari_unpack.cli_options import (
     load_input,
     open_input,
     requested_decorations,
+    write_somewhere,
 )
 
 app = typer.Typer(
@@ -140,8 +141,8 @@ def _segment(
 ) -> None:
     """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
-    from napari_unpack.io import save_objects_csv
-    from napari_unpack.io.volumes import WRITABLE, check_savable, save_scan_somewhere
+    from napari_unpack.io import save_objects_csv, save_scan
+    from napari_unpack.io.volumes import WRITABLE, check_savable
 
     check_output(output, (*WRITABLE, ".zarr"), source)
     if csv is not None:
@@ -162,13 +163,12 @@ def _segment(
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
-    paths, error = save_scan_somewhere(scan.with_labels(_smallest_dtype(found.labels)), output)
-    for path in paths:
-        typer.echo(f"wrote {path}")
-    if error is not None:
-        raise error
-    if csv is not None:
-        typer.echo(f"wrote {save_objects_csv(found.objects, csv)}")
+    labelled = scan.with_labels(_smallest_dtype(found.labels))
+    try:
+        write_somewhere(lambda path: save_scan(labelled, path), output, ".npz")
+    finally:
+        if csv is not None:
+            write_somewhere(lambda path: [save_objects_csv(found.objects, path)], csv, ".csv")
     typer.echo(f"{len(found.objects)} objects")
 
 
@@ -194,8 +194,12 @@ def _train(
     # One bag in memory at a time: a generator, as there may be hundreds.
     scans = (load_volume(path, large=large) for path in bags)
     oracle = train(scans, seed, lambda _, text: ticker(0.0, text))
-    oracle.save(output)
-    typer.echo(f"wrote {output}")
+
+    def save(path: Path) -> list[Path]:
+        oracle.save(path)
+        return [path]
+
+    write_somewhere(save, output, ".npz")
 
 
 @_command()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -195,6 +197,35 @@ def check_output(path: Path, suffixes: tuple[str, ...], *inputs: Path | None) ->
     if any(path.exists() and given and given.exists() and path.samefile(given) for given in inputs):
         raise ValueError(f"{path} is the input and would be overwritten: choose another output")
     check_writable(path)
+
+
+def write_somewhere(save: Callable[[Path], Iterable[Path]], path: Path, suffix: str) -> None:
+    """Save what took long to find; where that fails, in the folder for temporary files.
+
+    Parameters
+    ----------
+    save : callable
+        Returns the files it has written, which are told.
+    path : Path
+        Where they should be.
+    suffix : str
+        Of the file in the other folder.
+
+    Raises
+    ------
+    OSError
+        Once all is told, why it is not where it should be; or if it can be saved in neither place.
+    """
+    failed = None
+    try:
+        files = save(path)
+    except OSError as error:
+        failed = error
+        files = save(Path(mkdtemp(prefix="napari-unpack-")) / f"{path.name.split('.')[0]}{suffix}")
+    for file in files:
+        typer.echo(f"wrote {file}")
+    if failed is not None:
+        raise failed
 
 
 def direction_of(text: str | None) -> str | tuple[float, float, float] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -160,32 +160,6 @@ def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
     # third; an eighth is refused to nobody who might have enough.
     needed = volume.nbytes + 2 * volume.size
     check_space(file, needed if suffix_of(file) in TIFF_SUFFIXES else needed // 8)
-
-
-def save_scan_somewhere(scan: Scan, path: str | Path) -> tuple[list[Path], OSError | None]:
-    """Save a scan; where that fails, as .npz in the folder for temporary files.
-
-    Parameters
-    ----------
-    scan, path : see `save_scan`
-
-    Returns
-    -------
-    files : list of Path
-        What was written.
-    error : OSError or None
-        Why it is not where it should be.
-
-    Raises
-    ------
-    OSError
-        If it can be saved in neither place.
-    """
-    try:
-        return save_scan(scan, path), None
-    except OSError as error:
-        fallback = Path(mkdtemp(prefix="napari-unpack-")) / f"{stem_of(Path(path))}.npz"
-        return save_scan(scan, fallback), error
 
 
 def read_file(path: str | Path, large: bool = False) -> FileData:
