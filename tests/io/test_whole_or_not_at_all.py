@@ -8,7 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import SimpleITK as sitk
+import tifffile
 
 from napari_unpack.atomic import (
     check_space,
@@ -17,6 +20,7 @@ from napari_unpack.atomic import (
     recover_folder,
     written_atomically,
 )
+from napari_unpack.io import Scan, save_scan
 
 SCRIPT = Path(__file__).with_name("saves_at_risk.py")
 FORMATS = 14
@@ -124,6 +128,76 @@ def test_a_check_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
         temporary.write_text("new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])
+@pytest.mark.parametrize("lost", ["first", "last", "fewer"])
+def test_what_a_writer_loses_without_a_word_is_read_back_and_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, lost: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    volume = np.arange(1, 61, dtype=np.uint16).reshape(3, 4, 5)
+    save_scan(Scan(volume, (1.0, 1.0, 1.0)), path)
+    before = path.read_bytes()
+    write_image, write_tiff = sitk.WriteImage, tifffile.imwrite
+
+    def less(array: np.ndarray) -> np.ndarray:
+        if lost == "fewer":
+            return array[:-1]
+        array = array.copy()
+        array[0 if lost == "first" else -1, 2, 2] = 0
+        return array
+
+    def image(found: Any, *given: Any, **options: Any) -> None:
+        write_image(sitk.GetImageFromArray(less(sitk.GetArrayFromImage(found))), *given, **options)
+
+    def tiff(file: Any, array: np.ndarray, **options: Any) -> None:
+        write_tiff(file, less(array), **options)
+
+    monkeypatch.setattr(sitk, "WriteImage", image)
+    monkeypatch.setattr(tifffile, "imwrite", tiff)
+    with pytest.raises(OSError, match="it is not whole: is the disk full"):
+        save_scan(Scan(volume + 1, (1.0, 1.0, 1.0)), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_disk_has_the_data_before_the_name_is_taken_and_the_name_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[object] = []
+    sync, replace = os.fsync, Path.replace
+
+    def synced(handle: int) -> None:
+        done.append(os.fstat(handle).st_ino)
+        sync(handle)
+
+    def replaced(self: Path, target: Path) -> Path:
+        done.append("renamed")
+        return replace(self, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "replace", replaced)
+    save(tmp_path / "a.txt", "new")
+    here = tmp_path.stat().st_ino
+    assert done == [(tmp_path / "a.txt").stat().st_ino, "renamed", here]
+    done.clear()
+    save_folder(tmp_path / "bag", "new")
+    folder = tmp_path / "bag"
+    inside = [(folder / "a.txt").stat().st_ino, folder.stat().st_ino]
+    assert done == [*inside, "renamed", here]
+
+
+def test_a_file_stays_its_owners(tmp_path: Path) -> None:
+    path, owner = tmp_path / "a.txt", os.geteuid()
+    save(path, "old")
+    if owner == 0:
+        # Root alone may give files away.
+        owner = 65534
+        os.chown(path, owner, owner)
+    save(path, "new")
+    assert path.read_text() == "new"
+    assert path.stat().st_uid == owner
 
 
 def save_folder(path: Path, text: str) -> None:
