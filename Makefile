@@ -18,7 +18,7 @@ export NAPARI_CONFIG ?=
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots dist workflows clean
+.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots docs dist workflows clean
 
 setup: $(READY)
 
@@ -77,6 +77,11 @@ requirements: $(READY)
 	@$(LOCK) --group tools -c requirements/dev.txt -o requirements/tools.txt
 	@$(LOCK) --group docs -c requirements/dev.txt -c requirements/tools.txt -o requirements/docs.txt
 
+# The documentation site in site/: open site/index.html. Pages need no network, nor does the build.
+docs: $(READY)
+	@$(INSTALL) requirements/docs.txt
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
 # Wheel and sdist in dist/, each tried as a person gets it: installed into a fresh environment,
 # without the repository, where the plugin unpacks its sample bag. Installs from the package index.
 dist: $(READY)
@@ -118,4 +123,4 @@ screenshots: $(READY) kernels
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/screenshots.py docs/gallery
 
 clean:
-	rm -rf $(VENV) build dist demo-output src/*.egg-info
+	rm -rf $(VENV) build dist site demo-output src/*.egg-info

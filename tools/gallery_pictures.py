@@ -77,10 +77,10 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
         ]
     for part, pictures in panels.items():
         path = gallery / f"{name}-{part}.png"
-        _save(np.hstack([_captioned(make(), words) for words, make in pictures]), path)
+        save(np.hstack([captioned(make(), words) for words, make in pictures]), path)
         yield path
     path = gallery / f"{name}-sides.png"
-    _save(_from_three_sides(session), path)
+    save(_from_three_sides(session), path)
     yield path
 
 
@@ -188,8 +188,8 @@ def _from_three_sides(session: Any) -> NDArray[np.uint8]:
         session.recolor(keep=False)
         whole = _tinted(session, session.packed_tints())
         shares = ((0.1, "the densest 10%"), (0.025, "the densest 2.5%"))
-        denser = [_captioned(_densest(session, share), text) for share, text in shares]
-        columns.append(np.vstack([_captioned(whole, words), *denser]))
+        denser = [captioned(_densest(session, share), text) for share, text in shares]
+        columns.append(np.vstack([captioned(whole, words), *denser]))
     session.look(before)
     session.recolor(keep=False)
     return np.hstack(columns)
@@ -200,7 +200,8 @@ def _through(session: Any, preset: str) -> ImageTexture:
     return _tinted(session, session.packed_tints(), function=function)
 
 
-def _captioned(picture: ImageTexture, words: str) -> NDArray[np.uint8]:
+def captioned(picture: ImageTexture, words: str) -> NDArray[np.uint8]:
+    """Return an (SIDE, SIDE, 3 or 4) picture of 0 to 1 with words below it."""
     whole = np.zeros((SIDE + CAPTION, SIDE, 3), np.uint8)
     whole[:] = (14, 16, 20)
     whole[:SIDE] = np.rint(np.clip(picture[..., :3], 0, 1) * 255)
@@ -216,5 +217,6 @@ def _captioned(picture: ImageTexture, words: str) -> NDArray[np.uint8]:
     return np.asarray(image)
 
 
-def _save(picture: NDArray[np.uint8], path: Path) -> None:
+def save(picture: NDArray[np.uint8], path: Path) -> None:
+    """Write a PNG, as small as it gets."""
     Image.fromarray(picture).save(path, optimize=True)

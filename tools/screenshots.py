@@ -13,6 +13,7 @@ from pathlib import Path
 from figures import LOOKING, film
 from figures import draw as draw_figures
 from gallery_pictures import draw, open_session_on
+from segmentation_picture import draw_segmentation
 
 from napari_unpack import segment, simulate_bag
 from napari_unpack.demo import run
@@ -45,6 +46,7 @@ def main(gallery: Path) -> None:
         for path in draw(session, name, gallery, bag_is_ct=source is None):
             print(path.name)
         draw_figures(session, gallery, name, LOOKING if source is None else FROM_ABOVE)
+    draw_segmentation(simulate_bag(seed=0), gallery / "bag-segmentation.png")
     film(gallery / "bag-unpacking.gif")
 
 

@@ -1,0 +1,220 @@
+"""The documentation: every block of code runs, every link leads somewhere, the schema holds."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import napari_unpack as nu
+from napari_unpack.cli import app
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(p for p in DOCS.rglob("*.md") if p.parent.name != "decisions"),
+]
+FENCED = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+NOT_RUN = re.compile(r"<!-- not run: (.+?) -->\n+```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+MOST_NOT_RUN = 4
+"""Blocks that need what is not here: a cluster, another program."""
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Return language and code of the blocks of a page that are to run, in their order."""
+    text = page.read_text("utf-8")
+    excused = {code for _, code in NOT_RUN.findall(text)}
+    return [
+        (language, code)
+        for language, code in FENCED.findall(text)
+        if language in ("python", "sh") and code not in excused
+    ]
+
+
+@pytest.fixture(scope="module")
+def bag_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make the files that the pages name, by the commands that the pages give for it."""
+    folder = tmp_path_factory.mktemp("bag")
+    for page in (DOCS / "tutorials" / "index.md", DOCS / "how-to" / "index.md"):
+        run_blocks(page, folder)
+    return folder
+
+
+def run_blocks(page: Path, folder: Path) -> None:
+    """Run the blocks of a page in a folder, as a reader does who copies one after the other."""
+    names: dict[str, object] = {"__name__": "__page__"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for k, (language, code) in enumerate(blocks(page)):
+            if language == "python":
+                exec(compile(code, f"{page.name}, block {k + 1}", "exec"), names)
+            else:
+                for line in code.splitlines():
+                    run_line(line)
+
+
+def run_line(line: str) -> None:
+    """Run one line of a shell, or check what would take long or change this machine."""
+    words = shlex.split(line, comments=True)
+    if not words:
+        return
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    if words[0] == "napari-unpack":
+        done = CliRunner().invoke(app, words[1:])
+        assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception!r}"
+    elif words[0] == "make":
+        # `make dist` and the tests themselves run these.
+        targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+        assert [word for word in words[1:] if "=" not in word and word not in targets] == []
+    elif words[:2] == ["pip", "install"]:
+        # `make dist` installs; here that each extra is one of ours.
+        extras = re.findall(r"\[([\w,-]+)\]", line)
+        asked = {name for extra in extras for name in extra.split(",")}
+        assert asked <= project["optional-dependencies"].keys()
+    elif words[0] == "mkdir":
+        Path(words[1]).mkdir()
+    else:
+        assert words[0] in ("napari", "git", "cd", ".venv/bin/pre-commit"), line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_block_of_code_runs(page: Path, bag_files: Path) -> None:
+    run_blocks(page, bag_files)
+
+
+def test_a_block_that_fails_would_be_seen(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```python\nimport napari_unpack as nu\nnu.no_such_name\n```\n")
+    with pytest.raises(AttributeError):
+        run_blocks(page, tmp_path)
+    page.write_text("```sh\nnapari-unpack order nothing.npz\n```\n")
+    with pytest.raises(AssertionError, match="nothing"):
+        run_blocks(page, tmp_path)
+    page.write_text("```sh\nrm -r bag\n```\n")
+    with pytest.raises(AssertionError):
+        run_blocks(page, tmp_path)
+
+
+def test_few_blocks_are_excused_and_each_says_why() -> None:
+    excused = [why for page in PAGES for why, _ in NOT_RUN.findall(page.read_text("utf-8"))]
+    assert len(excused) <= MOST_NOT_RUN
+    assert all(len(why.split()) >= 2 for why in excused)
+
+
+def links(page: Path) -> Iterator[str]:
+    """Return what a page links to or shows, outside of code."""
+    text = FENCED.sub("", page.read_text("utf-8"))
+    yield from re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text))
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as MkDocs and GitHub make them."""
+    from markdown.extensions.toc import slugify
+
+    titles = re.findall(r"^#+ (.+)$", FENCED.sub("", page.read_text("utf-8")), re.MULTILINE)
+    return {slugify(re.sub(r"[`*]", "", title), "-") for title in titles}
+
+
+MADE = {"reference/command-line.md", "reference/keys.md", "reference/preferences.md"}
+MADE |= {"contributing.md", "conventions.md", "changelog.md", "security.md", "decisions/index.md"}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [*PAGES, *sorted((DOCS / "decisions").glob("*.md"))],
+    ids=lambda page: page.relative_to(ROOT).as_posix(),
+)
+def test_every_link_leads_to_a_file_that_there_is(page: Path) -> None:
+    for link in links(page):
+        if link.startswith(("https://", "http://", "mailto:")):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        made = target.is_relative_to(DOCS) and target.relative_to(DOCS).as_posix() in MADE
+        assert made or target.exists(), f"{link} of {page.name}"
+        if anchor and not made:
+            assert anchor in anchors(target), f"{link} of {page.name}"
+
+
+def test_every_question_stands_in_the_index() -> None:
+    folder = DOCS / "how-to"
+    text = (folder / "index.md").read_text("utf-8")
+    listed = dict(re.findall(r"^- \[(.+)\]\(([\w-]+\.md)\)$", text, re.MULTILINE))
+    asked = {p.read_text("utf-8").splitlines()[0][2:]: p.name for p in folder.glob("*.md")}
+    del asked["How-to"]
+    assert listed == asked
+    assert len(listed) >= 20
+    assert [title for title in listed if not title.endswith("?")] == []
+
+
+def test_every_picture_is_of_the_gallery() -> None:
+    shown = {
+        (page.parent / link).resolve()
+        for page in PAGES
+        for link in links(page)
+        if link.endswith((".png", ".gif", ".svg")) and not link.startswith("http")
+    }
+    others = {path for path in shown if path.parent != DOCS / "gallery"}
+    assert others <= {DOCS / "unpacking-steps.svg"}, "`make screenshots` makes pictures"
+
+
+def test_pages_that_are_made_say_what_the_program_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    from docs_pages import made_pages
+
+    pages = made_pages()
+    assert set(pages) == MADE
+    command_line = pages["reference/command-line.md"]
+    for command in ("simulate", "segment", "order", "movie", "surfaces", "batch", "open"):
+        assert f"## `napari-unpack {command}`" in command_line
+    assert "--turntable" in command_line
+    assert "| **N** | unpack next |" in pages["reference/keys.md"]
+    assert "| **Keep unsaved work** | on |" in pages["reference/preferences.md"]
+    assert "(0010-libraries-instead-of-our-own.md)" in pages["decisions/index.md"]
+
+
+SCHEMA = json.loads((DOCS / "reference" / "session.schema.json").read_text("utf-8"))
+SAVED = sorted((ROOT / "tests" / "io" / "fixtures").glob("*.unpack"))
+
+
+def told(path: Path) -> dict[str, object]:
+    """Return the session.json of a saved session."""
+    with zipfile.ZipFile(path) as archive:
+        found: dict[str, object] = json.loads(archive.read("session.json"))
+        return found
+
+
+@pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
+def test_sessions_of_older_versions_keep_to_the_schema(path: Path) -> None:
+    jsonschema.validate(told(path), SCHEMA)
+
+
+def test_a_session_of_today_keeps_to_the_schema(tmp_path: Path) -> None:
+    labels = np.zeros((12, 12, 20), np.uint16)
+    labels[2:6, 2:8, 2:8], labels[6:10, 2:8, 2:8], labels[2:9, 2:8, 10:16] = 1, 2, 3
+    session = nu.Session(np.where(labels > 0, 900, 0), labels)
+    session.unpack(1)
+    session.annotations.set_color(3, (1.0, 0.0, 0.0, 1.0))
+    session.annotations.set_note(3, "seen")
+    nu.save_session(session, tmp_path / "today.unpack")
+    record = told(tmp_path / "today.unpack")
+    jsonschema.validate(record, SCHEMA)
+    record["session"]["situation"]["hues"]["1"] = 2  # type: ignore[index]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(record, SCHEMA)
+
+
+def test_python_runs_these_tests_with_the_package_of_this_repository() -> None:
+    assert Path(sys.modules["napari_unpack"].__file__ or "").is_relative_to(ROOT)
