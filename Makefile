@@ -18,7 +18,7 @@ export NAPARI_CONFIG ?=
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz screenshots docs dist workflows clean
+.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz reliability screenshots docs dist workflows clean
 
 setup: $(READY)
 
@@ -114,6 +114,10 @@ fuzz: $(READY)
 	@$(BIN)/python tests/io/damaged_files.py 10000 $(or $(SECONDS),86400)
 	@folder=$$(mktemp -d) && $(BIN)/python tests/io/saves_at_risk.py killed $$folder/killed 200; rm -rf $$folder
 	@$(BIN)/python tests/io/memory_rounds.py 1000
+
+# The rows of docs/reliability.md, and how many tests stand behind each.
+reliability: $(READY)
+	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tests/reliability_table.py
 
 # An hour of random commands on the plugin; make soak SECONDS=600 for less.
 soak: $(READY) kernels

@@ -103,3 +103,33 @@ def test_of_two_licences_one_may_be_chosen_but_all_parts_must_be_allowed(
 
     assert allowed(expression) is expected
     assert bool(list(faults({"package": expression}))) is not expected
+
+
+def commands(target: str) -> list[str]:
+    """Return what `make` would run for a target, were nothing there yet."""
+    done = subprocess.run(
+        ("make", "-nB", target), cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()
+
+
+def test_make_installs_by_hash_alone_and_then_this_package_without_dependencies() -> None:
+    for target in ("demo", "test"):
+        installs = [line for line in commands(target) if " pip install " in line]
+        assert len(installs) == 2
+        assert installs[0].endswith("--require-hashes -r requirements/dev.txt")
+        assert installs[1].endswith("--no-deps --no-build-isolation -e .")
+
+
+def test_a_workflow_asks_for_advisories_on_all_files_every_week() -> None:
+    (asked,) = [line for line in commands("audit") if "pip-audit" in line]
+    assert {path.name for path in (ROOT / "requirements").glob("*.txt")} == set(
+        re.findall(r"-r requirements/(\S+)", asked)
+    )
+    workflow = (ROOT / ".github" / "workflows" / "audit.yml").read_text("utf-8")
+    (time,) = re.findall(r'cron: "(.*)"', workflow)
+    minute, hour, day, month, weekday = time.split()
+    assert (day, month) == ("*", "*")
+    assert all(part.isdigit() for part in (minute, hour, weekday))
+    runs = re.findall(r"^ +run: (.*)$", workflow, re.MULTILINE)
+    assert runs == ["make setup", "make audit", "make licences"]

@@ -301,6 +301,15 @@ def test_a_multi_frame_dicos_file_without_a_preamble(tmp_path: Path) -> None:
     assert scan.spacing == (1.25, 0.5, 0.75)
 
 
+@pytest.mark.parametrize("more", [{"NumberOfFrames": 10**8}, {"Rows": 60000, "Columns": 60000}])
+def test_a_dicom_file_asks_for_no_more_than_it_holds(tmp_path: Path, more: dict[str, int]) -> None:
+    path = tmp_path / "a.dcm"
+    data = dataset(NUMBERS, **{"NumberOfFrames": 3, **more})
+    data.save_as(path, enforce_file_format=True)
+    with pytest.raises(ValueError, match=r"a.dcm is not whole: its header asks for [\d,]+ bytes"):
+        load_volume(path)
+
+
 def test_a_single_slice_is_no_volume(tmp_path: Path) -> None:
     dataset(NUMBERS[0]).save_as(tmp_path / "one.dcm", enforce_file_format=True)
     with pytest.raises(ValueError, match="single slice"):

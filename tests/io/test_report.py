@@ -15,6 +15,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.io import save_measurements_csv, save_objects_page
 from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.tasks import Cancelled
 
 
 class Cells(HTMLParser):
@@ -135,6 +136,29 @@ def test_every_picture_shows_its_object(page):
 def test_another_suffix_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"must end in .html or .htm, got 'a.txt'"):
         save_objects_page(None, tmp_path / "a.txt")
+
+
+def test_a_page_is_cancelled_before_any_of_its_objects_and_leaves_no_file(page, tmp_path):
+    told: list[str] = []
+
+    def save(until: str) -> None:
+        def stop(_fraction: float, text: str) -> None:
+            told.append(text)
+            if text == until:
+                raise Cancelled
+
+        save_objects_page(page[2], tmp_path / "bag.html", progress=stop)
+
+    save("never")
+    (tmp_path / "bag.html").unlink()
+    *before, last = dict.fromkeys(told)
+    assert len([text for text in before if text.startswith("Drawing objects")]) == 3
+    # Once it is written nobody can call it off.
+    assert last == "Written"
+    for text in before:
+        with pytest.raises(Cancelled):
+            save(text)
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_nobody_is_sure_to_a_hundred_percent_as_in_the_panel(tmp_path):

@@ -6,6 +6,7 @@ from napari_unpack import simulate_bag
 from napari_unpack.segmentation import Oracle, train
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.training import oracle_examples
+from napari_unpack.tasks import Cancelled
 
 
 class Labelled:
@@ -32,6 +33,21 @@ def test_training_twice_gives_the_same_file_to_the_bit(tmp_path):
     # For every object, and not once for each volume: it can be cancelled there.
     assert len(fractions) > 60
     assert Oracle.load(tmp_path / "one.npz").bad is not None
+
+
+@pytest.mark.parametrize("after", [1, 2, 20])
+def test_training_is_cancelled_at_any_report(after):
+    told = []
+
+    def stop(fraction, _text):
+        told.append(fraction)
+        if len(told) == after:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        train([Labelled(300)], progress=stop)
+    # Nothing is told any more.
+    assert len(told) == after
 
 
 def test_a_volume_without_labels_is_refused():
