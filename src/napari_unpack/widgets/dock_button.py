@@ -24,6 +24,9 @@ class DockContents(QWidget):
     def end(self) -> None:
         """Stop listening to others."""
 
+    def take_keyboard(self) -> None:
+        """Give the keyboard to what a person opened this for."""
+
     def showEvent(self, event: QShowEvent) -> None:
         """Tell that it is seen."""
         super().showEvent(event)
@@ -78,7 +81,7 @@ class DockButton(Generic[D]):
         dock.shown.disconnect(self._follow)
         dock.end()
         # The window may have taken it away, or have gone itself.
-        with suppress(LookupError, RuntimeError):
+        with suppress(LookupError, RuntimeError, AttributeError):
             unwrap(self._viewer).window.remove_dock_widget(dock)
         dock.deleteLater()
 
@@ -96,6 +99,9 @@ class DockButton(Generic[D]):
             frame.setVisible(wanted)
             if wanted:
                 frame.raise_()
+                # By a click it has none.
+                if self.button.hasFocus():
+                    self.dock.take_keyboard()
 
     def _follow(self, shown: bool) -> None:
         """Show whether the dock is open, however it was opened or closed."""

@@ -305,7 +305,9 @@ class ObjectModel(QAbstractTableModel):
         return self._blockers.get(object_id, ())
 
     def _blockers_text(self, object_id: int) -> str:
-        names = [self._rows[self._row_of[i]].name for i in self._blockers_of(object_id)]
+        # What an undo has brought back has a row only once that is told.
+        known = [self._row_of[i] for i in self._blockers_of(object_id) if i in self._row_of]
+        names = [self._rows[row].name for row in known]
         return listed_objects(names) if names else ""
 
     def setData(self, index: Index, value: Any, role: int = Role.EditRole) -> bool:

@@ -218,7 +218,17 @@ class _ClickDelegate(QStyledItemDelegate):
 SMALLER = 5 / 6
 
 
-class _NameDelegate(QStyledItemDelegate):
+class _TextDelegate(QStyledItemDelegate):
+    """A text, which stays as it is being typed."""
+
+    def setEditorData(self, editor: QWidget, index: QModelIndex) -> None:
+        # Again with all news of the object, such as where it flies.
+        if not editor.property("filled"):
+            super().setEditorData(editor, index)
+            editor.setProperty("filled", True)
+
+
+class _NameDelegate(_TextDelegate):
     """A name, and beneath it the state where the state has no column."""
 
     says_state = False
@@ -348,7 +358,8 @@ class ObjectTable(QTableView):
         self._selected: list[int] | None = None
         self._widths: dict[Column, int] = {}
         self._columns = ChosenColumns(key)
-        self._names = _NameDelegate(self)
+        self._texts, self._names = _TextDelegate(self), _NameDelegate(self)
+        self.setItemDelegate(self._texts)
         self.setItemDelegateForColumn(Column.NAME, self._names)
         self._clicked = {
             Column.EYE: self.eye_clicked,

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
     KeyAction = Callable[[object], None]
 
+# As elsewhere from pane to pane; napari's own order of Tab ends at the sliders of its slices.
+PANE_KEY = "F6"
+
 KEYS = (
     ("N", "unpack next"),
     ("B", "restore last"),
@@ -43,6 +46,7 @@ KEYS = (
     ("1…7", "view from a side"),
     ("Shift+arrows", "turn the bag or the inspected object"),
     ("Escape", "leave, cancel or select nothing"),
+    (PANE_KEY, "3D view, panel, table, slices in turn"),
 )
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),

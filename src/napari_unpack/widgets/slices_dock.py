@@ -142,6 +142,10 @@ class SlicesDock(DockContents):
         self._workspace.switched.disconnect(self.follow)
         self._workspace.viewer.events.theme.disconnect(self._dress)
 
+    def take_keyboard(self) -> None:
+        """Give the keyboard to the first slice."""
+        self.views[PLANES[0]].setFocus(Qt.FocusReason.TabFocusReason)
+
     # What is shown.
 
     def follow(self) -> None:

@@ -58,6 +58,10 @@ class TableDock(DockContents):
         """Stop listening."""
         self._viewer.events.theme.disconnect(self._dress)
 
+    def take_keyboard(self) -> None:
+        """Give the keyboard to the table."""
+        self.pane.table.setFocus(Qt.FocusReason.TabFocusReason)
+
     def _open_columns(self) -> None:
         menu = self.pane.table.columns_menu()
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Signal
-from qtpy.QtWidgets import QHBoxLayout, QProgressBar, QWidget
+from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Qt, Signal
+from qtpy.QtWidgets import QAbstractButton, QHBoxLayout, QProgressBar, QWidget
 
 from napari_unpack.tasks import Cancelled, Progress, Task, TaskResult
 from napari_unpack.viewer.scheduler import Scheduler, Worker
@@ -63,6 +63,12 @@ class TaskProgress(QWidget):
     scheduler : Scheduler
     promise : str
         Tooltip of Cancel: what stays as it was.
+
+    Attributes
+    ----------
+    next_steps : tuple of QWidget
+        Where a button that began the work by a key is gone after it, the first of these that can
+        be used has the keyboard.
     """
 
     progressed = Signal(float, str)
@@ -74,6 +80,8 @@ class TaskProgress(QWidget):
         # Of the work shown. A slot for each, as sections work at the same time, and work that was
         # cancelled may still be under way.
         self._slot = object()
+        self.next_steps: tuple[QWidget, ...] = ()
+        self._began_it: QWidget | None = None
         self.bar = SmoothBar()
         self.text = label("", "hint", wrap=True)
         self.cancel = button("Cancel", promise)
@@ -118,11 +126,20 @@ class TaskProgress(QWidget):
         self.bar.start()
         self.text.setText("Starting")
         self.show()
+        # A button that is disabled now would hand the keyboard to any other. Of the window: after a
+        # dialog it may not be the active one yet.
+        focused, home = self.window().focusWidget(), self.parentWidget()
+        by_key = isinstance(focused, QAbstractButton) and home and home.isAncestorOf(focused)
+        self._began_it = focused if by_key else None
+        if by_key:
+            self.cancel.setFocus()
 
     def stop(self) -> None:
         """Ask the task to stop; does nothing when none runs."""
         if not self.running:
             return
+        if self.window().focusWidget() is self.cancel:
+            self.setFocus()
         self.cancel.setEnabled(False)
         self.text.setText("Stopping")
         slot = self._slot
@@ -145,5 +162,15 @@ class TaskProgress(QWidget):
             return
         # From now on nothing runs here, though the task may.
         self._slot = object()
+        stayed = self.window().focusWidget() in (self, self.cancel)
         self.hide()
         self.ended.emit(outcome)
+        if stayed and self._began_it is not None:
+            self._hand_on(self._began_it)
+
+    def _hand_on(self, began_it: QWidget) -> None:
+        """Give the keyboard back to what began the work, or to what comes after it."""
+        usable = (w for w in (began_it, *self.next_steps) if w.isVisible() and w.isEnabled())
+        to = next(usable, None)
+        if to is not None:
+            to.setFocus(Qt.FocusReason.TabFocusReason)

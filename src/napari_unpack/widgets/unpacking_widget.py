@@ -7,7 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import napari
+from qtpy.compat import isalive
 from qtpy.QtCore import QEvent, QObject, QSize, Qt
+from qtpy.QtGui import QKeySequence, QShortcut
 from qtpy.QtWidgets import (
     QApplication,
     QDockWidget,
@@ -27,6 +29,7 @@ from napari_unpack.widgets.clipping_box import ClippingBox
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.files_section import FilesSection
+from napari_unpack.widgets.focus_ring import FocusRing
 from napari_unpack.widgets.held_place import HeldPlace
 from napari_unpack.widgets.measure_box import MeasureBox
 from napari_unpack.widgets.objects_section import ObjectsSection
@@ -35,7 +38,7 @@ from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.review_box import KEYS
 from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule
 from napari_unpack.widgets.segment_section import SegmentSection
-from napari_unpack.widgets.shortcuts import Shortcuts, help_text
+from napari_unpack.widgets.shortcuts import PANE_KEY, Shortcuts, help_text
 from napari_unpack.widgets.slices_button import SlicesButton
 from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
 from napari_unpack.widgets.unpack_section import UnpackSection
@@ -100,6 +103,7 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace, self.unsaved)
+        self.segment.progress.next_steps = (self.segment.start, self.unpack.next)
         self.keeper = RecoveryKeeper(self.workspace, self.unsaved, self)
         self.recovery = RecoveryBar(self.workspace, self.files.restore, self.keeper)
         self.slices = SlicesButton(self.workspace, self)
@@ -121,6 +125,13 @@ class UnpackingWidget(QWidget):
             lambda ids: self.objects.mark_unpackable(ids or frozenset())
         )
         self._arrange()
+        native = getattr(compat.native_canvas(napari_viewer), "native", None)
+        self.ring = None if native is None else FocusRing(native)
+        # Where the keyboard was in the panel and in our docks.
+        self._left: dict[QWidget, QWidget] = {}
+        for key, step in ((PANE_KEY, 1), (f"Shift+{PANE_KEY}", -1)):
+            shortcut = QShortcut(QKeySequence(key), self)
+            shortcut.activated.connect(partial(self._go_to_pane, step))
         WheelGuard(self)
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
@@ -154,6 +165,8 @@ class UnpackingWidget(QWidget):
         order_tabs(column)
         scroll = QScrollArea()
         scroll.setWidgetResizable(True)
+        # It follows the control that has the keyboard, and needs it for nothing itself.
+        scroll.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         scroll.setWidget(inside)
         held = HeldPlace(scroll, self.objects, self.workspace.scheduler)
@@ -169,6 +182,31 @@ class UnpackingWidget(QWidget):
         self.color.editor.set_accent(palette.accent)
         self.unpack.step_slider.set_ink(palette.text)
         self.unpack.link_color = palette.text
+        if self.ring is not None:
+            self.ring.paint_in(palette.focus)
+
+    def take_keyboard(self) -> None:
+        """Give the keyboard to the next thing to do."""
+        steps = (self.unpack.next, self.segment.start, self.segment.sample)
+        usable = (w for w in steps if w.isVisible() and w.isEnabled())
+        next(usable, self.segment.fold).setFocus(Qt.FocusReason.ShortcutFocusReason)
+
+    def _go_to_pane(self, step: int) -> None:
+        """Hand the keyboard from the 3D view to the panel, to our docks, and around."""
+        ours = (self.ring, self, self.objects.table_button.dock, self.slices.dock)
+        panes = [one for one in ours if one is not None and (one is self.ring or one.isVisible())]
+        focused = QApplication.focusWidget()
+        # The 3D view comes first, and is where the keyboard is while it is in none of them.
+        inside = (k for k, pane in enumerate(panes) if focused and pane.isAncestorOf(focused))
+        place = next(inside, None)
+        if place is not None and focused is not None:
+            self._left[panes[place]] = focused
+        pane = panes[((place or 0) + step) % len(panes)]
+        last = self._left.get(pane)
+        if last is not None and isalive(last) and last.isVisible() and last.isEnabled():
+            last.setFocus(Qt.FocusReason.ShortcutFocusReason)
+        else:
+            pane.take_keyboard()
 
     def sizeHint(self) -> QSize:
         """Return a narrow size, which the window makes as tall as it is."""
@@ -189,6 +227,8 @@ class UnpackingWidget(QWidget):
         self.color.background.end()
         self.workspace.end()
         self.shortcuts.close()
+        if self.ring is not None:
+            self.ring.end()
         self._viewer.events.theme.disconnect(self._dress)
 
     def closeEvent(self, event: QCloseEvent) -> None:

@@ -1,0 +1,95 @@
+"""A ring around the 3D view while it has the keyboard and was reached by it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qtpy.compat import isalive
+from qtpy.QtCore import QEvent, QObject, Qt
+from qtpy.QtGui import QColor, QPainter, QRegion
+from qtpy.QtWidgets import QWidget
+
+if TYPE_CHECKING:
+    from qtpy.QtGui import QPaintEvent
+
+# Pixels: as wide as the eye needs at the edge of a large dark picture.
+WIDTH = 2
+
+BY_KEYS = (
+    Qt.FocusReason.TabFocusReason,
+    Qt.FocusReason.BacktabFocusReason,
+    Qt.FocusReason.ShortcutFocusReason,
+)
+
+
+class FocusRing(QWidget):
+    """Lies upon a canvas, lets the mouse through, and covers only its edge.
+
+    Parameters
+    ----------
+    canvas : QWidget
+        napari's, that has the keyboard itself or within the widget that it fills.
+    """
+
+    def __init__(self, canvas: QWidget) -> None:
+        super().__init__(canvas)
+        self._color = QColor()
+        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self.hide()
+        # Either takes Tab, and hands its keys to the viewer.
+        self._watched = [canvas]
+        above = canvas.parentWidget()
+        while above is not None and not above.focusPolicy() & Qt.FocusPolicy.TabFocus:
+            above = above.parentWidget()
+        if above is not None:
+            self._watched.append(above)
+        for widget in self._watched:
+            widget.installEventFilter(self)
+
+    def take_keyboard(self) -> None:
+        """Give the canvas the keyboard, and show so."""
+        self._watched[0].setFocus(Qt.FocusReason.ShortcutFocusReason)
+
+    def paint_in(self, color: str) -> None:
+        """Take a CSS colour."""
+        self._color = QColor(color)
+        self.update()
+
+    def end(self) -> None:
+        """Take it away, unless it went with the canvas."""
+        if isalive(self):
+            for widget in self._watched:
+                widget.removeEventFilter(self)
+            self.deleteLater()
+        # They must not live on with it.
+        self._watched.clear()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Follow who has the keyboard, and the size.
+
+        Parameters
+        ----------
+        watched : QObject
+        event : QEvent
+        """
+        kind = event.type()
+        if kind == QEvent.Type.FocusIn and event.reason() in BY_KEYS:
+            self._fit()
+            self.show()
+            self.raise_()
+        elif kind in (QEvent.Type.FocusOut, QEvent.Type.MouseButtonPress):
+            # Whoever takes the mouse looks where it is.
+            self.hide()
+        elif kind == QEvent.Type.Resize:
+            self._fit()
+        return False
+
+    def _fit(self) -> None:
+        whole = self._watched[0].rect()
+        self.setGeometry(whole)
+        inner = whole.adjusted(WIDTH, WIDTH, -WIDTH, -WIDTH)
+        self.setMask(QRegion(whole).subtracted(QRegion(inner)))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Fill what the mask leaves."""
+        QPainter(self).fillRect(self.rect(), self._color)
