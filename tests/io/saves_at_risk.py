@@ -25,24 +25,27 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-# The last three are imported late by the package: here, lest every child takes the time.
+# Some are imported late by the package: here, lest every child takes the time.
 import imageio.v3 as iio
 import imageio_ffmpeg  # noqa: F401
 import numpy as np
 import pandas as pd
 import SimpleITK  # noqa: F401
 import tifffile  # noqa: F401
+import trimesh
 
 from napari_unpack.io import (
     Scan,
     load_volume,
     open_session,
     save_objects_csv,
+    save_objects_page,
     save_png,
     save_scan,
     save_session,
 )
 from napari_unpack.io.movies import movie_writer
+from napari_unpack.io.surfaces import save_surfaces
 from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
 from napari_unpack.session import Session
 
@@ -87,6 +90,24 @@ def _session(path: Path, seed: int) -> None:
     save_session(Session(noise(SHAPE, seed), labels), path)
 
 
+def _box(seed: int) -> Session:
+    labels = np.zeros(SHAPE, np.uint16)
+    labels[4 : 12 - 2 * seed, 10:50, 10:50] = 1
+    return Session(noise(SHAPE, 0), labels)
+
+
+def _surface_seed(path: Path) -> int:
+    surface = trimesh.load(path)
+    assert surface.is_watertight, "whole"
+    return {8: 0, 6: 1}[round(surface.extents[2])]
+
+
+def _page_seed(path: Path) -> int:
+    text = path.read_text("utf-8")
+    assert text.rstrip().endswith("</html>"), "whole"
+    return int(text.partition("<title>bag ")[2][0])
+
+
 _VOLUME = Kind(
     lambda path, seed: save_scan(Scan(noise(SHAPE, seed), (1.0, 1.0, 1.0)), path),
     lambda path: _seed(load_volume(path).volume, SHAPE),
@@ -105,6 +126,11 @@ KINDS = {
     ".csv": Kind(
         lambda path, seed: save_objects_csv(pd.DataFrame({"x": noise((20000,), seed)}), path),
         lambda path: _seed(pd.read_csv(path)["x"], (20000,)),
+    ),
+    ".stl": Kind(lambda path, seed: save_surfaces(_box(seed), path), _surface_seed),
+    ".html": Kind(
+        lambda path, seed: save_objects_page(_box(seed), path, f"bag {seed}", backend="cpu"),
+        _page_seed,
     ),
     ".png": Kind(
         lambda path, seed: save_png(noise((200, 200, 3), seed), path),

@@ -32,6 +32,17 @@ def test_npz_holds_all_of_a_scan(tmp_path: Path) -> None:
     assert back.name == "bag"
 
 
+def test_npz_holds_what_had_to_be_assumed_of_the_file_it_came_from(tmp_path: Path) -> None:
+    np.save(tmp_path / "bare.npy", VOLUME)
+    bare = load_volume(tmp_path / "bare.npy")
+    assert bare.assumed == ("it gives no voxel size: 1 mm was assumed",)
+    save_scan(bare.with_labels(LABELS), tmp_path / "found.npz")
+    assert load_volume(tmp_path / "found.npz").assumed == bare.assumed
+    # Another program's array of that name is no sentence.
+    np.savez(tmp_path / "odd.npz", volume=VOLUME, spacing=SPACING, assumed=np.ones(3))
+    assert load_volume(tmp_path / "odd.npz").assumed == ()
+
+
 def test_npz_holds_what_objects_are_called(tmp_path: Path) -> None:
     path = tmp_path / "bag.npz"
     named = Scan(VOLUME, SPACING, LABELS, names={3: "Shoe", 1: "Mug"})

@@ -1,4 +1,4 @@
-"""numpy's own files: .npz with `volume`, `labels`, `spacing`, `names`, and bare .npy arrays."""
+"""numpy's own files: .npz with `volume`, `labels`, `spacing`, `names` ..., and bare .npy arrays."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         If the file is broken or holds neither key.
     """
     # The other keys for the message alone: who wrote `image` for `volume` sees it at once.
-    arrays, keys = load_arrays(path, ("volume", "labels", "spacing", "scanner_from_scan"), large)
+    wanted = ("volume", "labels", "spacing", "assumed", "scanner_from_scan")
+    arrays, keys = load_arrays(path, wanted, large)
     if not {"volume", "labels"} & arrays.keys():
         raise ValueError(f"{path} must hold an array 'volume' or 'labels', got {keys}")
     volume, labels = arrays.get("volume"), arrays.get("labels")
@@ -50,10 +51,17 @@ def read_npz(path: Path, large: bool = False) -> FileData:
             f"'volume' and 'labels' of {path} must have one shape, "
             f"got {volume.shape} and {labels.shape}"
         )
-    assumed = () if "spacing" in arrays else (NO_VOXEL_SIZE,)
+    assumed = _sentences(arrays.get("assumed")) if "spacing" in arrays else (NO_VOXEL_SIZE,)
     spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
     place = arrays.get("scanner_from_scan")
     return FileData(volume, SPACE, spacing, labels, assumed, checked_place(place, path))
+
+
+def _sentences(told: NDArray[Any] | None) -> tuple[str, ...]:
+    # As with names, another array of this name is none of ours.
+    if told is None or told.dtype.kind != "U" or told.ndim != 1:
+        return ()
+    return tuple(str(sentence) for sentence in told)
 
 
 def read_names(path: Path) -> dict[int, str] | None:
@@ -90,6 +98,8 @@ def write_npz(path: Path, scan: Scan) -> None:
         # By position, so that a plain array of text needs no table of IDs beside it.
         names = [scan.names.get(i, "") for i in range(max(scan.names) + 1)]
         arrays["names"] = np.array(names, dtype=np.str_)
+    if scan.assumed:
+        arrays["assumed"] = np.array(scan.assumed, dtype=np.str_)
     if scan.scanner_from_scan is not None:
         arrays["scanner_from_scan"] = scan.scanner_from_scan
     with written_atomically(path) as temporary:
