@@ -25,7 +25,7 @@ def test_the_root_manifest_is_a_relative_link_to_the_packaged_one() -> None:
 
 def test_every_command_can_be_imported(manifest: PluginManifest) -> None:
     names = [command.python_name for command in manifest.contributions.commands]
-    assert len(names) == 6
+    assert len(names) == 7
     for name in names:
         module, attribute = name.split(":")
         assert callable(getattr(importlib.import_module(module), attribute))

@@ -350,6 +350,14 @@ def test_the_simulated_bag_is_one_click_away(
     assert panel.segment.sample.isHidden()
 
 
+def test_the_sample_of_nuclei_is_in_micrometres_and_opens_by_its_name(viewer: Any) -> None:
+    image, truth = viewer.open_sample("napari-unpack", "nuclei")
+    assert [str(unit) for unit in image.units] == ["micrometer"] * 3
+    assert tuple(image.scale) == tuple(truth.scale) == (1.0, 0.5, 0.5)
+    assert truth.visible is False
+    assert len(np.unique(truth.data)) == 61
+
+
 def test_the_sample_is_the_volume_to_segment_and_above_it_labels_unseen() -> None:
     from napari_unpack.widgets.contributions import SAMPLE_COUNT, SAMPLE_SHAPE, packed_bag
 

@@ -126,17 +126,48 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     return [(bag.volume, shown | placed, "image"), (bag.labels, truth | placed, "labels")]
 
 
+def nuclei(seed: int = 0, progress: Progress | None = None) -> list[LayerData]:
+    """Simulate the nuclei of an embryo under a microscope.
+
+    Parameters
+    ----------
+    seed : int
+        Each makes another embryo.
+    progress : callable, optional
+        Takes (fraction in [0, 1], text); raises to cancel.
+
+    Returns
+    -------
+    list of (array, dict, str)
+        As of `packed_bag`.
+    """
+    from napari_unpack.simulation.nuclei import simulate_nuclei
+
+    made = simulate_nuclei(seed, progress=progress)
+    placed = {"scale": made.spacing, "units": ("um",) * 3}
+    shown = {"name": "Nuclei", "colormap": "gray", "contrast_limits": (0, 900)}
+    truth = {"name": "Nuclei, true objects", "visible": False}
+    return [(made.volume, shown | placed, "image"), (made.labels, truth | placed, "labels")]
+
+
 def packed_bag_sample() -> list[LayerData]:
     """Return `packed_bag()` to napari, which asks for it on its main thread, drawing meanwhile."""
+    return _made("Packing a bag", lambda p: packed_bag(progress=p))
+
+
+def nuclei_sample() -> list[LayerData]:
+    """Return `nuclei()` to napari, as `packed_bag_sample` its bag."""
+    return _made("Growing nuclei", lambda p: nuclei(progress=p))
+
+
+def _made(text: str, make: Callable[[Progress | None], list[LayerData]]) -> list[LayerData]:
     from napari.utils import progress
 
     if not on_main_thread():
-        return packed_bag()
+        return make(None)
     scheduler = Scheduler(inform)
-    with progress(total=0, desc="Packing a bag"):
-        made = scheduler.run_modal(
-            Task("packed bag", lambda p: packed_bag(progress=p)), Worker.LONG
-        )
+    with progress(total=0, desc=text):
+        made = scheduler.run_modal(Task(text, make), Worker.LONG)
     scheduler.close()
     # Where it failed the reason has been told.
     return made or READ_ELSEWHERE
