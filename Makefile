@@ -18,7 +18,7 @@ export NAPARI_CONFIG ?=
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz reliability screenshots docs dist workflows clean
+.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz reliability screenshots docs wheel dist workflows clean
 
 setup: $(READY)
 
@@ -82,15 +82,18 @@ docs: $(READY)
 	@$(INSTALL) requirements/docs.txt
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
-# Wheel and sdist in dist/, each tried as a person gets it: installed into a fresh environment,
-# without the repository, where the plugin unpacks its sample bag. Installs from the package index.
-dist: $(READY)
+# Wheel and sdist in dist/, looked over.
+wheel: $(READY)
 	@$(INSTALL) requirements/tools.txt
 	@rm -rf dist
-	@$(BIN)/python -m build --no-isolation --outdir dist . >/dev/null
+	@$(BIN)/python -m build --no-isolation --outdir dist . >/dev/null 2>&1 || { echo "the build failed: $(BIN)/python -m build --no-isolation"; exit 1; }
 	@$(BIN)/twine check --strict dist/*
 	@$(BIN)/check-manifest --no-build-isolation
 	@$(BIN)/npe2 validate napari_unpack
+
+# And each tried as a person gets it: installed into a fresh environment, without the repository,
+# where the plugin unpacks its sample bag. Installs from the package index; minutes.
+dist: wheel
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python tools/check_dist.py dist
 
 # The workflows, against their schema and for what is unsafe in them.
