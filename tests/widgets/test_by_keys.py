@@ -136,6 +136,12 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     keys.press("laces cut")
     keys.press(KEY.Key_Return)
     assert session.state.notes == {one: "laces cut"}
+    keys.to("Columns…")
+    for first in (600, 4500):
+        keys.press(KEY.Key_Space)
+        keys.choose("Sort by", "Mean density")
+        assert float(wide.rows.index(0, Column.DENSITY).data()) == first
+    keys.to("Objects", back=True)
 
     # What blocks a buried object is told, and let be.
     buried = next(i for i in session.ids if i not in session.unpackable() and i != one)

@@ -474,6 +474,11 @@ class ObjectTable(QTableView):
         automatic.setCheckable(True)
         automatic.setChecked(self._columns.chosen is None)
         automatic.triggered.connect(lambda _: self._choose_columns(None))
+        sorting = menu.addMenu("Sort by")
+        for column in ORDER:
+            if not self.isColumnHidden(column):
+                action = sorting.addAction(choice_of(column))
+                action.triggered.connect(lambda _, column=column: self._sort_by(column))
         menu.addSeparator()
         for column in ORDER:
             action = menu.addAction(choice_of(column))
@@ -483,6 +488,12 @@ class ObjectTable(QTableView):
             action.setEnabled(column != Column.NAME)
             action.triggered.connect(lambda shown, column=column: self._choose(column, shown))
         return menu
+
+    def _sort_by(self, column: Column) -> None:
+        """Sort as a click on a title does: a second one the other way round."""
+        header, up = self.horizontalHeader(), Qt.SortOrder.AscendingOrder
+        again = (header.sortIndicatorSection(), header.sortIndicatorOrder()) == (column, up)
+        self.sortByColumn(column, Qt.SortOrder.DescendingOrder if again else up)
 
     def _open_columns_menu(self, position: QPoint) -> None:
         self.columns_menu().popup(self.horizontalHeader().mapToGlobal(position))
