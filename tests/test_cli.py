@@ -1,5 +1,6 @@
 """The command line, on a bag of three boxes."""
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -52,6 +53,7 @@ def test_help_lists_every_command() -> None:
         "order",
         "render",
         "movie",
+        "web",
         "surfaces",
         "batch",
         "open",
@@ -102,6 +104,16 @@ def test_surfaces_are_of_all_objects_or_of_those_asked_for(bag: Path) -> None:
     np.testing.assert_allclose(mesh.center_mass, (21.5, 11.5, -11.5), atol=0.1)
     assert "must be IDs such as 1,4" in run("surfaces", bag, out, "--objects", "2,x").output
     assert "surfaces must end in" in run("surfaces", bag, bag.with_name("parts.step")).output
+
+
+def test_web_writes_a_page_with_every_object(bag: Path) -> None:
+    out = bag.with_name("page.html")
+    result = run("web", bag, out, "--direction", "+x", "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    # The last of the row leaves first.
+    rows = re.findall(r'<tr data-id="(\d)">', out.read_text("utf-8"))
+    assert rows == ["3", "2", "1"]
+    assert "must end in .html" in run("web", bag, bag.with_name("page.pdf")).output
 
 
 def test_render_writes_a_picture_with_every_object(bag: Path) -> None:

@@ -386,6 +386,26 @@ def _table(
 
 
 @_command()
+def _web(
+    source: Input,
+    output: Annotated[Path, typer.Argument(metavar="OUTPUT", help="Page to write, .html.")],
+    labels: LabelsOption = None,
+    direction: Direction = None,
+    view: ViewOption = None,
+    backend: Backend = "auto",
+    at: At = None,
+    large: Large = False,
+) -> None:
+    """Write one web page on which the bag turns and is unpacked, for people without napari."""
+    from napari_unpack.io import save_interactive_page
+
+    check_output(output, (".html",), source, labels)
+    session = open_input(source, labels, direction, view, backend, at, large)
+    path = save_interactive_page(session, output, source.stem, Ticker(), backend)
+    typer.echo(f"wrote {path}")
+
+
+@_command()
 def _surfaces(
     source: Input,
     output: Annotated[

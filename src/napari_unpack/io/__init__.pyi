@@ -1,4 +1,5 @@
 from .images import save_png
+from .interactive_page import save_interactive_page
 from .movies import movie
 from .report import save_measurements_csv, save_objects_csv, save_objects_page
 from .scan import Scan
@@ -12,6 +13,7 @@ __all__ = [
     "load_volume",
     "movie",
     "open_session",
+    "save_interactive_page",
     "save_measurements_csv",
     "save_objects_csv",
     "save_objects_page",

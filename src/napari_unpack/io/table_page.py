@@ -80,7 +80,7 @@ heads.forEach((head, column) => {
   });
 });
 const found = heads.flatMap((head, column) => head.dataset.find ? [column] : []);
-document.querySelector("input").addEventListener("input", event => {
+document.querySelector("[type=search]").addEventListener("input", event => {
   const wanted = event.target.value.trim().toLowerCase();
   const fits = (text, column) => heads[column].dataset.find === "whole"
     ? text === wanted : text.includes(wanted);
@@ -134,6 +134,10 @@ class PageParts:
         Above the table, HTML.
     after : str
         Below the table, HTML.
+    head : str
+        More of the page's head, HTML.
+    style : str
+        More of its style sheet.
     """
 
     title: str
@@ -141,6 +145,8 @@ class PageParts:
     sought: str
     figure: str = ""
     after: str = ""
+    head: str = ""
+    style: str = ""
 
 
 def table_page(parts: PageParts, columns: Iterable[PageColumn], rows: Iterable[str]) -> str:
@@ -159,9 +165,9 @@ def table_page(parts: PageParts, columns: Iterable[PageColumn], rows: Iterable[s
 <html lang="en">
 <head>
 <meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
+{parts.head}<meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{name}</title>
-<style>{STYLE}</style>
+<style>{STYLE}{parts.style}</style>
 </head>
 <body>
 <header>

@@ -217,13 +217,9 @@ class Flight:
         camera : Camera
             Whose pivot space it is.
         """
-        leaving = packed_pose(self.box_center, camera)
-        outside = packed_pose(self.box_center, camera, self.direction * self.clear)
-        outside = replace(outside, center=_before_the_eye(outside.center, camera))
+        leaving, outside = packed_pose(self.box_center, camera), self._outside(camera)
         way = float(np.linalg.norm(self.target.center - outside.center))
-        first = 0.0
-        if self.clear > 0:
-            first = float(np.clip(self.clear / (self.clear + way), *SHARE_OF_FIRST_LEG))
+        first = self.first_leg(camera)
         if fraction < first:
             gone = (fraction / first) ** 2
             center = (1 - gone) * leaving.center + gone * outside.center
@@ -245,6 +241,17 @@ class Flight:
         # Size keeps pace with place: an object still large beside its slot would leave the window.
         scale = outside.toward(self.target, gone).scale
         return replace(turned, center=place, scale=scale)
+
+    def first_leg(self, camera: Camera) -> float:
+        """Return the fraction of the way out at which it is clear of the bag's box."""
+        if self.clear <= 0:
+            return 0.0
+        way = float(np.linalg.norm(self.target.center - self._outside(camera).center))
+        return float(np.clip(self.clear / (self.clear + way), *SHARE_OF_FIRST_LEG))
+
+    def _outside(self, camera: Camera) -> Pose:
+        outside = packed_pose(self.box_center, camera, self.direction * self.clear)
+        return replace(outside, center=_before_the_eye(outside.center, camera))
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""

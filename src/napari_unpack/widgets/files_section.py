@@ -130,6 +130,12 @@ def _report(session: Session, path: Path, options: ExportOptions, progress: Prog
     return save_objects_page(session, path, path.stem, progress, backend="cpu")
 
 
+def _interactive(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
+    from napari_unpack.io import save_interactive_page
+
+    return save_interactive_page(session, path, path.stem, progress, backend="cpu")
+
+
 def _table(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io import save_objects_csv
 
@@ -172,6 +178,7 @@ EXPORTS = (
     ),
     Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
     Export("Web page", "objects", (".html",), _report),
+    Export("Interactive page", "interactive", (".html",), _interactive),
     Export("Table", "objects", (".csv",), _table),
     Export(
         "Measurements", "measurements", (".csv",), _measurements, lambda s: len(s.measurements) > 0
@@ -256,7 +263,7 @@ class FilesSection(Section):
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
             "Export…",
-            "Write a picture, a movie, a web page, the table of objects, measurements, or surfaces "
+            "Write a picture, a movie, web pages, the table of objects, measurements, or surfaces "
             "(STL, OBJ, PLY, glTF).",
         )
         self.label_names = button(
