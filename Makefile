@@ -18,7 +18,7 @@ export NAPARI_CONFIG ?=
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin lint licences requirements audit bench soak fuzz reliability screenshots docs wheel dist workflows clean
+.PHONY: setup kernels demo test test-plain test-plugin test-web lint licences requirements audit bench soak fuzz reliability screenshots docs wheel dist workflows clean
 
 setup: $(READY)
 
@@ -56,6 +56,13 @@ test-plugin: $(READY)
 	@echo "[test 2/2] the plugin in a real viewer on a virtual screen"
 	@VIRTUAL_SCREEN=1 bash tools/on-a-screen.sh $(BIN)/python -m pytest $(PLUGIN_WORKERS) $(VIEWER_TESTS)
 
+# The interactive page in headless Chromium, object by object as in the plugin; $(OUTPUT)/web-steps.png
+# shows both. Chromium comes from the system's packages.
+test-web: $(READY)
+	@$(INSTALL) requirements/web.txt
+	@bash tools/system-libraries.sh chromium
+	@OUTPUT="$(OUTPUT)" PYOPENGL_PLATFORM=egl EGL_PLATFORM=surfaceless $(BIN)/python -m pytest tests/io/pages_in_a_browser.py
+
 lint: $(READY)
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
@@ -76,6 +83,7 @@ requirements: $(READY)
 	@$(LOCK) --group bench -c requirements/dev.txt -o requirements/bench.txt
 	@$(LOCK) --group tools -c requirements/dev.txt -o requirements/tools.txt
 	@$(LOCK) --group docs -c requirements/dev.txt -c requirements/tools.txt -o requirements/docs.txt
+	@$(LOCK) --group web -c requirements/dev.txt -o requirements/web.txt
 
 # The documentation site in site/: open site/index.html. Pages need no network, nor does the build.
 docs: $(READY)

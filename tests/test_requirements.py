@@ -21,6 +21,7 @@ ASKED = {
     "bench": GROUPS["bench"],
     "tools": GROUPS["tools"],
     "docs": GROUPS["docs"],
+    "web": GROUPS["web"],
 }
 
 
@@ -67,7 +68,7 @@ def test_the_hashed_file_has_what_pyproject_asks_for_and_all_that_this_needs(nam
 
 
 def test_the_files_agree_with_each_other() -> None:
-    for other in ("bench", "tools", "docs"):
+    for other in ("bench", "tools", "docs", "web"):
         both = pinned(other).items()
         different = {n: v for n, v in both if pinned("dev").get(n, v) != v}
         assert different == {}

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Install the system's GL, Xvfb and Qt libraries where they are missing and we may.
 # Says what to install by hand where we may not; never fails the build by itself.
+# With the argument chromium also that, unless one of Chromium's kind is there.
 set -u
 
 declare -A needed=(
@@ -24,6 +25,9 @@ command -v xauth >/dev/null || missing+=(xauth)
 # Mesa's drivers are loaded by name at run time: libEGL alone draws nothing.
 case "$libraries" in *"libEGL_mesa.so.0 "*|*"libEGL_nvidia.so.0 "*) ;; *) missing+=(libegl-mesa0) ;; esac
 [ -n "$(ls /usr/lib/*/dri/swrast_dri.so /usr/lib/*/libgallium-*.so 2>/dev/null)" ] || missing+=(libgl1-mesa-dri)
+if [ "${1:-}" = chromium ]; then
+  command -v chromium chromium-browser google-chrome >/dev/null || missing+=(chromium)
+fi
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 if ! command -v apt-get >/dev/null; then

@@ -13,12 +13,13 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const gl = canvas.getContext("webgl2", { alpha: true, antialias: true, stencil: true });
 
 const VERTEX = `#version 300 es
+precision highp float;
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 uniform mat4 projection;
 uniform vec3 low, grid, place;
 uniform vec4 turn;
-uniform float size;
+uniform float size, level;
 uniform vec2 shift;
 out vec3 facing, seen;
 vec3 turned(vec3 v) { return v + 2.0 * cross(turn.xyz, cross(turn.xyz, v) + turn.w * v); }
@@ -26,7 +27,9 @@ void main() {
   seen = turned(low + grid * position) * size + place;
   facing = turned(normal);
   gl_Position = projection * vec4(seen, 1.0);
-  gl_Position.xy += shift * gl_Position.w;
+  // What is out is seen from straight before it, as the plugin's sprites, wherever it stands.
+  float away = mix(gl_Position.w, (projection * vec4(place, 1.0)).w, level);
+  gl_Position.xy = (gl_Position.xy / away + shift) * gl_Position.w;
 }`;
 // Blinn-Phong with the lamp at the viewer's head, as the plugin's; distance is 0 without
 // perspective.
@@ -34,10 +37,11 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 facing, seen;
 uniform vec4 color, light;
-uniform float lit, distance;
+uniform float lit, distance, level;
 out vec4 pixel;
 void main() {
-  vec3 eye = distance > 0.0 ? normalize(vec3(0.0, 0.0, distance) - seen) : vec3(0.0, 0.0, 1.0);
+  vec3 ahead = vec3(0.0, 0.0, 1.0);
+  vec3 eye = distance > 0.0 ? mix(normalize(ahead * distance - seen), ahead, level) : ahead;
   float c = abs(dot(normalize(facing), eye));
   vec3 shaded = color.rgb * (light.x + light.y * c) + light.z * pow(c, light.w);
   pixel = vec4(mix(color.rgb, min(shaded, 1.0), lit), 1.0);
@@ -123,7 +127,7 @@ function poseOf(one) {
   const mixed = a.map((v, k) => v + share * ((k > 3 && k < 8 ? near : 1) * b[k] - v));
   const with_bag = power(turn, 1 - mixed[8]);
   return {
-    place: rotated(with_bag, mixed.slice(0, 3)), size: mixed[3],
+    place: rotated(with_bag, mixed.slice(0, 3)), size: mixed[3], level: mixed[8],
     turn: unit(product(with_bag, unit(mixed.slice(4, 8)))),
   };
 }
@@ -139,14 +143,13 @@ function projection() {
   const aspect = canvas.width / canvas.height, high = height(), reach = 2 * bag.heights.at(-1);
   const up = 2 / high, right = up / aspect;
   if (!bag.fov) {
-    return [[right, 0, 0, 0, 0, up, 0, 0, 0, 0, -1 / reach, 0, pan[0], pan[1], 0, 1], 0];
+    return [[right, 0, 0, 0, 0, up, 0, 0, 0, 0, -1 / reach, 0, 0, 0, 0, 1], 0];
   }
   const eye = high / (2 * Math.tan(bag.fov * Math.PI / 360));
   const near = Math.max(eye - reach, eye / 50), far = eye + reach, deep = far - near;
   // w is 1 in the plane through the bag's middle, so that sizes there are those of `height`.
   const z = (far + near) / deep / eye, shift = (far + near) / deep - 2 * far * near / deep / eye;
-  return [[right, 0, 0, 0, 0, up, 0, 0, -pan[0] / eye, -pan[1] / eye, -z, -1 / eye,
-           pan[0], pan[1], shift, 1], eye];
+  return [[right, 0, 0, 0, 0, up, 0, 0, 0, 0, -z, -1 / eye, 0, 0, shift, 1], eye];
 }
 
 function draw(uniform, colorOf) {
@@ -154,7 +157,7 @@ function draw(uniform, colorOf) {
   gl.uniformMatrix4fv(uniform.projection, false, matrix);
   gl.uniform4fv(uniform.light, bag.light);
   gl.uniform1f(uniform.distance, eye);
-  gl.uniform2f(uniform.shift, 0, 0);
+  gl.uniform2f(uniform.shift, ...pan);
   gl.viewport(0, 0, canvas.width, canvas.height);
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
@@ -169,6 +172,7 @@ function drawOne(uniform, one, color) {
   gl.uniform3fv(uniform.place, pose.place);
   gl.uniform4fv(uniform.turn, pose.turn);
   gl.uniform1f(uniform.size, pose.size);
+  gl.uniform1f(uniform.level, pose.level);
   gl.uniform4f(uniform.color, ...color, 1);
   gl.bindVertexArray(one.array);
   gl.drawElements(gl.TRIANGLES, one.count, gl.UNSIGNED_SHORT, 0);
@@ -191,7 +195,8 @@ function ring(uniform, one) {
   gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
   for (let k = 0; k < 12; k++) {
     const [x, y] = [Math.cos(k * Math.PI / 6), Math.sin(k * Math.PI / 6)];
-    gl.uniform2f(uniform.shift, 2 * wide * x / canvas.width, 2 * wide * y / canvas.height);
+    const [right, up] = [2 * wide * x / canvas.width, 2 * wide * y / canvas.height];
+    gl.uniform2f(uniform.shift, pan[0] + right, pan[1] + up);
     drawOne(uniform, one, color);
   }
   gl.disable(gl.STENCIL_TEST);
