@@ -142,6 +142,9 @@ def test_order_and_hues_are_the_sessions(page: tuple[str, nu.Session]) -> None:
         r'<tr data-id="(\d+)">.*?</td><td[^>]*>(\d+)</td><td[^>]*>(\d+)</td>', page[0]
     )
     assert rows == [("1", "1", "1"), ("2", "2", "2"), ("3", "3", "3"), ("4", "4", "4")]
+    # Nobody has flagged anything, so there is no such column.
+    heads = re.findall(r'<th scope="col"[^>]*><button>([^<]+)', page[0])
+    assert heads == ["Name", "ID", "Order out", "Volume cm³", "Note"]
 
 
 def test_surfaces_are_where_the_labels_are_and_as_near_as_the_page_says(

@@ -66,9 +66,9 @@ COLUMNS = (
     PageColumn("ID", "n", "whole"),
     PageColumn("Order out", "n"),
     PageColumn("Volume {volume}", "n"),
-    PageColumn("Flag", "t", "part"),
-    PageColumn("Note", "t", "part"),
 )
+SAID = {"flag": PageColumn("Flag", "t", "part"), "note": PageColumn("Note", "t", "part")}
+"""Columns of what a person said of objects, where one did of any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,7 +327,7 @@ def _page(
         f"<figcaption>{words}</figcaption></figure>"
         for uri, words in stills
     )
-    lead = f"{len(surfaces)} objects. Drag to turn, wheel or pinch to come near, click for a name."
+    lead = f"{len(surfaces)} objects"
     left_out = f" Hidden objects are left out: {hidden}." if hidden else ""
     parts = PageParts(
         title,
@@ -342,7 +342,9 @@ def _page(
     )
     volume = session.length_unit.volume_unit(float(shown.objects["volume_mm3"].max())).name
     columns = [replace(one, title=one.title.format(volume=volume)) for one in COLUMNS]
-    return table_page(parts, columns, _rows(session, shown))
+    said = [key for key in SAID if key in shown.objects and any(shown.objects[key].fillna(""))]
+    columns += [SAID[key] for key in said]
+    return table_page(parts, columns, _rows(session, shown, said))
 
 
 def _rounded_up(mm: float, session: Session) -> str:
@@ -367,27 +369,30 @@ come near and draw back, N unpacks the next, B puts the last back, 0 shows all."
 <button id="whole">Show all</button>
 </div>
 <p id="said" role="status"></p>
+<p>Drag to turn, wheel or pinch to come near, click for a name.</p>
 </div>
 </section>
 """
 
 
-def _rows(session: Session, shown: Session) -> Iterator[str]:
+def _rows(session: Session, shown: Session, said: list[str]) -> Iterator[str]:
     objects, unit = session.objects, session.length_unit
     volumes = unit.volume_unit(float(objects["volume_mm3"].max()))
     for k, group in enumerate(shown.steps, 1):
         for i in group:
             facts = objects.loc[i]
             # Names, flags and notes come from users and files.
-            name, flag, note = (escape(str(facts.get(key, ""))) for key in ("name", "flag", "note"))
+            name = escape(str(facts["name"]))
+            told = [f'<td class="long">{escape(str(facts[key]))}</td>' for key in said]
             red, green, blue = (round(255 * float(v)) for v in shown.solo_tints(i)[i, :3])
             swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
             label = shown.label_of(i)
             yield (
                 f'<tr data-id="{label}"><td class="name"><button aria-pressed="false">{swatch}'
-                f"{name}</button></td>"
+                f"<span>{name}</span></button></td>"
                 + number_cell(label, str(label))
                 + number_cell(k, str(k))
                 + number_cell(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
-                + f'<td>{flag}</td><td class="{"long" if note else ""}">{note}</td></tr>'
+                + "".join(told)
+                + "</tr>"
             )
