@@ -63,7 +63,7 @@ class UnpackSection(Section):
         self.direction.setSizeAdjustPolicy(
             QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
         )
-        self.direction.setMinimumContentsLength(6)
+        self.direction.setMinimumContentsLength(8)
         self.direction.setToolTip("Which way objects leave; by default straight towards you.")
         self.draw = button(
             "Draw…",

@@ -64,22 +64,6 @@ def outermost(widget: QWidget) -> QWidget:
 WIDTH = 330
 
 
-class _Steps(QScrollArea):
-    """Scrolls up and down alone: never narrower than what is in it, whatever the language."""
-
-    def minimumSizeHint(self) -> QSize:
-        """Return room for the widest line and the bar."""
-        hint, inside = super().minimumSizeHint(), self.widget()
-        lines = inside.minimumSizeHint().width() + self.verticalScrollBar().sizeHint().width()
-        return QSize(max(WIDTH - 12, lines), hint.height())
-
-    def event(self, event: QEvent) -> bool:
-        """Ask for more room where a line has become wider."""
-        if event.type() == QEvent.Type.LayoutRequest:
-            self.updateGeometry()
-        return bool(super().event(event))
-
-
 class UnpackingWidget(QWidget):
     """Segment, Colour, Unpack, the objects, and files.
 
@@ -179,7 +163,7 @@ class UnpackingWidget(QWidget):
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)
         order_tabs(column)
-        scroll = _Steps()
+        scroll = QScrollArea()
         scroll.setWidgetResizable(True)
         # It follows the control that has the keyboard, and needs it for nothing itself.
         scroll.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -190,6 +174,7 @@ class UnpackingWidget(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(scroll)
+        self.setMinimumWidth(WIDTH - 12)
 
     def _dress(self, _event: Event | None = None) -> None:
         palette = palette_of(self._viewer.theme)
