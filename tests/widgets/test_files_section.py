@@ -422,7 +422,8 @@ def test_names_and_folders_are_proposed(
     for action in panel.files.menu.actions():
         action.trigger()
     names = ["bag.png", "bag unpacking.mp4", "bag steps.mp4", "bag turning.mp4"]
-    names += ["bag objects.html", "bag objects.csv", "bag measurements.csv"]
+    names += ["bag objects.html", "bag interactive.html", "bag objects.csv"]
+    names += ["bag measurements.csv"]
     names += ["bag surfaces.stl", "bag selected surfaces.stl"]
     assert [path.name for path in proposed] == names
     assert {path.parent for path in proposed[1:]} == {tmp_path}

@@ -36,19 +36,21 @@ class FocusRing(QWidget):
         self._color = QColor()
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
+        for widget in self._watched():
+            widget.installEventFilter(self)
+
+    def _watched(self) -> list[QWidget]:
+        """Return the canvas and the widget that it fills; not kept, or they would live on."""
         # Either takes Tab, and hands its keys to the viewer.
-        self._watched = [canvas]
+        canvas = self.parentWidget()
         above = canvas.parentWidget()
         while above is not None and not above.focusPolicy() & Qt.FocusPolicy.TabFocus:
             above = above.parentWidget()
-        if above is not None:
-            self._watched.append(above)
-        for widget in self._watched:
-            widget.installEventFilter(self)
+        return [canvas] if above is None else [canvas, above]
 
     def take_keyboard(self) -> None:
         """Give the canvas the keyboard, and show so."""
-        self._watched[0].setFocus(Qt.FocusReason.ShortcutFocusReason)
+        self.parentWidget().setFocus(Qt.FocusReason.ShortcutFocusReason)
 
     def paint_in(self, color: str) -> None:
         """Take a CSS colour."""
@@ -58,11 +60,9 @@ class FocusRing(QWidget):
     def end(self) -> None:
         """Take it away, unless it went with the canvas."""
         if isalive(self):
-            for widget in self._watched:
+            for widget in self._watched():
                 widget.removeEventFilter(self)
             self.deleteLater()
-        # They must not live on with it.
-        self._watched.clear()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Follow who has the keyboard, and the size.
@@ -85,7 +85,7 @@ class FocusRing(QWidget):
         return False
 
     def _fit(self) -> None:
-        whole = self._watched[0].rect()
+        whole = self.parentWidget().rect()
         self.setGeometry(whole)
         inner = whole.adjusted(WIDTH, WIDTH, -WIDTH, -WIDTH)
         self.setMask(QRegion(whole).subtracted(QRegion(inner)))
