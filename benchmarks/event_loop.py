@@ -96,11 +96,12 @@ class EventLoopWatch:
     def _tick(self) -> None:
         late = time.perf_counter() - self._ticked - TICK_SECONDS
         seen = self._seen
+        # First: the signal that adds places may come while they are looked over.
+        self._begin()
         if late > LEAST_SECONDS:
             share = seen.ours / seen.total if seen.total else 0.0
             where = seen.places.most_common(1)[0][0] if seen.places else ""
             self.stalls.append(Stall(self.phase, late, late * share, seen.ours_cpu, where))
-        self._begin()
 
     def _look(self, _number: int, frame: FrameType | None) -> None:
         now, cpu = time.perf_counter(), time.thread_time()
