@@ -32,10 +32,9 @@ from napari_unpack.io.table_page import SCRIPT, PageColumn, PageParts, number_ce
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.cpu import CANCELLING
 from napari_unpack.rendering.scene import LIGHT
-from napari_unpack.session.framing import fitted
+from napari_unpack.session.framing import fitted, height_with
 from napari_unpack.session.placement import launch
 from napari_unpack.tasks import Progress, Share, no_progress, relayed
-from napari_unpack.unpacking.slots import GAP
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -159,13 +158,9 @@ def _heights(shown: Session, camera: Camera) -> list[float]:
     """Return the camera's heights with 0, 1, 2... steps done: what is out is in view."""
     packed = copy_session(shown)
     packed.canvas_size = WINDOW
-    rows, cols = WINDOW
-    slots, heights = shown.slots, [fitted(packed).height]
-    gap = GAP * slots.height_mm / rows
+    heights = [fitted(packed).height]
     for group in shown.steps:
-        centers = [shown.poses[i].center[1:] for i in group]
-        reach = np.abs(centers).max(axis=0) + slots.cell_mm / 2 + gap
-        heights.append(max(heights[-1], float(2 * (reach * [1.0, rows / cols]).max())))
+        heights.append(max(heights[-1], height_with(shown, group)))
     return heights
 
 

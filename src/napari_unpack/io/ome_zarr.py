@@ -131,6 +131,25 @@ def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> Non
         finest[...] = labels
 
 
+def new_label_array(path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+    """Return a new Zarr array of zeros for labels of any size, alone in its folder.
+
+    Parameters
+    ----------
+    path : Path
+        A new folder.
+    shape : (int, int, int)
+    dtype : dtype of int
+
+    Raises
+    ------
+    ImportError
+        If zarr is missing.
+    """
+    zarr = needed("zarr", "zarr", "labels larger than the memory")
+    return zarr.create_array(str(path), shape=shape, dtype=dtype, chunks=_chunks(shape))
+
+
 @contextmanager
 def labels_zarr(
     path: Path, shape: tuple[int, ...], dtype: DTypeLike, spacing: Spacing
@@ -175,8 +194,11 @@ def labels_zarr(
 
 
 def _new_level(node: Any, number: int, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-    chunks = tuple(min(n, CHUNK) for n in shape)
-    return node.create_array(str(number), shape=shape, dtype=dtype, chunks=chunks)
+    return node.create_array(str(number), shape=shape, dtype=dtype, chunks=_chunks(shape))
+
+
+def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(min(n, CHUNK) for n in shape)
 
 
 def _level(number: int, spacing: Spacing) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def place_of_level(layer: Layer, factors: Factors) -> dict[str, Any]:
     Notes
     -----
     Voxel centres lie at integers: the centre of the first voxel of a level is the middle of the
-    voxels that it stands for. napari itself draws levels half a voxel away from there.
+    voxels that it stands for.
     """
     finest_from_level = np.diag([*map(float, factors), 1.0])
     finest_from_level[:3, 3] = (np.array(factors) - 1) / 2

@@ -165,9 +165,9 @@ def measured_objects(
     places, named = list(blocks(source.shape, (1, 1, 1), block)), _Renamed(labels, ids)
     share, runner = Share(progress), ThreadRunner()
     sums = _measured(source, named, places, len(ids), spacing, share, runner)
-    table = sums.table(spacing, dict.fromkeys(range(len(ids) + 1), np.nan))
+    table = sums.table(spacing)
     table.index = pd.Index(ids[table.index.to_numpy() - 1].astype(np.int64), name="id")
-    return table.drop(columns="confidence")
+    return table
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,20 +73,22 @@ class ObjectSums:
             bounds[0] = slab[0] + first, slab[1] + first
             _add(labels, density, bounds, np.array(start), faces, self.totals, self.area)
 
-    def table(self, spacing: Spacing, confidence: dict[int, float]) -> pd.DataFrame:
+    def table(
+        self, spacing: Spacing, confidence: Mapping[int, float] | None = None
+    ) -> pd.DataFrame:
         """Return the table of all labels that have voxels, columns as in `Segmentation`.
 
         Parameters
         ----------
         spacing : (float, float, float) of mm, z y x
-        confidence : dict of int to float
-            By label.
+        confidence : mapping of int to float, optional
+            By label; without it there is no such column.
         """
         ids = np.flatnonzero(self.totals[:, 0])
         totals, counts = self.totals[ids], self.totals[ids, 0]
         volume = counts * float(np.prod(spacing))
         centers = totals[:, 1:4] / counts[:, None] * np.array(spacing)
-        return pd.DataFrame(
+        table = pd.DataFrame(
             {
                 "voxels": counts.astype(np.int64),
                 "volume_mm3": volume,
@@ -94,10 +97,12 @@ class ObjectSums:
                 "y": centers[:, 1],
                 "x": centers[:, 2],
                 "isoperimetric_ratio": self.area[ids] / volume,
-                "confidence": np.array([confidence[k] for k in ids.tolist()], np.float64),
             },
             index=pd.Index(ids, name="id"),
         )
+        if confidence is not None:
+            table["confidence"] = np.array([confidence[k] for k in ids.tolist()], np.float64)
+        return table
 
 
 def object_table(

@@ -7,6 +7,7 @@ the bag large.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
-from napari_unpack.unpacking.slots import GAP
+from napari_unpack.unpacking.slots import GAP, Slots
 
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
@@ -58,10 +59,7 @@ def fitted(
     # it would be small else in nearly every view.
     least = longer / (2 * SHARE_OF_BAG) * rows / min(rows, cols)
     half = [min(float(radius * upright.max()), max(least, _reach(low, high, gap, upright)))]
-    for pose in _out(session):
-        # All of its cell: turned by hand it may come to fill that.
-        reach = np.abs(pose[1:]) + slots.cell_mm / 2 + gap
-        half.append(float((reach * upright).max()))
+    half += [_half_height(center, slots, gap, upright) for center in _out(session)]
     around = [] if drawn is None else [drawn]
     if session.decorations.box:
         around.append(box_corners(session.bag.lower, session.bag.upper))
@@ -71,6 +69,22 @@ def fitted(
         narrower = away[:, :1] * np.tan(np.radians(camera.fov) / 2) + gap
         half += (np.abs(away[:, 1:]) * upright + narrower).ravel().tolist()
     return replace(camera, center=session.bag.center, height=2 * max(half))
+
+
+def height_with(session: Session, ids: Iterable[int]) -> float:
+    """Return the height of view in which objects at their slots are seen whole, mm.
+
+    Parameters
+    ----------
+    session : Session
+        Of its window's shape.
+    ids : iterable of int
+        Objects outside the bag.
+    """
+    rows, cols = session.canvas_size
+    slots, poses = session.slots, session.poses
+    gap, upright = GAP * slots.height_mm / rows, np.array([1.0, rows / cols])
+    return 2 * max(_half_height(poses[i].center, slots, gap, upright) for i in ids)
 
 
 def contained(camera: Camera, window: tuple[int, int], size: tuple[int, int]) -> Camera:
@@ -95,6 +109,15 @@ def alike(a: Camera, b: Camera) -> bool:
     """
     apart = float(np.abs(a.center - b.center).max())
     return abs(a.height / b.height - 1) <= ALIKE and apart <= ALIKE * b.height
+
+
+def _half_height(
+    center: NDArray[np.float64], slots: Slots, gap: float, upright: NDArray[np.float64]
+) -> float:
+    """Return half the height in which what waits at a place, pivot space, has room."""
+    # All of its cell: turned by hand it may come to fill that.
+    reach = np.abs(center[1:]) + slots.cell_mm / 2 + gap
+    return float((reach * upright).max())
 
 
 def _picture(session: Session, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from napari_unpack.tasks import SILENT, Progress, Share
+from napari_unpack.tasks import Progress, Share, no_progress
 
 RADIUS = 4.0
 """Of a nucleus, µm: mean of its three half axes."""
@@ -75,7 +75,7 @@ def simulate_nuclei(
     ValueError
         If there is no room for a nucleus.
     """
-    share = Share(progress) if progress is not None else SILENT
+    share = Share(progress or no_progress)
     rng = np.random.default_rng(seed)
     edges = np.asarray(spacing, np.float64)
     size = np.asarray(shape) * edges
@@ -85,8 +85,8 @@ def simulate_nuclei(
     light = np.zeros(labels.shape, np.float32)
     grain = gaussian_filter(rng.normal(size=labels.shape).astype(np.float32), 0.6 / edges)
     grain /= grain.std()
-    for k, (center, radius) in enumerate(zip(centers, radii, strict=True), start=1):
-        share.part(0.0, 0.8)(k / len(centers), "Growing nuclei")
+    growing = share.part(0.0, 0.8, "Growing nuclei")
+    for k, (center, radius) in growing.over(list(enumerate(zip(centers, radii, strict=True), 1))):
         reach = 1.4 * radius
         low = np.maximum(((center - reach) / edges).astype(int), 0)
         high = np.minimum(((center + reach) / edges).astype(int) + 2, shape)

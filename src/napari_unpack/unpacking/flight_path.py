@@ -219,7 +219,7 @@ class Flight:
         """
         leaving, outside = packed_pose(self.box_center, camera), self._outside(camera)
         way = float(np.linalg.norm(self.target.center - outside.center))
-        first = self.first_leg(camera)
+        first = self._share_of_first_leg(way)
         if fraction < first:
             gone = (fraction / first) ** 2
             center = (1 - gone) * leaving.center + gone * outside.center
@@ -244,9 +244,12 @@ class Flight:
 
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""
+        outside = self._outside(camera).center
+        return self._share_of_first_leg(float(np.linalg.norm(self.target.center - outside)))
+
+    def _share_of_first_leg(self, way: float) -> float:
         if self.clear <= 0:
             return 0.0
-        way = float(np.linalg.norm(self.target.center - self._outside(camera).center))
         return float(np.clip(self.clear / (self.clear + way), *SHARE_OF_FIRST_LEG))
 
     def _outside(self, camera: Camera) -> Pose:

@@ -6,6 +6,7 @@ import atexit
 import os
 import sys
 import threading
+from collections.abc import Callable
 from functools import cache
 from time import monotonic, sleep
 from typing import Any
@@ -44,9 +45,19 @@ def end_with_process(one: Any) -> None:
 
 @cache
 def _register() -> None:
-    # Before Python waits for threads, as a segmentation may take long; its public `atexit` comes
-    # only after.
-    getattr(threading, "_register_atexit", atexit.register)(_end_all)
+    _before_threads_end(_end_all)
+
+
+def _before_threads_end(call: Callable[[], None]) -> None:
+    """Have something called before Python waits for its threads, which may take long.
+
+    Raises
+    ------
+    RuntimeError
+        If it waits already.
+    """
+    # Its public `atexit` comes only after.
+    getattr(threading, "_register_atexit", atexit.register)(call)
 
 
 def _end_all() -> None:
@@ -65,15 +76,12 @@ def end_despite_workers() -> None:
     not at all. Threads of others are waited for as ever.
     """
     ended = threading.Event()
-    # Before Python begins to wait; its public `atexit` comes only after.
-    register = getattr(threading, "_register_atexit", None)
-    if register is not None:
-        try:
-            register(ended.set)
-        except RuntimeError:
-            # Python ends already, of a script, with its exit status: it waits for them.
-            return
-        threading.Thread(target=_watch, args=(ended,), name=f"{OURS}-end", daemon=True).start()
+    try:
+        _before_threads_end(ended.set)
+    except RuntimeError:
+        # Python ends already, of a script, with its exit status: it waits for them.
+        return
+    threading.Thread(target=_watch, args=(ended,), name=f"{OURS}-end", daemon=True).start()
 
 
 def _watch(main_ended: threading.Event) -> None:

@@ -150,15 +150,13 @@ def _segmented_whole(
 
     The labels of the whole lie on the disk meanwhile.
     """
-    from napari_unpack.io.ome_zarr import labels_zarr
+    from napari_unpack.io.ome_zarr import new_label_array
     from napari_unpack.segmentation import segment
 
     whole, spacing = volume.whole, volume.whole_spacing
     assert whole is not None, "asked before"
-    with (
-        TemporaryDirectory(prefix="napari-unpack-") as folder,
-        labels_zarr(Path(folder) / "labels.zarr", whole.shape, "int32", spacing) as stored,
-    ):
+    with TemporaryDirectory(prefix="napari-unpack-") as folder:
+        stored = new_label_array(Path(folder) / "labels.zarr", whole.shape, np.int32)
         found = segment(whole, spacing, progress=share, out=stored, **settings)
         # The middle one of the voxels that one of the level stands for.
         every = tuple(slice(f // 2, None, f) for f in volume.factors)

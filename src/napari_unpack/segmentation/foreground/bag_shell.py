@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import edt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
-from napari_unpack.thread_count import thread_count
 
 
 def find_shell(
@@ -54,9 +53,7 @@ def find_shell(
     reach = np.maximum(np.round(thickness / 2 / np.array(spacing)).astype(np.int64), 1)
     outer = _outermost(labels, top, reach)
     share(0.2)
-    # All of Python waits for it: no longer than need be.
-    threads = min(2, thread_count())
-    depth = edt.edt(labels, anisotropy=spacing, black_border=True, parallel=threads)
+    depth = label_depths(labels, spacing)
     share(0.7)
     depths = np.bincount(labels.reshape(-1), depth.reshape(-1), top + 1)[boxes.ids]
     # A plate of thickness t has mean depth t / 4.

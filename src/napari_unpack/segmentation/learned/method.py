@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import cc3d
-import edt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
+from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.common.merging import absorb_small
@@ -57,7 +57,6 @@ from napari_unpack.segmentation.learned.part_splitting import (
     split_and_measure,
 )
 from napari_unpack.tasks import SILENT, Progress, Share
-from napari_unpack.thread_count import thread_count
 
 # Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
 # is thinner.
@@ -348,10 +347,7 @@ def _with_missed(
     """Add thick foreground that the network took for none: it was not trained on everything."""
     rest = cc3d.connected_components(dense & (parts == 0), connectivity=6).astype(np.int32)
     share(0.1)
-    deepest, depth = (
-        np.zeros(int(rest.max()) + 1),
-        edt.edt(rest, black_border=True, parallel=min(2, thread_count())),
-    )
+    deepest, depth = np.zeros(int(rest.max()) + 1), label_depths(rest)
     share(0.4)
     for a, b in share.part(0.4, 0.6).slabs(rest.shape):
         np.maximum.at(deepest, rest[a:b].reshape(-1), depth[a:b].reshape(-1))

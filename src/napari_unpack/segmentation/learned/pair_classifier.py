@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import edt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,10 +22,10 @@ from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
+from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
-from napari_unpack.thread_count import thread_count
 
 # Stored with the weights and compared with them: the names must stay as they were trained.
 PAIR_FEATURES = (
@@ -131,9 +130,7 @@ def measure_parts(
     share : Share
     """
     top = int(labels.max())
-    # All of Python waits for it: no longer than need be.
-    threads = min(2, thread_count())
-    depth = edt.edt(labels, anisotropy=spacing, black_border=True, parallel=threads)
+    depth = label_depths(labels, spacing)
     share(0.3)
     faces = np.prod(spacing) / np.array(spacing)
     sums, area, middle, step = _measure(labels, lifted, depth, top, faces)

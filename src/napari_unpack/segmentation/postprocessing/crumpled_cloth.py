@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import cc3d
-import edt
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 
 
@@ -44,7 +44,7 @@ def bundle_folds(
     top = int(parts.max())
     flat = parts.reshape(-1)
     counts = np.maximum(np.bincount(flat, minlength=top + 1), 1)
-    depth = edt.edt(parts, anisotropy=spacing, black_border=True)
+    depth = label_depths(parts, spacing)
     thickness = 4 * np.bincount(flat, depth.reshape(-1), top + 1) / counts
     values = np.nan_to_num(density.reshape(-1).astype(np.float32))
     mean = np.bincount(flat, values, top + 1) / counts
