@@ -17,9 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.classifier_training import train
+from benchmarks.segmentation.classifier_training import Scan, train
 from benchmarks.segmentation.pair_examples import fit_classifier
-from benchmarks.segmentation.training_scans import Scan
 from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
@@ -33,8 +32,7 @@ from napari_unpack.segmentation.learned.method import sharpened, split_at_densit
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import merge_pieces
 
-COUNTS = {"bags": 24, "solids": 40, "clad solids": 40}
-WIDTH = len(BORDER_FEATURES)
+BAGS, WIDTH = 24, len(BORDER_FEATURES)
 # Of the voxels at borders, and of all examples at most.
 SHARE, MOST = 0.12, 400_000
 # A label is an object's of which that has so much of it.
@@ -149,4 +147,4 @@ def fit(states: list[State]) -> PairClassifier:
 
 
 if __name__ == "__main__":
-    train(str(__doc__), measured, COUNTS, fit)
+    train(str(__doc__), measured, BAGS, ("", "clad"), fit)

@@ -57,48 +57,24 @@ def fit_classifier(
     return PairClassifier(center, scale, weights, offsets, features)
 
 
-def ensemble(
-    members: Sequence[PairClassifier], shares: Sequence[float] | None = None
-) -> PairClassifier:
+def ensemble(members: Sequence[PairClassifier]) -> PairClassifier:
     """Return the one network whose logit is the mean of those of several.
 
     Parameters
     ----------
     members : sequence of PairClassifier
         Over the same features, with the same center and scale and as many layers.
-    shares : sequence of float, optional
-        Of each in the mean; by default all alike.
     """
-    weights_of = shares or [1 / len(members)] * len(members)
     first = [np.hstack([j.weights[0] for j in members])]
     layers = zip(*(j.weights[1:-1] for j in members), strict=True)
     between = [block_diag(*layer) for layer in layers]
-    last = [np.vstack([w * j.weights[-1] for w, j in zip(weights_of, members, strict=True)])]
+    last = [np.vstack([j.weights[-1] for j in members]) / len(members)]
     inner = zip(*(j.offsets[:-1] for j in members), strict=True)
     offsets = [np.concatenate(layer) for layer in inner]
-    offsets.append(sum(w * j.offsets[-1] for w, j in zip(weights_of, members, strict=True)))
+    offsets.append(np.mean([j.offsets[-1] for j in members], axis=0))
     one = members[0]
     weights = (*first, *between, *last)
     return PairClassifier(one.center, one.scale, weights, tuple(offsets), one.features)
-
-
-def like(one: PairClassifier, other: PairClassifier) -> PairClassifier:
-    """Return a network with the center and scale of another, and the same answers.
-
-    Parameters
-    ----------
-    one, other : PairClassifier
-        Over the same features.
-
-    Notes
-    -----
-    Deviation: answers differ where a feature lies beyond six deviations of either, as it is
-    clipped there.
-    """
-    first = one.weights[0] * (other.scale / one.scale)[:, None]
-    moved = one.offsets[0] + ((other.center - one.center) / one.scale) @ one.weights[0]
-    weights, offsets = (first, *one.weights[1:]), (moved, *one.offsets[1:])
-    return PairClassifier(other.center, other.scale, weights, offsets, one.features)
 
 
 def overlaps(parts: NDArray[np.int32], truth: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -12,13 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.classifier_training import learn, train
+from benchmarks.segmentation.classifier_training import Scan, learn, train
 from benchmarks.segmentation.pair_examples import fit_classifier, overlaps
-from benchmarks.segmentation.training_scans import Scan
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_merging import FEATURES, PredictedParts
 
-COUNTS, ROUNDS = {"bags": 16, "solids": 40}, 2
+BAGS, ROUNDS = 16, 2
 State = tuple[PredictedParts, NDArray[np.float64]]
 
 
@@ -34,4 +33,4 @@ def fit(states: list[State]) -> PairClassifier:
 
 
 if __name__ == "__main__":
-    train(str(__doc__), measured, COUNTS, fit)
+    train(str(__doc__), measured, BAGS, ("",), fit)
