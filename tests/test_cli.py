@@ -23,6 +23,7 @@ from napari_unpack.io import (
     save_objects_csv,
     save_scan,
 )
+from napari_unpack.io.headless import open_scan
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.session.measurements import SurfacePoint
 
@@ -144,6 +145,10 @@ def test_segment_and_score(bag: Path) -> None:
     np.save(bag.with_name("bare.npy"), load_volume(bag).volume)
     result = run("segment", bag.with_name("bare.npy"), bag.with_name("again.npz"))
     assert "note: bare.npy: it gives no voxel size: 1 mm was assumed" in result.stderr
+    # A session made of such a file tells it too.
+    again = open_scan(load_volume(bag.with_name("again.npz")), (1, 0, 0))
+    kept = nu.save_session(again, bag.with_name("kept.unpack"))
+    assert "note: kept.unpack: it gives no voxel size" in run("order", kept).stderr
     result = run("score", bag, bag)
     assert result.exit_code == 0, result.output
     lines = {line.split()[0]: line.split(maxsplit=2)[1:] for line in result.stdout.splitlines()}

@@ -8,6 +8,7 @@ import platform
 import secrets
 import shutil
 import stat
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -132,6 +133,51 @@ def written_atomically(
             _sync(target.parent)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def drafted(path: str | Path) -> Iterator[Path]:
+    """Give a path in the folder for temporary files, whose file then replaces `path`.
+
+    For what takes long to make: where the finished file cannot be written to `path`, it stays in
+    that folder.
+
+    Parameters
+    ----------
+    path : str or Path
+        What shall be written.
+
+    Yields
+    ------
+    Path
+        In a folder of its own, of the same name.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If nothing can be written there, before the work.
+    OSError
+        If the disk is full or refuses; the message says where the finished file is.
+    """
+    target = _followed(path)
+    check_writable(target)
+    home = Path(tempfile.gettempdir())
+    _sweep(home)
+    folder = home / _own_name()
+    folder.mkdir(0o700)
+    draft = folder / target.name
+    try:
+        with _failure_told(target):
+            yield draft
+        try:
+            with written_atomically(target) as temporary:
+                shutil.copyfile(draft, temporary)
+        except OSError as error:
+            # A name that is not swept, and not hidden.
+            kept = folder.replace(Path(tempfile.mkdtemp(prefix="napari-unpack-")))
+            raise OSError(f"{error}; the finished file is {kept / target.name}") from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager

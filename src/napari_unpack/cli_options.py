@@ -107,9 +107,13 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
             raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
         chosen[axis.strip()] = int(number)
     scan = load_volume(source, chosen, large)
-    for sentence in scan.assumed:
-        typer.echo(f"note: {source.name}: {sentence}", err=True)
+    _tell_assumed(source, scan.assumed)
     return scan
+
+
+def _tell_assumed(source: Path, assumed: tuple[str, ...]) -> None:
+    for sentence in assumed:
+        typer.echo(f"note: {source.name}: {sentence}", err=True)
 
 
 def open_input(
@@ -152,6 +156,7 @@ def open_input(
         if labels is not None:
             raise ValueError("a session has labels of its own: leave --labels out")
         session = open_session(source, progress=Ticker(), large=large)
+        _tell_assumed(source, session.assumed)
         # A session saved while an object was inspected: commands work on the bag.
         session.leave()
         session.backend = backend

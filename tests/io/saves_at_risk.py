@@ -270,6 +270,8 @@ def main(risk: str, folder: Path, rounds: int = 5, seed: int = 0) -> None:
         room = folder / each / (suffix.replace(".", "-") or "-images")
         room.mkdir(parents=True)
         path = room / f"bag{suffix}"
+        # Where a finished film stays that finds no room; no other user may look into it.
+        tempfile.tempdir = None if each == "foreign" else str(folder)
         if each == "killed":
             found = while_killed(kind, path, rounds, random.Random(seed))
         else:

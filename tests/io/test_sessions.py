@@ -17,6 +17,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.appearance import Decorations
 from napari_unpack.io import Scan, save_scan
+from napari_unpack.io.headless import copy_session, open_scan
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
@@ -448,6 +449,20 @@ def test_a_session_tells_how_its_bag_stood_if_that_was_known(session, tmp_path):
         flat = np.asarray(wrong).tolist()
         with pytest.raises(ValueError, match=r"standing|stands"):
             standing_of(changed(path, lambda m, flat=flat: {**m, "standing": flat}))
+
+
+def test_what_had_to_be_assumed_of_the_scan_comes_back(session, tmp_path):
+    told = ("it gives no voxel size: 1 mm was assumed", "it holds two scans: the first was taken")
+    bare = Scan(session.volume, (1.0, 1.0, 1.0), np.asarray(session.labels), assumed=told)
+    path = nu.save_session(open_scan(bare, (1, 0, 0)), tmp_path / "s.unpack")
+    back = nu.open_session(path)
+    assert back.assumed == told
+    assert copy_session(back, packed=True).assumed == told
+    with pytest.raises(ValueError, match="assumed must be a list of texts"):
+        nu.open_session(changed(path, setting("session", "assumed", to=[1])))
+    # Files of before do not tell.
+    changed(path, lambda m: {**m, "session": {**m["session"], "assumed": None}})
+    assert nu.open_session(path).assumed == ()
 
 
 def test_what_was_done_inside_opened_objects_is_saved_with_them(tmp_path: Path) -> None:

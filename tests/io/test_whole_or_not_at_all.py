@@ -3,12 +3,15 @@
 import json
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 import SimpleITK as sitk
@@ -22,6 +25,7 @@ from napari_unpack.atomic import (
     written_atomically,
 )
 from napari_unpack.io import Scan, save_scan
+from napari_unpack.io.movies import movie_writer
 
 SCRIPT = Path(__file__).with_name("saves_at_risk.py")
 FORMATS = 16
@@ -114,6 +118,42 @@ def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path
     with pytest.raises(OSError, match=r"needs about .* MB, but .* has .* MB free"):
         check_space(tmp_path / "a.npz", 10**18)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_finished_film_that_cannot_take_its_place_stays_elsewhere_and_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary, there = tmp_path / "temporary", tmp_path / "there"
+    temporary.mkdir()
+    there.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    frames = np.zeros((5, 32, 48, 3), np.uint8)
+    frames[:, 8:24, 8:40] = 200
+
+    def film() -> None:
+        with movie_writer(there / "bag.mp4", (32, 48), 10) as write:
+            for frame in frames:
+                write(frame)
+            # The folder goes while the work is done, as one on another machine may.
+            there.rmdir()
+
+    with pytest.raises(OSError, match="the finished file is") as told:
+        film()
+    kept = Path(str(told.value).rpartition("the finished file is ")[2])
+    assert kept.name == "bag.mp4"
+    assert list(temporary.iterdir()) == [kept.parent]
+    assert len(iio.imread(kept)) == 5
+    # One that can leaves nothing behind.
+    shutil.rmtree(kept.parent)
+    there.mkdir()
+    with movie_writer(there / "bag.mp4", (32, 48), 10) as write:
+        assert len(list(temporary.iterdir())) == 1
+        for frame in frames:
+            write(frame)
+    assert len(iio.imread(there / "bag.mp4")) == 5
+    assert not any(temporary.iterdir())
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        movie_writer(tmp_path / "nowhere" / "bag.mp4", (32, 48), 10).__enter__()
 
 
 def test_a_check_that_fails_keeps_the_old_file(tmp_path: Path) -> None:

@@ -259,6 +259,30 @@ def test_a_session_saved_in_another_window_shows_as_much(
     assert not panel.workspace.controller.framing.is_fit
 
 
+def test_what_had_to_be_assumed_of_a_scan_is_told_of_its_session_too(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    volume, labels = pile_of_balls()
+    told, place = "it gives no voxel size: 1 mm was assumed", np.eye(4)
+    place[:3, 3] = 10.0, -20.0, 30.0
+    metadata = {"assumed": (told,), "scanner_from_scan": place}
+    viewer.add_image(volume, name="bare", metadata=metadata)
+    objects = viewer.add_labels(labels)
+    session = controller_with(panel, qtbot, objects)
+    path = nu.save_session(session, tmp_path / "bare.unpack")
+    viewer.layers.clear()
+    panel.files.open_from(path)
+    done(panel, qtbot)
+    rest(panel, qtbot)
+    shown = panel.segment.voxels.assumed
+    assert not shown.isHidden()
+    assert shown.text() == f"Of the file: {told}."
+    # A session made anew of the reopened scan knows it as well.
+    image = next(layer for layer in viewer.layers if type(layer) is Image)
+    assert image.metadata["assumed"] == (told,)
+    np.testing.assert_array_equal(image.metadata["scanner_from_scan"], place)
+
+
 def test_faults_of_files_are_told_and_change_nothing(
     viewer: Any, staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
 ) -> None:

@@ -56,6 +56,7 @@ def open_scan(
     session.review.evidence = evidence
     # Before the view: colours are chosen from rays, which the backend casts.
     session.backend, session.scanner_from_scan = backend, scan.scanner_from_scan
+    session.assumed = scan.assumed
     z, y, x = (float(v) for v in view)
     session.view = View((z, y, x))
     if direction is not None:
@@ -149,6 +150,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     )
     other.seconds = other.seconds if packed else session.seconds
     other.backend, other.scanner_from_scan = session.backend, session.scanner_from_scan
+    other.assumed = session.assumed
     for object_id, bag in {} if packed else session.opened_bags.worked_in(session).items():
         other.opened_bags.restore(other, object_id, copy_session(bag, packed=False))
     return other

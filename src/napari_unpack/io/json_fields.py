@@ -187,6 +187,13 @@ class Fields:
             self._refuse(name, "a list", value)
         return list(value)
 
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Return a list of texts."""
+        value = self.items(name)
+        if not all(isinstance(text, str) for text in value):
+            self._refuse(name, "a list of texts", value)
+        return tuple(value)
+
     def columns(self, name: str) -> dict[str, Any]:
         """Return lists by name; numbers with nulls among them are floats with NaN."""
         part = self.part(name)

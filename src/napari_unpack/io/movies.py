@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.atomic import folder_written_atomically, written_atomically
+from napari_unpack.atomic import drafted, folder_written_atomically
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.transforms import Pose, rotation_about
@@ -76,6 +76,11 @@ def movie_writer(
     fps : int
     share : Share
         Of writing what the frames make, once they are all there.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; a finished file is kept elsewhere, and the message says where.
     """
     # Two ways to be whole or absent: a folder of images is swapped, a file is renamed.
     suffix = path.suffix.lower()
@@ -84,7 +89,7 @@ def movie_writer(
             yield _images_writer(folder)
         return
     writing = mp4_writer if suffix == ".mp4" else _gif
-    with written_atomically(path) as temporary, writing(temporary, size, fps, share) as write:
+    with drafted(path) as draft, writing(draft, size, fps, share) as write:
         yield write
 
 

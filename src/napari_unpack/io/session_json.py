@@ -539,6 +539,7 @@ def record_of(session: Session) -> dict[str, Any]:
     return {
         "spacing": session.spacing.tolist(),
         "scanner_from_scan": None if place is None else place.tolist(),
+        "assumed": list(session.assumed),
         "situation": state_record(session),
         "rules": {
             "rule": rules.rule,
@@ -624,6 +625,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     if fields.has("scanner_from_scan"):
         place = fields.array("scanner_from_scan", (4, 4))
         session.scanner_from_scan = checked_place(place, "session.scanner_from_scan")
+    session.assumed = fields.texts("assumed") if fields.has("assumed") else ()
     session.log.extend(_log(fields))
     return session
 

@@ -111,6 +111,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     # One by one: by the rule a nest would leave as the group it came as.
     inner.max_group_size, inner.take_least_occluded = 1, True
     inner.rule, inner.tolerance = session.rule, session.tolerance
+    inner.assumed = session.assumed
     if session.scanner_from_scan is not None:
         inner.scanner_from_scan = session.scanner_from_scan.copy()
         start = [one.start for one in session.boxes.slices(object_id, margin=2)]

@@ -70,11 +70,10 @@ class Session:
     annotations : Annotations
         Colours, notes and flags that a person gave objects.
     measurements : Measurements
-        Lengths and angles; added, removed and undone.
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
-    scanner_from_scan : (4, 4) ndarray of float64 or None
-        As in a `Scan`: where its surfaces belong.
+    scanner_from_scan, assumed : (4, 4) ndarray of float64 or None, tuple of str
+        As in a `Scan`: where its surfaces belong, and what its file does not say.
     opened_bags : OpenedBags
     review : Review
     flights, history, events
@@ -141,6 +140,7 @@ class Session:
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
         self.scanner_from_scan: Matrix | None = None
+        self.assumed: tuple[str, ...] = ()
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
         self.review = Review(document, self.label_editor)
 

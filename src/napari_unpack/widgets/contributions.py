@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import napari
     from napari.utils.colormaps import DirectLabelColormap
 
+    from napari_unpack.session import Session
+
 # As napari's readers return layers: (data, attributes, layer type).
 LayerData = tuple[Any, ...]
 
@@ -218,6 +220,14 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     return _layers(first)
 
 
+def told_of_file(session: Session) -> dict[str, Any]:
+    """Return what a session knows of its scan's file, as metadata of a layer.
+
+    `layers.placement` reads it.
+    """
+    return {"scanner_from_scan": session.scanner_from_scan, "assumed": session.assumed}
+
+
 def _layers(path: Path) -> list[LayerData]:
     from napari_unpack.io import open_session
     from napari_unpack.io.session_json import given_labels
@@ -227,7 +237,7 @@ def _layers(path: Path) -> list[LayerData]:
     session = open_session(path)
     about: dict[str, Any] = {"scale": tuple(session.spacing), "units": ("mm",) * 3}
     about["affine"] = standing_of(path)
-    about["metadata"] = {"scanner_from_scan": session.scanner_from_scan}
+    about["metadata"] = told_of_file(session)
     limits = object_window(session.volume, session.labels)
     shown = {"name": path.stem, "colormap": "gray", "contrast_limits": limits}
     return [

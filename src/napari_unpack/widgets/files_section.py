@@ -15,6 +15,7 @@ from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets import notifications
+from napari_unpack.widgets.contributions import told_of_file
 from napari_unpack.widgets.file_names import FileNames
 from napari_unpack.widgets.large_files import ask_about_size
 from napari_unpack.widgets.preferences import preferences
@@ -481,6 +482,7 @@ class FilesSection(Section):
         # Hidden, because the 3D view shows the session in their place.
         placed |= {"affine": found.affine, "visible": False}
         shown = {"colormap": "gray", "contrast_limits": found.shown_range}
+        placed["metadata"] = told_of_file(session)
         image = viewer.add_image(session.volume, name=name, **shown, **placed)
         labels = viewer.add_labels(found.labels, name=f"{name} objects", **placed)
         self._workspace.open(

@@ -15,6 +15,7 @@ from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.levels import place_of_level
 from napari_unpack.layers.placement import (
+    assumed_of,
     equal_spacing,
     place_of,
     scanner_from_scan,
@@ -336,6 +337,7 @@ class SegmentSection(Section):
         built.session.backend = preferred.backend
         built.session.length_unit = order.unit
         built.session.scanner_from_scan = scanner_from_scan(order.image)
+        built.session.assumed = assumed_of(order.image)
         built.session.take_least_occluded = preferred.take_least_occluded
         # Labels without a volume are both inputs at once.
         sources = [image] if labels is None or labels is image else [image, labels]
@@ -382,7 +384,12 @@ class SegmentSection(Section):
         kept = ("contrast_limits", "gamma", "colormap") if _is_image(order.image) else ()
         look = {name: getattr(order.image, name) for name in kept}
         level = self._workspace.viewer.add_image(
-            built.session.volume, name=order.volume.name, **order.place, **look, visible=visible
+            built.session.volume,
+            name=order.volume.name,
+            **order.place,
+            **look,
+            visible=visible,
+            metadata=dict(order.image.metadata),
         )
         return unwrap(level)
 
