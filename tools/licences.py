@@ -20,6 +20,11 @@ COPYLEFT = re.compile(r"\b(A?GPL|(?<!Lesser )General Public)\b", re.IGNORECASE)
 BY_FILE = "copyleft of its own files only, less than the LGPL asks; used unmodified"
 EXCEPTIONS = {
     "certifi": ("Mozilla Public License 2.0 (MPL 2.0)", BY_FILE),
+    "dcm2niix": (
+        "The following files are from different authors and have their own licenses",
+        "the text that follows is the BSD licence, of parts the MIT licence or public domain; "
+        "run by tests alone",
+    ),
     "docutils": (
         "BSD License AND GNU General Public License (GPL)",
         "the GPL is of one file, its mode for Emacs; a tool of `make dist` alone",
