@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
+from qtpy.QtCore import QEvent, QObject
 
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -76,3 +77,16 @@ def rest(panel: UnpackingWidget, qtbot: QtBot) -> None:
 def states(session: Any) -> dict[int, str]:
     """Return the state's name of every object."""
     return {i: state.name for i, state in session.states.items()}
+
+
+class Closed(QObject):
+    """Counts how often a window is closed, and has it stay: napari's fixture closes it."""
+
+    count = 0
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() != QEvent.Type.Close:
+            return False
+        self.count += 1
+        event.ignore()
+        return True

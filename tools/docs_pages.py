@@ -100,8 +100,8 @@ def keys() -> str:
     lines = [
         "# Keys and mouse",
         "",
-        "The keys act while a session is open and the mouse is over the 3D view. The panel "
-        "lists them too, under *Keys and mouse*.",
+        "The keys act while a session is open and the keyboard is in the 3D view or on a button "
+        "of the panel. The panel lists them too, under *Keys and mouse*.",
         "",
     ]
     for title, rows in (("Key", KEYS), ("Mouse", MOUSE)):

@@ -157,7 +157,7 @@ def objects_leave_from_their_place_along_the_arrow_drawn_and_come_back(placed, q
     assert controller.settle(60)
     session, frame = controller.session, controller.frame
     packed = canvas(viewer)
-    controller.interaction.set_direction(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
+    controller.interaction.pencil.take(np.array([300.0, 200.0]), np.array([240.0, 330.0]), False)
     ends = np.stack([session.bag.center, session.bag.center + 10 * session.unpack_direction])
     way = np.diff(naparis_pixels(viewer, labels, ends / session.spacing), axis=0)[0]
     np.testing.assert_allclose(way / np.linalg.norm(way), np.array([-60, 130]) / 143.18, atol=1e-3)

@@ -16,7 +16,7 @@ from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_Z
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import add_bag, rest, states
+from opened_panel import Closed, add_bag, rest, states
 
 
 def out(session: Any) -> list[int]:
@@ -70,6 +70,19 @@ def story(viewer: Any, qtbot: QtBot) -> Any:
     yield keys, panel
     panel.unsaved.give_up()
     panel.end()
+
+
+@pytest.fixture
+def closed(story: Any, viewer: Any) -> Any:
+    """Count how often the window is closed, and have it stay: napari would end the tests."""
+    _, panel = story
+    window, closed = compat.native_window(viewer), Closed()
+    # Behind the panel, which asks first.
+    window.installEventFilter(closed)
+    window.installEventFilter(panel)
+    yield closed
+    window.removeEventFilter(closed)
+    compat.call_off_exit(window)
 
 
 def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
@@ -189,6 +202,141 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     keys.press(KEY.Key_Right, times=8)
     keys.press(KEY.Key_Return)
     qtbot.waitUntil(lambda: len(session.ids) == 7, timeout=20000)
+
+
+def test_a_direction_is_drawn_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, controller = panel.workspace.session, panel.workspace.controller
+    camera, angles = session.camera, viewer.scene.camera.angles
+    canvas, arrow = compat.native_canvas(viewer).native, controller.overlays.arrow
+    step = viewer.dims.current_step
+
+    def draw() -> None:
+        keys.to("Draw…")
+        keys.press(KEY.Key_Space)
+        # The keys go to the picture at once, and the panel says which.
+        assert QApplication.focusWidget() is canvas
+        assert panel.ring.isVisible()
+        assert "arrow keys" in panel.unpack.sentence.text()
+
+    draw()
+    assert len(arrow.quads_at(controller.frame)) == 0
+    keys.press(KEY.Key_Return)
+    assert panel.unpack.draw.isChecked(), "there is no arrow to take"
+    keys.press(KEY.Key_Right)
+    assert len(arrow.quads_at(controller.frame)) == 6
+    keys.press(KEY.Key_Up, times=2)
+    keys.press(KEY.Key_Down)
+    keys.press(KEY.Key_Return)
+    # 30 degrees up and 15 back.
+    up = -np.cross(camera.right, camera.direction)
+    up *= np.sign(up @ camera.up)
+    wanted = np.cos(np.pi / 12) * camera.right + np.sin(np.pi / 12) * up
+    np.testing.assert_allclose(session.unpack_direction, wanted, atol=1e-6)
+    assert keys.focus == "Draw…"
+    assert not panel.unpack.draw.isChecked()
+    assert "arrow keys" not in panel.unpack.sentence.text()
+    keys.press(KEY.Key_Z, CONTROL)
+    assert session.direction is None
+
+    # Left alone by Escape; the keys are napari's own again.
+    draw()
+    keys.press(KEY.Key_Left)
+    keys.press(KEY.Key_Escape)
+    assert session.direction is None
+    assert len(arrow.quads_at(controller.frame)) == 0
+    assert keys.focus == "Draw…"
+    keys.press(KEY.Key_F6, SHIFT)
+    assert QApplication.focusWidget() is canvas
+    viewer.dims.ndisplay = 2
+    keys.press(KEY.Key_Right)
+    assert viewer.dims.current_step != step
+    viewer.dims.ndisplay = 3
+    rest(panel, qtbot)
+    keys.press(KEY.Key_F6)
+
+    # Out of the surface before the bag's middle, which faces the viewer.
+    depth = controller.renderer.picker.depth
+    qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
+    draw()
+    keys.press(KEY.Key_Return, SHIFT)
+    assert session.unpack_direction @ -session.camera.direction > 0.2
+    assert viewer.scene.camera.angles == angles
+
+
+def test_an_object_beside_the_bag_is_moved_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, controller = panel.workspace.session, panel.workspace.controller
+    keys.press(KEY.Key_Space, times=2)
+    rest(panel, qtbot)
+    first, last = out(session)
+    before = {i: session.poses[i].center.copy() for i in (first, last)}
+    mm = session.camera.height / controller.frame.size[0] * compat.pixel_scale(viewer)
+
+    # The last one unpacked, and then the selected one; one step of undo for as many presses.
+    keys.press(KEY.Key_F6, SHIFT)
+    keys.press(KEY.Key_Left, CONTROL | SHIFT)
+    # A press is 24 pixels; later the view may glide to what is where now.
+    way = session.poses[last].center - before[last]
+    np.testing.assert_allclose(way, [0.0, 0.0, -24 * mm], atol=1e-6)
+    keys.press(KEY.Key_Left, CONTROL | SHIFT)
+    keys.press(KEY.Key_Down, CONTROL | SHIFT)
+    down, right = (session.poses[last].center - before[last])[1:]
+    assert 12 * mm < down < 36 * mm
+    assert -60 * mm < right < -36 * mm
+    np.testing.assert_allclose(session.poses[first].center, before[first], atol=mm)
+    rest(panel, qtbot)
+    keys.press(KEY.Key_Z, CONTROL)
+    rest(panel, qtbot)
+    np.testing.assert_allclose(session.poses[last].center, before[last], atol=1e-9)
+    keys.press(KEY.Key_F6)
+    keys.to("Objects")
+    pick(keys, session, first)
+    keys.press(KEY.Key_F6, SHIFT)
+    keys.press(KEY.Key_Up, CONTROL | SHIFT)
+    assert session.poses[first].center[1] < before[first][1]
+    np.testing.assert_allclose(session.poses[last].center, before[last], atol=1e-9)
+
+    # What lies in the bag stays there.
+    packed = next(i for i in session.ids if i not in (first, last))
+    poses = {i: session.poses[i].center.copy() for i in (first, last)}
+    session.select([packed])
+    keys.press(KEY.Key_Up, CONTROL | SHIFT)
+    for i, center in poses.items():
+        np.testing.assert_array_equal(session.poses[i].center, center)
+
+
+def test_exit_is_asked_about_and_answered_by_keys(
+    story: Any, viewer: Any, qtbot: QtBot, closed: Any
+) -> None:
+    keys, panel = story
+    keys.press(KEY.Key_Space)
+    rest(panel, qtbot)
+
+    def ours(button: str) -> None:
+        qtbot.waitUntil(lambda: panel.unsaved.question is not None, timeout=10000)
+        box = panel.unsaved.question
+        assert "Quitting napari ends it." in box.informativeText()
+        keys.answer(button=button)()
+        assert panel.unsaved.question is None
+
+    # napari asks whether one is sure, and then we about the work: a person may turn back.
+    over = keys.answer(button="Close")
+    keys.press(KEY.Key_Q, CONTROL)
+    over()
+    ours("Cancel")
+    assert closed.count == 0
+    assert panel.workspace.controller.is_open
+    keys.press("n")
+    rest(panel, qtbot)
+    assert len(out(panel.workspace.session)) == 2
+
+    keys.press(KEY.Key_F, ALT)
+    over = keys.answer(button="Close")
+    keys.choose("Exit")
+    over()
+    ours("Discard")
+    assert closed.count == 1
 
 
 def menu_from_keys(widget: Any) -> None:

@@ -16,16 +16,19 @@ from qtpy.QtWidgets import (
     QComboBox,
     QLabel,
     QLineEdit,
+    QScrollArea,
     QScrollBar,
     QTableView,
     QWidget,
 )
 
+from keys import KEY, MOST, SHIFT, Keys, called
+from napari_unpack.layers import compat
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
 from napari_unpack.widgets.opacity_editor import OpacityEditor
 from napari_unpack.widgets.section import Collapsible, Section
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import press
+from opened_panel import press, rest
 
 KINDS = (
     QAbstractButton, QAbstractSlider, QAbstractSpinBox, QComboBox, QLineEdit, QTableView,
@@ -134,6 +137,44 @@ def test_the_control_with_the_keyboard_has_a_ring_in_both_themes(
             widget.clearFocus()
         assert unseen == []
         assert ringed > 8
+
+
+def test_what_has_the_keyboard_is_in_sight(
+    viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    everything_open(panel)
+    rest(panel, qtbot)
+    keys, scroll = Keys(compat.native_window(viewer), qtbot), panel.findChild(QScrollArea)
+    # The panel is much taller than its window.
+    assert scroll.verticalScrollBar().maximum() > 2 * scroll.viewport().height()
+    keys.press(KEY.Key_F6)
+    unseen, passed = [], set()
+
+    def look(how: str) -> None:
+        QApplication.processEvents()
+        widget = QApplication.focusWidget()
+        if widget is None or not scroll.isAncestorOf(widget):
+            return
+        passed.add(widget)
+        seen, whole = scroll.viewport().rect(), widget.rect()
+        top = widget.mapTo(scroll.viewport(), whole.topLeft()).y()
+        if top < 0 or top + whole.height() > seen.height():
+            unseen.append(f"{how} {called(widget)}: {top} to {top + whole.height()} of {seen}")
+
+    for _ in range(MOST):
+        keys.press(KEY.Key_Tab)
+        look("Tab")
+    for _ in range(MOST):
+        keys.press(KEY.Key_Backtab, SHIFT)
+        look("Shift+Tab")
+    assert len(passed) > 60
+    # Back from the 3D view, though the panel was scrolled meanwhile.
+    for end in (0, scroll.verticalScrollBar().maximum()):
+        keys.press(KEY.Key_F6, SHIFT)
+        scroll.verticalScrollBar().setValue(end)
+        keys.press(KEY.Key_F6)
+        look("F6")
+    assert unseen == []
 
 
 def picture(widget: QWidget) -> Any:

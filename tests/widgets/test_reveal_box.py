@@ -109,7 +109,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     widget = compat.native_canvas(viewer).native
     angles = viewer.scene.camera.angles
     panel.unpack.draw.setChecked(True)
-    assert controller.interaction.drawing
+    assert controller.interaction.pencil.drawing
     assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
     start = QPoint(200, 200)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=start)
@@ -122,7 +122,7 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     np.testing.assert_allclose(session.unpack_direction, session.camera.right, atol=1e-6)
     assert viewer.scene.camera.angles == angles
     assert not panel.unpack.draw.isChecked()
-    assert not controller.interaction.drawing
+    assert not controller.interaction.pencil.drawing
     qtbot.waitUntil(lambda: panel.unpack.direction.currentText() == "Along arrow", timeout=10000)
     panel.unpack.direction.setCurrentText("Towards you")
     assert session.direction is None

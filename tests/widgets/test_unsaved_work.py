@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import QEvent, QObject, Qt
+from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QFileDialog, QMessageBox
 
 import napari_unpack as nu
@@ -19,7 +19,7 @@ from napari_unpack.io.recovery import leftovers, recovery_folder
 from napari_unpack.layers import compat
 from napari_unpack.viewer.viewer_state import SavedView
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import add_bag, controller_with, open_panel, press, rest, states
+from opened_panel import Closed, add_bag, controller_with, open_panel, press, rest, states
 from tin import tin
 
 Button = QMessageBox.StandardButton
@@ -46,19 +46,6 @@ def answer(panel: UnpackingWidget, qtbot: QtBot, button: Any) -> str:
     qtbot.mouseClick(box.button(button), Qt.MouseButton.LeftButton)
     assert panel.unsaved.question is None
     return said
-
-
-class Closed(QObject):
-    """Counts how often a window is closed, and has it stay: napari's fixture closes it."""
-
-    count = 0
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() != QEvent.Type.Close:
-            return False
-        self.count += 1
-        event.ignore()
-        return True
 
 
 def done(panel: UnpackingWidget, qtbot: QtBot) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.protocols import Pixel, PointerTarget
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -28,6 +29,9 @@ HEAD = 0.16
 
 # A drag shorter than this draws no direction.
 LEAST_PIXELS = 12.0
+
+# A press of an arrow key turns the arrow by so much, as it turns the bag.
+KEY_RADIANS = np.pi / 12
 
 
 class DirectionArrow:
@@ -44,6 +48,12 @@ class DirectionArrow:
         self._strokes = [Stroke(HALO, 3.5) for _ in range(3)] + [Stroke(INK, 1.8) for _ in range(3)]
         self.drawn: NDArray[np.float64] | None = None
         """(2, 2) start and end of an arrow under the hand, pixels of the frame."""
+
+    def middle(self, frame: Frame) -> NDArray[np.float64]:
+        """Return the (2,) pixel of a frame, row and column, at which the bag's middle is."""
+        pivot_from_world = frame.camera.pivot_from_world()
+        points = transform_points(pivot_from_world, self._session.bag.center[None])
+        return frame.camera.pixels(points, frame.size)[0]
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the arrow's quads: none where objects leave towards the viewer."""
@@ -75,6 +85,136 @@ class DirectionArrow:
         # Flat: a tip that comes near the eye in perspective would fill the view.
         points[:, 0] = 0.0
         return points
+
+
+class Pencil:
+    """Draws the direction in which objects leave: by a drag of the mouse, or by keys.
+
+    Parameters
+    ----------
+    target : PointerTarget
+        The controller.
+    frame_pixel : callable
+        Given a pixel of the canvas, returns that of the frame.
+
+    Attributes
+    ----------
+    drawing : bool
+        Whether it waits for an arrow.
+    """
+
+    def __init__(
+        self, target: PointerTarget, frame_pixel: Callable[[Pixel], tuple[float, float]]
+    ) -> None:
+        self.drawing = False
+        self._target, self._frame_pixel = target, frame_pixel
+
+    def show(self, start: Pixel, end: Pixel) -> None:
+        """Show an arrow under the hand.
+
+        Parameters
+        ----------
+        start, end : (2,) ndarray of float64
+            Pixels of the canvas.
+        """
+        self._show(np.array([self._frame_pixel(start), self._frame_pixel(end)]))
+
+    def take(self, start: Pixel, end: Pixel, along_normal: bool) -> None:
+        """Let objects leave along an arrow.
+
+        Parameters
+        ----------
+        start, end : (2,) ndarray of float64
+            Pixels of the canvas.
+        along_normal : bool
+            Along the normal of the surface under its start instead; towards the viewer where
+            there is none.
+        """
+        pixels = np.array([self._frame_pixel(start), self._frame_pixel(end)])
+        self._take(pixels, along_normal)
+
+    def turn(self, way: Sequence[float]) -> None:
+        """Turn the arrow by a step, or begin one at the bag's middle.
+
+        Parameters
+        ----------
+        way : (2,) sequence of float
+            Unit vector, rows down and columns to the right: begun, the arrow points there, and
+            then it turns towards it.
+        """
+        frame, arrow = self._target.renderer.frame, self._target.overlays.arrow
+        if not self.drawing or frame is None:
+            return
+        if arrow.drawn is None:
+            start = arrow.middle(frame)
+            # As long as the arrow of a direction that was taken.
+            length = self._target.session.bag.radius_in(frame.camera.stretch)
+            tip = start + length * frame.size[0] / frame.camera.height * np.asarray(way)
+            self._show(np.stack([start, tip]))
+        else:
+            self._show(turned_towards(arrow.drawn, way))
+
+    def take_turned(self, along_normal: bool = False) -> None:
+        """Let objects leave along the arrow that keys have turned.
+
+        Parameters
+        ----------
+        along_normal : bool, optional
+            As for `take`; without an arrow, of the surface before the bag's middle.
+        """
+        frame, arrow = self._target.renderer.frame, self._target.overlays.arrow
+        if not self.drawing or frame is None:
+            return
+        if arrow.drawn is not None:
+            self._take(arrow.drawn, along_normal)
+        elif along_normal:
+            self._take(np.stack([arrow.middle(frame)] * 2), along_normal)
+
+    def stop(self) -> None:
+        """Let go of the arrow; the direction stays."""
+        self.drawing = False
+        self._show(None)
+        self._target.events.direction_drawn.emit()
+
+    def _show(self, pixels: NDArray[np.float64] | None) -> None:
+        self._target.overlays.arrow.drawn = pixels
+        self._target.renderer.transition.repaint()
+
+    def _take(self, pixels: NDArray[np.float64], along_normal: bool) -> None:
+        target, frame = self._target, self._target.renderer.frame
+        if frame is not None:
+            found = drawn_direction(pixels, frame.camera)
+            if along_normal:
+                row, col = (round(v) for v in pixels[0])
+                mm = frame.camera.height / frame.size[0]
+                found = surface_normal(target.renderer.picker.depth(), row, col, mm, frame.camera)
+            if found is not None:
+                z, y, x = (float(v) for v in found)
+                target.session.direction = z, y, x
+        self.stop()
+
+
+def turned_towards(arrow: NDArray[np.float64], way: Sequence[float]) -> NDArray[np.float64]:
+    """Return an arrow turned about its start by a step of the keys, or by what is left.
+
+    Parameters
+    ----------
+    arrow : (2, 2) ndarray of float64
+        Start and tip, pixels, row and column.
+    way : (2,) sequence of float
+        Where it is to point in the end.
+
+    Returns
+    -------
+    (2, 2) ndarray of float64
+    """
+    shaft = arrow[1] - arrow[0]
+    # Straight back is as far either way.
+    apart = np.arctan2(way[0], way[1]) - np.arctan2(shaft[0], shaft[1])
+    apart = (apart + np.pi) % (2 * np.pi) - np.pi
+    turn = np.clip(apart, -KEY_RADIANS, KEY_RADIANS)
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.stack([arrow[0], arrow[0] + np.array([[cos, sin], [-sin, cos]]) @ shaft])
 
 
 def arrow_lines(ends: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -16,7 +16,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
-from napari_unpack.viewer.direction_arrow import drawn_direction, surface_normal
+from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, SliceBand, chosen
 from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel, PointerTarget
@@ -46,8 +46,8 @@ class Interaction:
 
     Attributes
     ----------
-    drawing : bool
-        Whether the next drag in the 3D view draws the direction in which objects leave.
+    pencil : Pencil
+        Draws the direction in which objects leave, with the next drag in the 3D view.
     tool : ClickTool or None
         What takes clicks in place of selecting; another one calls it off.
 
@@ -58,7 +58,7 @@ class Interaction:
     """
 
     def __init__(self, target: PointerTarget) -> None:
-        self.drawing = False
+        self.pencil = Pencil(target, self.frame_pixel)
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
@@ -188,45 +188,6 @@ class Interaction:
         scale = 1.0 if frame is None else frame.size[0] / self._target.viewer.canvas.size[0]
         self._target.renderer.held.move(object_id, scale * pixels)
 
-    def show_arrow(self, start: Pixel, end: Pixel) -> None:
-        """Show an arrow under the hand.
-
-        Parameters
-        ----------
-        start, end : (2,) ndarray of float64
-            Pixels of the canvas.
-        """
-        pixels = np.array([self.frame_pixel(start), self.frame_pixel(end)])
-        self._target.overlays.arrow.drawn = pixels
-        self._target.renderer.transition.repaint()
-
-    def set_direction(self, start: Pixel, end: Pixel, along_normal: bool) -> None:
-        """Let objects leave along an arrow that was drawn.
-
-        Parameters
-        ----------
-        start, end : (2,) ndarray of float64
-            Pixels of the canvas.
-        along_normal : bool
-            Along the normal of the surface under its start instead; towards the viewer where
-            there is none.
-        """
-        target, frame = self._target, self._frame
-        target.overlays.arrow.drawn = None
-        self.drawing = False
-        if frame is not None:
-            pixels = np.array([self.frame_pixel(start), self.frame_pixel(end)])
-            found = drawn_direction(pixels, frame.camera)
-            if along_normal:
-                row, col = (round(v) for v in pixels[0])
-                mm = frame.camera.height / frame.size[0]
-                found = surface_normal(target.renderer.picker.depth(), row, col, mm, frame.camera)
-            if found is not None:
-                z, y, x = (float(v) for v in found)
-                target.session.direction = z, y, x
-        target.renderer.transition.repaint()
-        target.events.direction_drawn.emit()
-
     @property
     def _frame(self) -> Frame | None:
         return self._target.renderer.frame
@@ -290,7 +251,7 @@ class Interaction:
                     last = pixel
                 yield
         # A click ends drawing too: its arrow is too short to set a direction.
-        if grip is not None and (moved or self.drawing):
+        if grip is not None and (moved or self.pencil.drawing):
             grip.release()
         elif not moved and self.tool is not None:
             self.tool.click(start)
@@ -302,8 +263,8 @@ class Interaction:
         inspected = self._target.renderer.inspected
         turned = self._target.renderer.animator.turned_by_hand
         held = turned if inspected else self.sprite_at(start)
-        if self.drawing:
-            return _Pencil(self, start, "Shift" in modifiers)
+        if self.pencil.drawing:
+            return _Stroke(self.pencil, start, "Shift" in modifiers)
         handle = self._target.cut_handle.point_at(self._in_frame(start), self._frame)
         if handle and not modifiers:
             return _Cut(self._target, handle, self._in_frame)
@@ -425,17 +386,17 @@ class _Cut:
         """Nothing is left to do: every movement has cut already."""
 
 
-class _Pencil:
-    def __init__(self, interaction: Interaction, start: Pixel, along_normal: bool) -> None:
-        self._interaction, self._along_normal = interaction, along_normal
+class _Stroke:
+    def __init__(self, pencil: Pencil, start: Pixel, along_normal: bool) -> None:
+        self._pencil, self._along_normal = pencil, along_normal
         self._start, self._end = start, start
 
     def drag(self, _last: Pixel, pixel: Pixel) -> None:
         self._end = pixel
-        self._interaction.show_arrow(self._start, pixel)
+        self._pencil.show(self._start, pixel)
 
     def release(self) -> None:
-        self._interaction.set_direction(self._start, self._end, self._along_normal)
+        self._pencil.take(self._start, self._end, self._along_normal)
 
 
 def drag_rotation(pixels: Pixel) -> Matrix:

@@ -192,12 +192,17 @@ def form(**fields: QWidget) -> QFormLayout:
 
 
 def scroll_to(widget: QWidget) -> None:
-    """Scroll the panel so far that a widget is in sight."""
+    """Scroll the panel so far that a widget is in sight: all of it, or from its top on."""
     above = widget.parentWidget()
     while above is not None and not isinstance(above, QScrollArea):
         above = above.parentWidget()
-    if above is not None:
-        above.ensureWidgetVisible(widget)
+    if above is None:
+        return
+    # Qt's own would show no more of a table than the row that has the keyboard.
+    bar, room = above.verticalScrollBar(), above.viewport().height()
+    top = widget.mapTo(above.widget(), widget.rect().topLeft()).y()
+    lowest, highest = top + widget.height() + GAP - room, top - GAP
+    bar.setValue(min(max(bar.value(), lowest), highest))
 
 
 def order_tabs(layout: QLayout) -> None:

@@ -37,7 +37,22 @@ class SessionSettings:
     def set_drawing(self, drawing: bool) -> None:
         """Have the next drag in the 3D view draw the direction, or not."""
         if (controller := self._workspace.controller) is not None:
-            controller.interaction.drawing = drawing
+            pencil = controller.interaction.pencil
+            if drawing:
+                pencil.drawing = True
+            elif pencil.drawing:
+                pencil.stop()
+
+    def turn_arrow(self, way: tuple[float, float]) -> None:
+        """Turn the arrow that is being drawn by a step towards a side: rows down, columns right."""
+        if (controller := self._workspace.controller) is not None:
+            controller.interaction.pencil.turn(way)
+
+    def take_arrow(self, along_normal: bool = False) -> None:
+        """Have objects leave along the arrow, or straight out of the surface at its start."""
+        if (controller := self._workspace.controller) is not None:
+            with errors_shown():
+                controller.interaction.pencil.take_turned(along_normal)
 
     def set_take_least_occluded(self, taken: bool) -> None:
         """Unpack the least occluded object where none is unpackable, or refuse."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets import notifications
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
@@ -45,6 +46,8 @@ KEYS = (
     (FIT_KEY, "fit"),
     ("1…7", "view from a side"),
     ("Shift+arrows", "turn the bag or the inspected object"),
+    ("Ctrl+Shift+arrows", "move the selected object that is beside the bag"),
+    ("Arrows, Enter", "after Draw…: turn the arrow, take it"),
     ("Escape", "leave, cancel or select nothing"),
     (PANE_KEY, "3D view, panel, table, slices in turn"),
 )
@@ -74,6 +77,9 @@ TURNS = {
     "Shift-Up": (-ARROW, 0.0),
     "Shift-Down": (ARROW, 0.0),
 }
+MOVES = {f"Control-{key}": way for key, way in TURNS.items()}
+# While a direction is drawn; at any other time these keys are napari's own.
+SIDES = {"Left": (0.0, -1.0), "Right": (0.0, 1.0), "Up": (-1.0, 0.0), "Down": (1.0, 0.0)}
 
 
 class Shortcuts:
@@ -118,20 +124,29 @@ class Shortcuts:
             FIT_KEY: commands.fit,
             **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
             **{key: partial(self._turn, way) for key, way in TURNS.items()},
+            **{key: partial(self._move, way) for key, way in MOVES.items()},
             **others,
         }
-        workspace.switched.connect(self._bind)
-        self._bind()
+        settings = commands.settings
+        self._while_drawing: dict[str, Callable[[], None]] = {
+            **{key: partial(settings.turn_arrow, way) for key, way in SIDES.items()},
+            "Enter": settings.take_arrow,
+            "Shift-Enter": partial(settings.take_arrow, along_normal=True),
+        }
+        workspace.switched.connect(self.bind)
+        self.bind()
 
-    def _bind(self) -> None:
-        """Bind the keys, but only while a session is shown that they could act on."""
+    def bind(self) -> None:
+        """Bind the keys that could act now: none without a session, more while drawing."""
         self._release()
         controller = self._workspace.controller
         if controller is None:
             return
+        drawing = controller.interaction.pencil.drawing
+        actions = self._actions | (self._while_drawing if drawing else {})
         # The active layer gets a key first, and one of ours is active in 3D.
         for owner in (unwrap(self._workspace.viewer), *controller.layers):
-            for key, act in self._actions.items():
+            for key, act in actions.items():
                 earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
                 self._bound.append((owner, key, earlier))
 
@@ -143,7 +158,7 @@ class Shortcuts:
 
     def close(self) -> None:
         """Give all keys back."""
-        self._workspace.switched.disconnect(self._bind)
+        self._workspace.switched.disconnect(self.bind)
         self._release()
 
     def _undo(self) -> None:
@@ -157,15 +172,28 @@ class Shortcuts:
         if self._workspace.controller is not None:
             self._workspace.controller.framing.turn_by(drag_rotation(np.array(way)))
 
+    def _move(self, way: tuple[float, float]) -> None:
+        controller = self._workspace.controller
+        if controller is None:
+            return
+        held, session = controller.renderer.held, controller.session
+        out = objects_in(session, ObjectState.UNPACKED)
+        # The last unpacked one is what the user has just looked at.
+        chosen = [i for i in out if i in session.selected or not session.selected]
+        if chosen:
+            controller.interaction.move(chosen[-1], np.array(way))
+            held.moved(chosen[-1])
+        elif session.selected:
+            notifications.inform("Only what is beside the bag can be moved: unpack it first.")
+
     def _escape(self) -> None:
         """End what was begun last."""
         controller = self._workspace.controller
         if controller is None:
             return
         # The order is from what lasts shortest to what lasts longest.
-        if controller.interaction.drawing:
-            controller.interaction.drawing = False
-            controller.events.direction_drawn.emit()
+        if controller.interaction.pencil.drawing:
+            controller.interaction.pencil.stop()
         elif controller.interaction.tool is not None:
             controller.interaction.tool.cancel()
         elif objects_in(controller.session, ObjectState.INSPECTED):

@@ -34,6 +34,12 @@ if TYPE_CHECKING:
 
 SEARCHING = "Looking for unpackable objects…"
 
+# In three lines, as any sentence of this place.
+DRAWING = (
+    "Drag an arrow, or turn it with the arrow keys and press Enter (Shift+Enter: straight out of "
+    "the surface). Escape: no arrow."
+)
+
 # Of one button, both ways.
 INSPECT_HELP = "Show one object alone: the selected one, or the last unpacked (I)."
 LEAVE_HELP = "Put the object back where it was, and show the bag (I or Escape)."
@@ -68,7 +74,9 @@ class UnpackSection(Section):
         self.draw = button(
             "Draw…",
             "Drag an arrow in the 3D view: objects leave along it. With "
-            "Shift, press on a surface: they leave straight out of it.",
+            "Shift, press on a surface: they leave straight out of it. By keys: arrow keys turn "
+            "the arrow, Enter takes it, Shift+Enter goes straight out of the surface that it "
+            "starts from, Escape takes none.",
         )
         self.draw.setCheckable(True)
         self.next = button("Unpack next", "Unpack one object that nothing blocks (N).", True)
@@ -192,7 +200,7 @@ class UnpackSection(Section):
         self.back_to_bag.clicked.connect(commands.leave_container)
         self.count.valueChanged.connect(lambda n: self.several.setText(f"Unpack {n}"))
         self.direction.currentTextChanged.connect(self._set_direction)
-        self.draw.toggled.connect(commands.settings.set_drawing)
+        self.draw.toggled.connect(self._set_drawing)
         self.speed.valueChanged.connect(lambda tenths: commands.settings.set_seconds(tenths / 10))
         self.backend.currentTextChanged.connect(
             lambda name: commands.settings.set_backend(BACKENDS[name])
@@ -225,6 +233,7 @@ class UnpackSection(Section):
             self._commands.settings.set_outlines(self.outlines.isChecked())
             controller.events.direction_drawn.connect(lambda: self.draw.setChecked(False))
             controller.events.searching.connect(self._show_searching)
+        self.draw.setChecked(controller is not None and controller.interaction.pencil.drawing)
         self.back_to_bag.setVisible(self._workspace.is_inside)
         self._refresh()
 
@@ -285,6 +294,10 @@ class UnpackSection(Section):
                 self.direction.addItem(name)
             self.direction.setCurrentText(name)
 
+    def _set_drawing(self, drawing: bool) -> None:
+        self._commands.settings.set_drawing(drawing)
+        self._refresh()
+
     def _set_take_least(self, taken: bool) -> None:
         self._commands.settings.set_take_least_occluded(taken)
         self._refresh()
@@ -332,6 +345,8 @@ class UnpackSection(Section):
     def _sentence(
         self, session: Session, packed: int, out: int, flying: int, inspected: bool
     ) -> str:
+        if self.draw.isChecked():
+            return DRAWING
         if inspected:
             return "One object alone: drag to turn it; Escape goes back to the bag."
         if flying:

@@ -36,7 +36,7 @@ from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.review_box import KEYS
-from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule
+from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule, scroll_to
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import PANE_KEY, Shortcuts, help_text
 from napari_unpack.widgets.slices_button import SlicesButton
@@ -127,11 +127,13 @@ class UnpackingWidget(QWidget):
         self._arrange()
         native = getattr(compat.native_canvas(napari_viewer), "native", None)
         self.ring = None if native is None else FocusRing(native)
+        self.unpack.draw.toggled.connect(self._follow_drawing)
         # Where the keyboard was in the panel and in our docks.
         self._left: dict[QWidget, QWidget] = {}
         for key, step in ((PANE_KEY, 1), (f"Shift+{PANE_KEY}", -1)):
             shortcut = QShortcut(QKeySequence(key), self)
             shortcut.activated.connect(partial(self._go_to_pane, step))
+        QApplication.instance().focusChanged.connect(self._show_focused)
         WheelGuard(self)
         self._dress()
         napari_viewer.events.theme.connect(self._dress)
@@ -190,6 +192,23 @@ class UnpackingWidget(QWidget):
         steps = (self.unpack.next, self.segment.start, self.segment.sample)
         usable = (w for w in steps if w.isVisible() and w.isEnabled())
         next(usable, self.segment.fold).setFocus(Qt.FocusReason.ShortcutFocusReason)
+
+    def _follow_drawing(self, drawing: bool) -> None:
+        """Have the keyboard where the arrow is drawn, and back where that was begun."""
+        self.shortcuts.bind()
+        if self.ring is None:
+            return
+        if drawing:
+            self.ring.take_keyboard()
+        elif self.ring.isVisible():
+            self.unpack.draw.setFocus(Qt.FocusReason.ShortcutFocusReason)
+
+    def _show_focused(self, before: QWidget | None, focused: QWidget | None) -> None:
+        """Scroll to what keys have given the keyboard to."""
+        # Not under the mouse, and not where a window comes back that was scrolled by the wheel.
+        by_keys = before is not None and QApplication.mouseButtons() == Qt.MouseButton.NoButton
+        if by_keys and focused is not None and self.isAncestorOf(focused):
+            scroll_to(focused)
 
     def _go_to_pane(self, step: int) -> None:
         """Hand the keyboard from the 3D view to the panel, to our docks, and around."""
