@@ -1,13 +1,21 @@
 """Volumes worked on by way of a reduced grid: nearly the same labels, for any size of blocks."""
 
 import importlib
+import shutil
+import tempfile
+from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
+import zarr
 from phantoms import ball, box, scanned
 
 from napari_unpack.segmentation import segment
 from napari_unpack.segmentation.common.array_source import blocks, source_of
+from napari_unpack.segmentation.common.remote_volumes import read_once
+from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.working_grid import reduced, reduction
 
 MM = (1.0, 1.0, 1.0)
@@ -46,6 +54,48 @@ def ious(truth, found):
         here = truth == name
         best = np.bincount(found[here])[1:].argmax() + 1
         yield (here & (found == best)).sum() / (here | (found == best)).sum()
+
+
+class Far(zarr.storage.WrapperStore):
+    """A store of which nobody knows where it is; it counts the chunks that are asked for."""
+
+    def __init__(self, store):
+        super().__init__(store)
+        self.asked = Counter()
+
+    async def get(self, key, prototype, byte_range=None):
+        if "/c/" in f"/{key}":
+            self.asked[key] += 1
+        return await super().get(key, prototype, byte_range)
+
+
+@pytest.mark.parametrize("block", [4000, 10**6])
+def test_a_volume_far_away_is_read_once_and_leaves_nothing_behind(tmp_path, monkeypatch, block):
+    truth, densities = packed_shapes()
+    volume = scanned(truth, densities)
+    monkeypatch.setitem(segment_large.__kwdefaults__, "block", block)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    wanted = segment(volume, MM, working=60_000)
+    store = Far(zarr.storage.MemoryStore())
+    # Chunks that fall on no face of a block, the last of them cut short.
+    far = zarr.create_array(store, data=volume, chunks=(10, 15, 17))
+    found = segment(far, MM, working=60_000)
+    np.testing.assert_array_equal(found.labels, wanted.labels)
+    pd.testing.assert_frame_equal(found.objects, wanted.objects)
+    assert set(store.asked.values()) == {1}
+    assert len(store.asked) == 5 * 4 * 5
+    assert list(tmp_path.iterdir()) == []
+    # One that is here is read where it is, by each who needs it.
+    near = zarr.create_array(zarr.storage.MemoryStore(), data=volume, chunks=(10, 15, 17))
+    with read_once(source_of(near)) as source:
+        assert source.array is near
+
+
+def test_a_volume_far_away_for_which_there_is_no_room_is_refused(monkeypatch):
+    far = zarr.create_array(Far(zarr.storage.MemoryStore()), shape=(64,) * 3, dtype="u2")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1000))
+    with pytest.raises(OSError, match=r"needs about 1 MB, but \S+ has 0 MB free"):
+        segment(far, MM, working=1000)
 
 
 def test_the_finer_axes_are_reduced_first_and_no_more_than_needed():

@@ -81,11 +81,11 @@ def segment_large(
     objects : pandas.DataFrame
         See `pipeline.Segmentation`.
     """
-    # The volume is read three times and the labels are written once, thin things and the last
-    # numbering apart. Memory: the labels, unless `out` is a store, the working grid and what its
-    # objects are found with, and about 20 bytes for every voxel of the blocks in work. Single
-    # bright voxels so many that every cell has a neighbour with one are a haze on the grid, and
-    # may come out as an object.
+    # The volume is read three times, see `read_once`, and the labels are written once, thin things
+    # and the last numbering apart. Memory: the labels, unless `out` is a store, the working grid
+    # and what its objects are found with, and about 20 bytes for every voxel of the blocks in work.
+    # Single bright voxels so many that every cell has a neighbour with one are a haze on the grid,
+    # and may come out as an object.
     share, runner = Share(progress), runner or ThreadRunner()
     begun = share.part(0.0, 0.03, "Reducing the volume")
     factors = reduction(source.shape, spacing, working)

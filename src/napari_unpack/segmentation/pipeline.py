@@ -21,6 +21,7 @@ from napari_unpack.segmentation.common.region import (
     Oracle,
     default_smallest_object,
 )
+from napari_unpack.segmentation.common.remote_volumes import read_once
 from napari_unpack.segmentation.common.validation import (
     Spacing,
     check_out,
@@ -226,19 +227,20 @@ def _segmented(
     find, oracle = partial(_segment_grid, options=wanted), wanted.oracle
     if source.size > working:
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
-        labels, table = segment_large(
-            source,
-            size,
-            find,
-            share,
-            working=working,
-            foreground=wanted.foreground.method,
-            grainy=wanted.grainy,
-            fewest=fewest,
-            oracle=oracle,
-            out=out,
-            runner=runner,
-        )
+        with read_once(source) as near:
+            labels, table = segment_large(
+                near,
+                size,
+                find,
+                share,
+                working=working,
+                foreground=wanted.foreground.method,
+                grainy=wanted.grainy,
+                fewest=fewest,
+                oracle=oracle,
+                out=out,
+                runner=runner,
+            )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
     density = checked_volume(np.asarray(source.array))
