@@ -94,7 +94,7 @@ def test_it_says_what_the_table_says(page):
         ["90.0° (3.00 mm, 4.00 mm)", "<b>a & b</b>"],
     ]
     first, second, third = cells.rows[1:4]
-    assert first[1:5] == ["1", "Object 1", "taken out", "1"]
+    assert first[1:5] == ["1", "Object 1", "unpacked", "1"]
     assert second[1:5] == ["2", "<b>a & b</b>", "in the bag", ""]
     assert third[3] == "hidden"
     # 12 x 14 x 10 voxels of 2 mm3.

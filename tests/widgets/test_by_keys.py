@@ -57,12 +57,12 @@ def story(viewer: Any, qtbot: QtBot) -> Any:
     # From the 3D view into the panel: napari's own Tab never leaves the sliders of its slices.
     keys.press(KEY.Key_F6)
     assert keys.focus == "Segment"
-    keys.to("Objects", back=True)
+    keys.to("Labels of the objects", back=True)
     keys.press(KEY.Key_Down)
     assert panel.segment.labels_input.currentText() == "expert"
     keys.to("Unpack these labels")
     keys.press(KEY.Key_Space)
-    assert keys.focus == "Cancel"
+    assert keys.focus == "Cancel: Segment"
     qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=60000)
     qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=20000)
     panel.workspace.controller.seconds = 0.15
@@ -143,7 +143,7 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
         keys.to("Columns…")
         keys.press(KEY.Key_Space)
         keys.choose("Note")
-        keys.to("Objects", back=True)
+        keys.to("Table of objects", back=True)
     to_column(keys, wide, Column.NOTE)
     keys.press(KEY.Key_F2)
     keys.press("laces cut")
@@ -154,7 +154,7 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
         keys.press(KEY.Key_Space)
         keys.choose("Sort by", "Mean density")
         assert float(wide.rows.index(0, Column.DENSITY).data()) == first
-    keys.to("Objects", back=True)
+    keys.to("Table of objects", back=True)
 
     # What blocks a buried object is told, and let be.
     buried = next(i for i in session.ids if i not in session.unpackable() and i != one)
@@ -170,7 +170,7 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     keys.press(KEY.Key_Z, CONTROL)
     qtbot.waitUntil(lambda: buried in session.ids, timeout=20000)
     rest(panel, qtbot)
-    keys.to("Objects")
+    keys.to("Table of objects")
     packed = [i for i in session.ids if i != one]
     pick(keys, session, packed[0])
     way = KEY.Key_Up if wide.currentIndex().row() == len(session.ids) - 1 else KEY.Key_Down

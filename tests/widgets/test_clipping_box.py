@@ -63,7 +63,7 @@ def test_a_plane_and_a_box_cut_the_bag_open(
     turned = session.cutting.plane[1]
     assert 0.5 < turned @ normal < 0.99
     assert np.linalg.norm(turned) == pytest.approx(1.0)
-    assert box.across.currentText() == "Another way"
+    assert box.across.currentText() == "Another direction"
     assert viewer.scene.camera.angles == angles
 
     # One step of undo takes one drag back, then the plane; the panel and the picture follow.

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
+from qtpy.QtGui import QColor
 from qtpy.QtWidgets import (
     QAbstractButton,
     QAbstractSlider,
@@ -27,6 +29,8 @@ from napari_unpack.layers import compat
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
 from napari_unpack.widgets.opacity_editor import OpacityEditor
 from napari_unpack.widgets.section import Collapsible, Section
+from napari_unpack.widgets.slice_view import SliceView
+from napari_unpack.widgets.theme import palette_of
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import press, rest
 
@@ -85,6 +89,46 @@ def test_every_control_has_a_name_a_sentence_of_help_and_the_keyboard(
         if not widget.focusPolicy() & Qt.FocusPolicy.TabFocus:
             lacking.append(f"{told}: Tab passes it by")
     assert not lacking, "\n".join(lacking)
+
+
+def test_no_two_controls_have_one_name(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
+    everything_open(panel)
+    press(qtbot, panel.objects.table_button.button)
+    press(qtbot, panel.slices.button)
+    # Windows of their own or not, one Tab goes through all of them.
+    whole = (panel, panel.objects.table_button.dock, panel.slices.dock)
+    names: dict[str, list[str]] = {}
+    for part in whole:
+        for widget in {*controls(part), *part.findChildren(SliceView)}:
+            told = f"{type(widget).__name__} in {type(part).__name__}"
+            names.setdefault(name_of(widget, panel).rstrip("…"), []).append(told)
+    assert sum(map(len, names.values())) > 80
+    assert {name: told for name, told in names.items() if len(told) > 1} == {}
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_texts_stand_out_from_what_is_behind_them(theme: str) -> None:
+    p = palette_of(theme)
+    texts = {
+        "text": (p.text, p.background, p.raised, p.chosen),
+        "text of less weight": (p.faint, p.background, p.raised),
+        "text on the primary button": (p.on_accent, p.accent, p.accent_hover),
+        "warning": (p.warning, p.background),
+    }
+    # As the guidelines for accessible content (WCAG 2.1, AA) ask of text, and of what shows focus.
+    for what, (ink, *behind) in texts.items():
+        for ground in behind:
+            assert contrast(ink, ground) >= 4.5, f"{what}, {ink} on {ground}"
+    for ground in (p.background, p.raised):
+        assert contrast(p.focus, ground) >= 3.0
+
+
+def contrast(ink: str, ground: str) -> float:
+    """Return the contrast of two colours as WCAG 2.1 defines it."""
+    shares = np.array([QColor(color).getRgbF()[:3] for color in (ink, ground)])
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    lights = linear @ (0.2126, 0.7152, 0.0722) + 0.05
+    return float(lights.max() / lights.min())
 
 
 def test_tab_goes_through_the_panel_from_top_to_bottom(

@@ -12,7 +12,10 @@ from napari_unpack.widgets.task_progress import TaskProgress
 
 
 def test_progress_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> None:
-    progress_bar, started = TaskProgress(Scheduler(), "Nothing changes."), threading.Event()
+    progress_bar, started = (
+        TaskProgress(Scheduler(), "Nothing changes.", "Files"),
+        threading.Event(),
+    )
     qtbot.addWidget(progress_bar)
     assert progress_bar.isHidden()
 
@@ -37,7 +40,11 @@ def test_progress_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) ->
 
 
 def test_cancel_answers_within_a_second_whatever_the_work_is_doing(qtbot: QtBot) -> None:
-    bar, go_on, ended = TaskProgress(Scheduler(), "Nothing changes."), threading.Event(), []
+    bar, go_on, ended = (
+        TaskProgress(Scheduler(), "Nothing changes.", "Files"),
+        threading.Event(),
+        [],
+    )
     qtbot.addWidget(bar)
     bar.ended.connect(ended.append)
 

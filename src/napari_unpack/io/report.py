@@ -44,8 +44,8 @@ BAG = (600, 960)
 # What is in the air counts as landed: a page shows no moment.
 WORDS = {
     ObjectState.PACKED: "in the bag",
-    ObjectState.FLYING_OUT: "taken out",
-    ObjectState.UNPACKED: "taken out",
+    ObjectState.FLYING_OUT: "unpacked",
+    ObjectState.UNPACKED: "unpacked",
     ObjectState.FLYING_BACK: "in the bag",
     ObjectState.INSPECTED: "inspected",
     ObjectState.HIDDEN: "hidden",
@@ -115,7 +115,7 @@ def save_objects_page(
 
 def _page(title: str, session: Session, bag: str, rows: Iterator[str]) -> str:
     out = len(session.poses)
-    count = f"{len(session.ids)} objects" + (f", {out} taken out" if out else "")
+    count = f"{len(session.ids)} objects" + (f", {out} unpacked" if out else "")
     parts = PageParts(
         title,
         f"{count}. Click a column to sort by it.",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # A drag of the slider is applied as often as the bag can be drawn.
 APPLY_MS = 40
 
-THIS_VIEW, ANOTHER_WAY = "This view", "Another way"
+THIS_VIEW, ANOTHER_WAY = "This view", "Another direction"
 AXES = {"z (slices)": 0, "y (rows)": 1, "x (columns)": 2}
 SIDES = "from", "to"
 
@@ -53,7 +53,9 @@ class ClippingBox(Collapsible):
         self.flip = button("Flip", "Cut away the other side of the plane.")
         self.across = QComboBox()
         self.across.addItems([THIS_VIEW, *AXES, ANOTHER_WAY])
-        self.across.setToolTip("Which way the plane faces: the viewer now, or an axis of the scan.")
+        self.across.setToolTip(
+            "In which direction the plane faces: towards you now, or along an axis of the scan."
+        )
         self.depth = QSlider(Qt.Orientation.Horizontal)
         self.depth.setRange(0, 100)
         self.depth.setToolTip("How much of the bag the plane cuts away.")

@@ -130,6 +130,7 @@ class ColorSection(Section):
         line = row(self.recolor)
         line.addWidget(self.at_rest)
         self.contents.addLayout(line)
+        self.preset.setAccessibleName("Show densities")
         self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
         self.contents.addWidget(self.curve)
         self.contents.addWidget(self.background)

@@ -70,7 +70,9 @@ class ConfidenceBox(Collapsible):
         self.contents.addWidget(self.sentence)
         self.contents.addLayout(row(self.mark, self.unmark))
         self.contents.addLayout(row(self.train, self.load, self.restore))
-        self.progress = TaskProgress(workspace.scheduler, "Stop; the model in use stays.")
+        self.progress = TaskProgress(
+            workspace.scheduler, "Stop; the model in use stays.", "Confidence"
+        )
         self.contents.addWidget(self.progress)
         self._scored: Session | None = None
         self.progress.ended.connect(self._end)

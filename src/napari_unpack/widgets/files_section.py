@@ -283,7 +283,9 @@ class FilesSection(Section):
         self.fps.setRange(1, 60)
         self.fps.setValue(25)
         self.fps.setToolTip("Frames per second of movies.")
-        self.progress = TaskProgress(workspace.scheduler, "Stop; no unfinished file is left.")
+        self.progress = TaskProgress(
+            workspace.scheduler, "Stop; no unfinished file is left.", "Files"
+        )
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)

@@ -11,7 +11,7 @@ from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QSlider, QWidget
 
 from napari_unpack.geometry.length_unit import MM, LengthUnit
-from napari_unpack.session.errors import percent
+from napari_unpack.session.errors import listed_objects, percent
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.quantities import three_digits, volume_words
 from napari_unpack.tasks import Task
@@ -32,9 +32,6 @@ SLOT = "facts of the inspected object"
 # A drag is applied 25 times a second: about as often as the object can be drawn.
 APPLY_MS = 40
 
-# Of what touched an object the largest contacts are named; more would fill the panel.
-NAMED_NEIGHBOURS = 4
-
 
 class InspectionBox(QWidget):
     """Shown while an object is inspected; what is set here leaves the bag as it is.
@@ -54,6 +51,7 @@ class InspectionBox(QWidget):
         self.facts = label("", "hint", wrap=True)
         self.facts.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.editor = OpacityEditor()
+        self.editor.setAccessibleName("Opacity curve of this object")
         self.cut = QSlider(Qt.Orientation.Horizontal)
         self.cut.setRange(0, 100)
         self.cut.setToolTip("Cut the object open from your side; the cut ends with the inspection.")
@@ -179,9 +177,7 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
         why = f": {'; '.join(facts.reasons)}" if facts.reasons else ""
         lines.append(f"confidence {percent(facts.confidence)} that it is one whole object{why}")
     if neighbours:
-        rest = len(neighbours) - NAMED_NEIGHBOURS
-        more = f" and {rest} more" if rest > 0 else ""
-        lines.append(f"touches {', '.join(neighbours[:NAMED_NEIGHBOURS])}{more}")
+        lines.append(f"touches {listed_objects(neighbours)}")
     else:
         lines.append("touches nothing")
     return "<br>".join(lines)

@@ -22,7 +22,7 @@ NO_HUE: Rgb = (0.5, 0.5, 0.5)
 STATE_WORDS = {
     ObjectState.PACKED: "in the bag",
     ObjectState.FLYING_OUT: "flying",
-    ObjectState.UNPACKED: "taken out",
+    ObjectState.UNPACKED: "unpacked",
     ObjectState.FLYING_BACK: "flying",
     ObjectState.INSPECTED: "inspected",
     ObjectState.HIDDEN: "hidden",
@@ -79,7 +79,7 @@ TITLES = {
         "How sure the segmentation is that this is one whole object.",
     ),
     Column.FLAG: ("", "Your flag: click to flag an object as suspicious, then as cleared."),
-    Column.ORDER: ("Order out", "Which step of the unpacking took the object out."),
+    Column.ORDER: ("Order out", "In which step of the unpacking the object left."),
     Column.BLOCKERS: ("Blocked by", "Objects that stand directly in its way."),
     Column.NOTE: ("Note", "Your note: double-click to write one."),
 }
@@ -262,8 +262,9 @@ class Row:
                 return f"{self.name}: {FLAG_WORDS[self.flag]}. Click to change the flag."
             case Column.NOTE:
                 return self.note or TITLES[column][1]
+        number = "" if self.name == f"Object {self.label}" else f", object {self.label}"
         lines = [
-            f"{self.name}, object {self.label}, {self.state_words}",
+            f"{self.name}{number}, {self.state_words}",
             f"{self.text(Column.VOLUME, units)} {units.volume.name}",
             f"mean density {self.text(Column.DENSITY, units)}",
         ]

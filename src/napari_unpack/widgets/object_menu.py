@@ -115,7 +115,11 @@ class ObjectMenu:
         commands, chosen, examples = self._commands, set(ids), session.examples
         return [
             ("Mark as example", lambda: commands.mark_examples(ids), not chosen <= examples),
-            ("Unmark", lambda: commands.mark_examples(ids, False), bool(chosen & examples)),
+            (
+                "Unmark as example",
+                lambda: commands.mark_examples(ids, False),
+                bool(chosen & examples),
+            ),
         ]
 
 

@@ -23,6 +23,7 @@ from napari_unpack.widgets.object_columns import (
     Rgb,
     Row,
     Units,
+    choice_of,
 )
 
 if TYPE_CHECKING:
@@ -245,7 +246,9 @@ class ObjectModel(QAbstractTableModel):
             return None
         column = Column(section)
         title, tip = self.units.title(column)
-        answers = {Role.DisplayRole: title, Role.ToolTipRole: tip}
+        # Read aloud, a column has its name where it shows a unit or nothing.
+        spoken = title if choice_of(column) in title else f"{choice_of(column)} {title}".strip()
+        answers = {Role.DisplayRole: title, Role.ToolTipRole: tip, Role.AccessibleTextRole: spoken}
         return _alignment(column) if role == Role.TextAlignmentRole else answers.get(role)
 
     def flags(self, index: Index) -> Qt.ItemFlag:

@@ -265,7 +265,7 @@ class _NameDelegate(_TextDelegate):
             shown = QFontMetrics(font).elidedText(text, middle, cell.width())
             painter.drawText(cell, side, shown)
             # What can be done with an object is as plain as its name; where it is, is not.
-            color.setAlphaF(1.0 if text in MARKS else 0.6)
+            color.setAlphaF(1.0 if text in MARKS else 0.7)
         painter.restore()
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FILTERS: dict[str, frozenset[ObjectState] | None] = {
     "All": None,
     "In the bag": frozenset({ObjectState.PACKED}),
-    "Taken out": frozenset(ObjectState) - {ObjectState.PACKED, ObjectState.HIDDEN},
+    "Unpacked": frozenset(ObjectState) - {ObjectState.PACKED, ObjectState.HIDDEN},
     "Hidden": frozenset({ObjectState.HIDDEN}),
 }
 
@@ -56,7 +56,7 @@ class ObjectsPane(QWidget):
         self._actions = actions
         self.table = ObjectTable(model, key)
         self.search = QLineEdit()
-        self.search.setPlaceholderText("Search names, notes, flags")
+        self.search.setPlaceholderText("Search objects")
         self.search.setAccessibleName("Search objects")
         self.search.setClearButtonEnabled(True)
         self.search.setToolTip(
@@ -65,7 +65,7 @@ class ObjectsPane(QWidget):
         self.filter = QComboBox()
         self.filter.addItems(list(FILTERS))
         self.filter.setAccessibleName("Which objects are listed")
-        self.filter.setToolTip("List all objects, or only those in the bag, taken out or hidden.")
+        self.filter.setToolTip("List all objects, or only those in the bag, unpacked or hidden.")
         contents = column(self)
         contents.addLayout(row(self.search, self.filter))
         contents.addWidget(self.table, stretch=1)

@@ -57,7 +57,7 @@ class ObjectsSection(Section):
         self.delete = button(
             "Delete",
             "Remove the selected objects from the labels (Delete; Ctrl+Z undoes). "
-            "Restore those outside the bag first.",
+            "Restore unpacked ones first.",
         )
         self.table_button = TableButton(workspace.viewer, self.new_pane, self)
         self.next_click = label("", "hint", wrap=True)

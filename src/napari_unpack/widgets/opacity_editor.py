@@ -333,7 +333,7 @@ class OpacityEditor(QWidget):
     def _paint_axes(self, painter: QPainter, ink: QColor) -> None:
         """Write round densities under the curve, and opacities at its left."""
         area, faint = self._area(), QColor(ink)
-        faint.setAlphaF(0.65)
+        faint.setAlphaF(0.75)
         painter.setPen(faint)
         small = self.font()
         small.setPointSizeF(max(small.pointSizeF() - 2.0, 6.0))

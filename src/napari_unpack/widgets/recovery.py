@@ -155,7 +155,7 @@ class RecoveryBar(QWidget):
         self._workspace, self._restore, self._keeper = workspace, restore, keeper
         self._offered: Leftover | None = None
         self.sentence = label("", "warning", wrap=True)
-        self.restore = button("Restore", "Open it as it was when napari ended.")
+        self.restore = button("Continue", "Open it as it was when napari ended.")
         self.discard = button("Discard", "Delete it for good.")
         self.restore.clicked.connect(self._take)
         self.discard.clicked.connect(self._discard)

@@ -103,6 +103,8 @@ class SegmentSection(Section):
         self.labels_input.setToolTip(
             "Labels that you have already, of the same shape; without them the volume is segmented."
         )
+        # Beside it is the step of that name, with its table.
+        self.labels_input.setAccessibleName("Labels of the objects")
         self.start = button("Segment", "", primary=True)
         self.sample = button(
             "Try a simulated bag", "Add a small packed bag with known objects to the viewer."
@@ -112,7 +114,7 @@ class SegmentSection(Section):
             "Show the objects anew, with the voxel size that their layer has now.",
         )
         self.progress = TaskProgress(
-            workspace.scheduler, "Stop the work; nothing that is open changes."
+            workspace.scheduler, "Stop the work; nothing that is open changes.", "Segment"
         )
         self.options = SegmentOptions()
         self.contents.addLayout(form(Volume=self.volume_input))

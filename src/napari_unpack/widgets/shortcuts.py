@@ -34,22 +34,19 @@ KEYS = (
     ("H", "hide"),
     ("C", "recolour"),
     ("Delete", "delete the selected"),
-    ("T", "names"),
-    ("M", "measure"),
-    ("A", "angle"),
-    ("S", "same"),
-    ("D", "different"),
-    ("X", "not an object"),
-    ("K", "skip (of a review)"),
+    ("T", "show names"),
+    ("M", "measure a length"),
+    ("A", "measure an angle"),
+    ("S, D, X, K", "in a review: same, different, not an object, skip"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+Shift+Z", "redo"),
     (FIT_KEY, "fit"),
     ("1…7", "view from a side"),
     ("Shift+arrows", "turn the bag or the inspected object"),
-    ("Ctrl+Shift+arrows", "move the selected object that is beside the bag"),
+    ("Ctrl+Shift+arrows", "move the selected sprite"),
     ("Arrows, Enter", "after Draw…: turn the arrow, take it"),
     ("Escape", "leave, cancel or select nothing"),
-    (PANE_KEY, "3D view, panel, table, slices in turn"),
+    (PANE_KEY, "3D view, panel, table, slices in turn; with Shift, back"),
 )
 MOUSE = (
     ("Drag", "turns the bag, or the sprite under the mouse"),
@@ -184,7 +181,7 @@ class Shortcuts:
             controller.interaction.move(chosen[-1], np.array(way))
             held.moved(chosen[-1])
         elif session.selected:
-            notifications.inform("Only what is beside the bag can be moved: unpack it first.")
+            notifications.inform("Only unpacked objects can be moved: unpack it first.")
 
     def _escape(self) -> None:
         """End what was begun last."""

@@ -68,6 +68,7 @@ class SlicesDock(DockContents):
             "image are set anew.",
         )
         self.fit = button("Fit", "Show each slice whole (Home).")
+        self.fit.setAccessibleName("Fit the slices")
         self.center = button(
             "Centre", "Move the crosshair into the selected object, or into the middle of the bag."
         )

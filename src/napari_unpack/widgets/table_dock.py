@@ -43,6 +43,10 @@ class TableDock(DockContents):
         # The style sheet names the panel; what stands beside it looks like it.
         self.setObjectName("unpacking_table")
         self._viewer, self.pane = viewer, pane
+        # The panel's table has a search as well.
+        pane.table.setAccessibleName("Table of objects")
+        pane.search.setAccessibleName("Search the table of objects")
+        pane.filter.setAccessibleName("Which objects the table lists")
         self.setMinimumWidth(WIDTH)
         self.columns = button("Columns…", "Choose which columns the table has.")
         self.columns.clicked.connect(self._open_columns)

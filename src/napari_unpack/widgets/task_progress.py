@@ -63,6 +63,8 @@ class TaskProgress(QWidget):
     scheduler : Scheduler
     promise : str
         Tooltip of Cancel: what stays as it was.
+    step : str
+        Of which step of the panel: its Cancel is told from the others by it.
 
     Attributes
     ----------
@@ -74,7 +76,7 @@ class TaskProgress(QWidget):
     progressed = Signal(float, str)
     ended = Signal(object)
 
-    def __init__(self, scheduler: Scheduler, promise: str) -> None:
+    def __init__(self, scheduler: Scheduler, promise: str, step: str) -> None:
         super().__init__()
         self._scheduler = scheduler
         # Of the work shown. A slot for each, as sections work at the same time, and work that was
@@ -85,6 +87,7 @@ class TaskProgress(QWidget):
         self.bar = SmoothBar()
         self.text = label("", "hint", wrap=True)
         self.cancel = button("Cancel", promise)
+        self.cancel.setAccessibleName(f"Cancel: {step}")
         layout = column(self)
         layout.addWidget(self.bar)
         line = QHBoxLayout()

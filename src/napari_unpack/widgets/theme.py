@@ -27,9 +27,11 @@ class Palette:
 
     Parameters
     ----------
-    background, raised, line, text, faint, accent, accent_hover, on_accent, chosen, warning : str
-        CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, the
-        primary button, the same under the mouse, text on it, selected rows, and warnings.
+    background, raised, line, text, faint, disabled : str
+        CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, and
+        text of what cannot be used.
+    accent, accent_hover, on_accent, chosen, warning : str
+        The primary button, the same under the mouse, text on it, selected rows, and warnings.
     focus : str
         The ring around the control that has the keyboard.
     """
@@ -39,6 +41,7 @@ class Palette:
     line: str
     text: str
     faint: str
+    disabled: str
     accent: str
     accent_hover: str
     on_accent: str
@@ -55,16 +58,17 @@ def palette_of(theme: str) -> Palette:
     background, text = _color(colors.background), _color(colors.text)
     accent = _color(colors.current)
     dark = background.lightness() < 128
-    # On the accent stands white text, which needs a contrast of about 4.5 in either theme.
-    accent = accent.lighter(125) if dark else accent.darker(170)
+    # On the accent stands white text, and under the mouse it must stay as plain.
+    accent = accent.lighter(115) if dark else accent.darker(170)
     return Palette(
         background=background.name(),
         raised=_color(colors.foreground).name(),
         line=_mixed(background, text, 0.16),
         text=text.name(),
-        faint=_mixed(background, text, 0.62),
+        faint=_mixed(background, text, 0.7),
+        disabled=_mixed(background, text, 0.62),
         accent=accent.name(),
-        accent_hover=accent.lighter(115).name(),
+        accent_hover=accent.darker(112).name(),
         on_accent="#ffffff",
         chosen=_mixed(background, accent, 0.42 if dark else 0.3),
         warning="#e3b617" if dark else "#8a5a00",
@@ -102,8 +106,8 @@ def style_sheet(palette: Palette) -> str:
     QPushButton[role="primary"] {{
         background: {p.accent}; color: {p.on_accent}; font-weight: 600; padding: 5px 7px; }}
     QPushButton[role="primary"]:hover {{ background: {p.accent_hover}; }}
-    QPushButton[role="primary"]:disabled {{ background: {p.raised}; color: {p.faint}; }}
-    QPushButton:disabled, QComboBox:disabled, QCheckBox:disabled {{ color: {p.faint}; }}
+    QPushButton[role="primary"]:disabled {{ background: {p.raised}; color: {p.disabled}; }}
+    QPushButton:disabled, QComboBox:disabled, QCheckBox:disabled {{ color: {p.disabled}; }}
     QToolButton[role="link"] {{
         background: transparent; border: 1px solid transparent; color: {p.faint}; padding: 0px; }}
     QToolButton[role="link"]:hover {{ color: {p.text}; }}

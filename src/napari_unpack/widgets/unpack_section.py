@@ -70,7 +70,9 @@ class UnpackSection(Section):
             QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
         )
         self.direction.setMinimumContentsLength(8)
-        self.direction.setToolTip("Which way objects leave; by default straight towards you.")
+        self.direction.setToolTip(
+            "In which direction objects leave; by default straight towards you."
+        )
         self.draw = button(
             "Draw…",
             "Drag an arrow in the 3D view: objects leave along it. With "
@@ -113,7 +115,8 @@ class UnpackSection(Section):
         self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.use_best = button(
-            "Use that direction", "Have objects leave the way along which the most are unpackable."
+            "Use that direction",
+            "Let objects leave in the direction in which the most are unpackable.",
         )
         self.force = button(
             "Unpack the least occluded",
@@ -164,7 +167,7 @@ class UnpackSection(Section):
         self.backend = QComboBox()
         self.backend.addItems(list(BACKENDS))
         self.backend.setToolTip("What draws the bag: the graphics card, or the processor.")
-        self.take_least = QCheckBox("Else take out the least occluded")
+        self.take_least = QCheckBox("Else unpack the least occluded")
         self.take_least.setToolTip(
             "Where nothing is unpackable this way, Unpack next takes the object of which the "
             "smallest share is occluded; otherwise it says so and takes none."
@@ -348,7 +351,7 @@ class UnpackSection(Section):
         if self.draw.isChecked():
             return DRAWING
         if inspected:
-            return "One object alone: drag to turn it; Escape goes back to the bag."
+            return "One object alone: a drag or Shift+arrows turn it; Escape goes back to the bag."
         if flying:
             return f"{flying} {'object is' if flying == 1 else 'objects are'} flying."
         if packed == 0:
@@ -384,6 +387,6 @@ def _all_gone(out: int, hidden: int, link_color: str) -> str:
     """Say why nothing is to be seen in the bag, and how what is hidden comes back."""
     if hidden:
         what = "1 object is" if hidden == 1 else f"{hidden} objects are"
-        rest = "the rest is taken out" if out else "none is shown"
+        rest = "the rest is unpacked" if out else "none is shown"
         return f"{what} hidden, {rest}: <a href='show' style='color: {link_color}'>Show all</a>"
     return "The bag is empty. Double-click an object to inspect it." if out else ""
