@@ -88,6 +88,30 @@ def end_without_closing(worker_sleeps: bool) -> None:
     raise SystemExit(3)
 
 
+def fail_with_the_viewer_open(with_panel: bool) -> None:
+    """Fail as a script does while napari is open and things fly."""
+    import napari
+
+    from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
+
+    viewer: Any = napari.Viewer(show=True)
+    viewer.window.resize(*SMALL)
+    image, expert = add_bag(viewer)
+    session = Session(image.data, expert.data)
+    if with_panel:
+        _, panel = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
+        panel.workspace.open(session, [image, expert], recolor_at_rest=False)
+        controller = panel.workspace.controller
+    else:
+        controller = SessionController(viewer, session)
+        controller.open()
+    controller.settle(60)
+    controller.seconds = 600.0
+    controller.unpack(1)
+    raise RuntimeError("of the script")
+
+
 def quit_while_working() -> None:
     """Quit while a worker is in a step that nobody can call off; say when."""
     import time

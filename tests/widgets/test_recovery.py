@@ -197,3 +197,16 @@ def test_a_script_that_never_closes_its_viewer_ends_as_it_says_and_loses_nothing
         other.wait()
     assert len(leftovers(recovery_folder())) == 1
     assert out_on_disk() >= 1
+
+
+@pytest.mark.parametrize("with_panel", [False, True])
+def test_a_script_that_fails_ends_with_its_own_traceback_and_no_other(with_panel: bool) -> None:
+    other = another_napari(f"fail_with_the_viewer_open({with_panel})", subprocess.STDOUT)
+    try:
+        said, _ = other.communicate(timeout=120)
+    finally:
+        other.kill()
+        other.wait()
+    assert other.returncode == 1
+    assert said.count("Traceback") == 1
+    assert said.endswith("RuntimeError: of the script\n")

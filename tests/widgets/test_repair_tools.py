@@ -221,6 +221,8 @@ def test_button_menu_and_key_delete_by_one_rule(
     # A bag needs an object.
     panel.commands.select([CUBE, BELL, SLAB])
     assert not _offered(panel, qtbot)
+    qtbot.keyClick(compat.native_canvas(viewer).native, Qt.Key.Key_Delete)
+    assert "One object must stay" in notification_manager.records[-1].message
     session.take_least_occluded = True
     panel.commands.unpack([CUBE])
     panel.workspace.controller.finish()

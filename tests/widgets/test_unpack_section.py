@@ -83,7 +83,7 @@ def test_a_step_names_all_who_leave_together(
     _knot(viewer, panel, qtbot)
     panel.unpack.direction.setCurrentText("Left (−x)")
     panel.commands.unpack(1)
-    said = "Step 1 of 1: Object 1 and Object 2"
+    said = "Step 1 of 1: Objects 1 and 2"
     qtbot.waitUntil(lambda: panel.unpack.step_slider.sentence.text() == said, timeout=20000)
 
 

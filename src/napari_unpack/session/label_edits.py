@@ -19,7 +19,7 @@ from napari_unpack.segmentation.repair import (
 )
 from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session import commands
-from napari_unpack.session.errors import listed
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.labels import Confidence, LabelData
 from napari_unpack.session.validation import MOST_ID, checked_ids
 from napari_unpack.tasks import Task
@@ -284,7 +284,8 @@ class LabelEditor:
         away = [i for i in ids if i in session.state.placements or i in session.flights]
         if away:
             raise ValueError(
-                f"{listed(session.names(away))} must be in the bag to be repaired: restore first"
+                f"{listed_objects(session.names(away))} must be in the bag to be repaired: "
+                "restore first"
             )
 
 

@@ -35,7 +35,7 @@ from napari_unpack.session.errors import (
     NobodyFreeError,
     NoTableError,
     least_occluded_sentence,
-    listed,
+    listed_objects,
 )
 from napari_unpack.session.labels import Edit, LabelData
 from napari_unpack.session.object_state import ObjectState
@@ -398,8 +398,8 @@ class Queries:
                 known = self.occlusion(packed=packed, afresh=True)
             blocked = wanted - known.unpackable
             if blocked:
-                names = listed(session.names(blocked))
-                raise BlockedError(f"{names} cannot leave: other objects block it.")
+                names = listed_objects(session.names(blocked))
+                raise BlockedError(f"{names} cannot leave: other objects are in the way.")
             groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = known.blocking.among(packed)
@@ -408,10 +408,11 @@ class Queries:
             wanted = wanted.union(*(g for g in whole if len(g) <= most))
             blockers = graph.blockers(wanted)
             if blockers and wanted != self._forced(packed, known):
+                names = listed_objects(session.names(wanted))
+                first = listed_objects(session.names(blockers))
                 raise BlockedError(
-                    f"{listed(session.names(wanted))} cannot leave along this direction before "
-                    f"{listed(session.names(blockers))}: unpack those first, reveal it, or choose "
-                    "another direction."
+                    f"{names} cannot leave along this direction before {first}: unpack those "
+                    "first, or choose another direction."
                 )
             groups = graph.removals(wanted)
         return self._plan(groups, self.direction, known, state)

@@ -31,6 +31,7 @@ from napari_unpack.viewer.framing import Framing
 from napari_unpack.viewer.interaction import Interaction
 from napari_unpack.viewer.modal_queries import find_unpackable, measure_next, run_to, travel
 from napari_unpack.viewer.overlays import Overlays
+from napari_unpack.viewer.process_end import end_with_process
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
 from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
 from napari_unpack.viewer.scheduler import Scheduler, Worker
@@ -262,6 +263,7 @@ class SessionController:
         self.slice_hues.paint()
         viewer.dims.ndisplay = 3
         viewer.scene.camera.orientation = RIGHT_HANDED
+        end_with_process(self.close)
         self._connections.decorate()
         for layer in self.layers:
             viewer.add_layer(layer)

@@ -9,10 +9,10 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from time import monotonic, sleep
-from typing import Any
-from weakref import WeakSet
+from weakref import WeakMethod
 
 from qtpy.compat import isalive
+from qtpy.QtCore import QObject
 
 # The name that threads of this package begin with.
 OURS = "unpack"
@@ -23,23 +23,25 @@ GRACE_SECONDS = 0.5
 LOOK_SECONDS = 0.05
 
 
-_ends_with_process: WeakSet[Any] = WeakSet()
+_ends: list[WeakMethod[Callable[[], None]]] = []
 
 
-def end_with_process(one: Any) -> None:
-    """Have an object ended before Python ends.
+def end_with_process(end: Callable[[], None]) -> None:
+    """Have a method called before Python ends, after those that were given before.
 
     Parameters
     ----------
-    one : QObject
-        With a method `end`; not called where Qt has deleted the object before.
+    end : callable
+        Bound, and does nothing a second time; not called where its object is gone, or where Qt
+        has deleted it.
 
     Notes
     -----
     A script may end without closing the viewer. Qt then deletes the windows in an order of its
     own, in which what one of ours still hears of finds others gone: that aborts the process.
     """
-    _ends_with_process.add(one)
+    _ends[:] = [each for each in _ends if each() is not None]
+    _ends.append(WeakMethod(end))
     _register()
 
 
@@ -61,9 +63,11 @@ def _before_threads_end(call: Callable[[], None]) -> None:
 
 
 def _end_all() -> None:
-    for one in list(_ends_with_process):
-        if isalive(one):
-            one.end()
+    for each in list(_ends):
+        end = each()
+        owner = getattr(end, "__self__", None)
+        if end is not None and (not isinstance(owner, QObject) or isalive(owner)):
+            end()
 
 
 def end_despite_workers() -> None:

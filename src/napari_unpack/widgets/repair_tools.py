@@ -112,7 +112,11 @@ class RepairTools(QObject):
         self._put(lambda editor: editor.merge_task(ids))
 
     def delete(self, ids: list[int]) -> None:
-        """Make background of objects."""
+        """Make background of objects, unless none would be left."""
+        session = self._workspace.session
+        if session is not None and len(ids) == len(session.ids):
+            notifications.inform("One object must stay: select fewer to delete.")
+            return
         self._put(lambda editor: editor.delete_task(ids))
 
     def answer(self, doubt: Doubt, said: Said) -> None:

@@ -8,7 +8,7 @@ from qtpy.QtCore import QPointF, QRectF, QSignalBlocker, Qt
 from qtpy.QtGui import QColor, QIcon, QPainter, QPixmap, QPolygonF
 from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
-from napari_unpack.session.errors import listed
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.section import column, keep_room, label
 from napari_unpack.widgets.theme import GAP
@@ -116,7 +116,7 @@ class StepSlider(QWidget):
         if step == 0:
             return f"Everything packed, {len(steps)} steps known"
         names = session.objects["name"]
-        leaving = listed(str(names[i]) for i in steps[step - 1])
+        leaving = listed_objects(str(names[i]) for i in steps[step - 1])
         return f"Step {step} of {self.slider.maximum()}: {leaving}"
 
     def _drag(self, step: int) -> None:

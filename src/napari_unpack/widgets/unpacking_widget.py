@@ -141,7 +141,7 @@ class UnpackingWidget(QWidget):
         # `Viewer.close` deletes the panel before it could end; long work would run on.
         self.destroyed.connect(lambda *_: scheduler.close())
         self.destroyed.connect(lambda *_: release())
-        end_with_process(self)
+        end_with_process(self.end)
         scheduler.submit(warm_up_task(), Worker.LONG, lambda _: None, failed=lambda _: None)
         if notice := screen_notice():
             notifications.warn(notice)
@@ -181,7 +181,8 @@ class UnpackingWidget(QWidget):
     def _dress(self, _event: Event | None = None) -> None:
         palette = palette_of(self._viewer.theme)
         self.setStyleSheet(style_sheet(palette))
-        self.color.editor.set_accent(palette.accent)
+        for editor in (self.color.editor, self.unpack.inspection.editor):
+            editor.set_accent(palette.accent)
         self.unpack.step_slider.set_ink(palette.text)
         self.unpack.link_color = palette.text
         if self.ring is not None:
