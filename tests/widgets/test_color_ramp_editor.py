@@ -81,6 +81,25 @@ def test_keys_and_a_right_click_act_on_the_chosen_colour(qtbot, strip, dialog) -
     assert strip.stops == []
 
 
+def test_keys_alone_add_choose_and_change_colours(qtbot, strip, dialog) -> None:
+    key, shift = Qt.Key, Qt.KeyboardModifier.ShiftModifier
+    strip.show_colors(None, (0.0, 2000.0))
+    qtbot.keyClick(strip, key.Key_PageDown)
+    # In the middle of the axis, and the next one between that and the end.
+    qtbot.keyClick(strip, key.Key_Plus)
+    qtbot.keyClick(strip, key.Key_Plus)
+    assert [d for d, _ in strip.stops] == pytest.approx([0.25 * 2000, 0.5625 * 2000])
+    qtbot.keyClick(strip, key.Key_PageUp)
+    qtbot.keyClick(strip, key.Key_Left, shift)
+    assert strip.stops[0][0] == pytest.approx(0.45**2 * 2000)
+    dialog[0] = QColor("#ffff00")
+    qtbot.keyClick(strip, key.Key_Return)
+    assert [rgb for _, rgb in strip.stops] == [
+        pytest.approx((1.0, 1.0, 0.0)),
+        pytest.approx((0.2, 0.8, 0.4), abs=1e-3),
+    ]
+
+
 def test_colours_are_the_sessions_and_the_curve_stays(
     make_napari_viewer_proxy, session, qtbot, dialog
 ) -> None:

@@ -103,6 +103,28 @@ def test_delete_and_arrows_act_on_the_chosen_point(qtbot: QtBot, editor: Opacity
     assert len(editor.points) == 3
 
 
+def test_keys_alone_choose_move_and_add_points(qtbot: QtBot, editor: OpacityEditor) -> None:
+    key, shift = Qt.Key, Qt.KeyboardModifier.ShiftModifier
+    qtbot.keyClick(editor, key.Key_PageDown)
+    assert editor.label_text == "density 0, opacity 0"
+    qtbot.keyClick(editor, key.Key_PageUp)
+    assert editor.label_text == "density 2000, opacity 1"
+    qtbot.keyClick(editor, key.Key_PageUp)
+    # Of 100 pixels opacity 0.125 is drawn at 50; ten less, and then one less.
+    qtbot.keyClick(editor, key.Key_Down, shift)
+    assert editor.points[2] == pytest.approx((1000, 0.4**3))
+    qtbot.keyClick(editor, key.Key_Down)
+    assert editor.points[2] == pytest.approx((1000, 0.39**3))
+    # Halfway in pixels: from 39 to 100, and from 141 of 200 to 200.
+    qtbot.keyClick(editor, key.Key_Plus)
+    share = (np.sqrt(0.5) + 1) / 2
+    assert editor.points[3] == pytest.approx((share**2 * 2000, 0.695**3))
+    assert editor.points[4] == CURVE[3]
+    qtbot.keyClick(editor, key.Key_Delete)
+    qtbot.keyClick(editor, key.Key_Left)
+    assert editor.label_text == "density 0, opacity 0"
+
+
 def test_two_points_always_stay(qtbot: QtBot, editor: OpacityEditor) -> None:
     editor.show_curve([(0.0, 0.0), (2000.0, 1.0)], (0.0, 2000.0))
     qtbot.mousePress(editor, Qt.MouseButton.RightButton, pos=_spot(editor, 0))

@@ -10,7 +10,15 @@ from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QLinearGradient, QPainter, QPen
 from qtpy.QtWidgets import QColorDialog, QWidget
 
-from napari_unpack.widgets.opacity_editor import MARGIN, SMALLEST_GAP, paint_focus
+from napari_unpack.widgets.opacity_editor import (
+    ADDING,
+    CHOOSING,
+    MARGIN,
+    SMALLEST_GAP,
+    neighbour,
+    paint_focus,
+    step_of,
+)
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
@@ -30,10 +38,10 @@ WHITE: RGB = (1.0, 1.0, 1.0)
 class ColorRampEditor(QWidget):
     """Add, drag, recolour and remove the colours of a transfer function.
 
-    Density runs on the opacity editor's square-root scale. A double click adds a colour, or
-    changes the one under the mouse; dragging moves it; a right click or Delete removes it; arrow
-    keys move the chosen one and Enter changes it. Without any, everything is white and objects
-    show their tints as they are.
+    Density runs on the opacity editor's square-root scale. A double click adds a colour, or changes
+    the one under the mouse; dragging moves it; a right click or Delete removes it; Page up and Page
+    down choose one, arrow keys move it, Enter changes it and + adds one. Without any, everything is
+    white and objects show their tints as they are.
 
     `edited` carries the new stops, (density, (r, g, b)) by ascending density, while dragging too.
     """
@@ -52,7 +60,8 @@ class ColorRampEditor(QWidget):
         self.setToolTip(
             "Colours of densities, multiplied by the tints; white leaves tints as they are. "
             "Double-click adds a colour or changes one; drag it along the densities; a right click "
-            "or Delete removes it."
+            "or Delete removes it. Keys: Page up and Page down choose a colour, arrows move it "
+            "(with Shift further), Enter changes it, + adds one."
         )
 
     def sizeHint(self) -> QSize:
@@ -124,7 +133,9 @@ class ColorRampEditor(QWidget):
         if self._chosen >= 0:
             self._change_chosen()
             return
-        density = self._density_at(event.position().x())
+        self._add(self._density_at(event.position().x()))
+
+    def _add(self, density: float) -> None:
         color = self._ask_color(self.color_at(density))
         # Two colours of one density would make the ramp ambiguous.
         if color is not None and all(d != density for d, _ in self._stops):
@@ -133,22 +144,33 @@ class ColorRampEditor(QWidget):
             self._emit()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move, change or remove the chosen colour."""
+        """Choose a colour, move, change or remove the chosen one, or add one."""
         # In pixels, so that a step looks the same anywhere on the square-root scale.
         steps = {Qt.Key.Key_Left: -1.0, Qt.Key.Key_Right: 1.0}
-        # Without a mouse, an arrow key is the way to choose a colour.
-        if self._chosen < 0 and self._stops and event.key() in steps:
-            self._chosen = 0
+        begins = self._chosen < 0 and event.key() in steps
+        if self._stops and (begins or event.key() in CHOOSING):
+            self._chosen = neighbour(self._chosen, CHOOSING.get(event.key(), 1), len(self._stops))
             self.update()
         elif self._chosen >= 0 and event.key() in steps:
             x = self.position(self._stops[self._chosen][0]).x()
-            self._move(self._density_at(x + steps[event.key()]))
+            self._move(self._density_at(x + steps[event.key()] * step_of(event)))
+        elif event.key() in ADDING:
+            self._add_beside()
         elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Delete, Qt.Key.Key_Backspace):
             self._remove()
         elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self._change_chosen()
         else:
             super().keyPressEvent(event)
+
+    def _add_beside(self) -> None:
+        # Halfway to the next colour, or to the end of the axis.
+        ends = [self.position(density).x() for density, _ in self._stops]
+        edges = [MARGIN, *ends, self.width() - MARGIN]
+        index = self._chosen + 1
+        if edges[index + 1] - edges[index] < 2.0:
+            index = max(index - 1, 0)
+        self._add(self._density_at((edges[index] + edges[index + 1]) / 2))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the ramp, and a circle for each colour."""

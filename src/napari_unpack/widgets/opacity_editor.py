@@ -34,6 +34,12 @@ MARKED = (0.01, 0.1, 0.5, 1.0)
 # Of the histogram: about one for two pixels of the editor.
 BINS = 128
 
+# What the keys do in drawn controls.
+CHOOSING = {Qt.Key.Key_PageUp: -1, Qt.Key.Key_PageDown: 1}
+ADDING = (Qt.Key.Key_Plus, Qt.Key.Key_Insert)
+# With Shift an arrow key crosses the control in a few presses.
+LEAP = 10.0
+
 # Voxels counted at most: a million show the shape, and take milliseconds.
 SAMPLES = 1 << 20
 
@@ -81,6 +87,26 @@ def paint_focus(widget: QWidget, painter: QPainter) -> None:
         painter.setPen(Qt.PenStyle.NoPen)
 
 
+def step_of(event: QKeyEvent) -> float:
+    """Return the pixels that a press of an arrow key goes."""
+    return LEAP if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1.0
+
+
+def neighbour(chosen: int, way: int, count: int) -> int:
+    """Return which of some points is chosen next.
+
+    Parameters
+    ----------
+    chosen : int
+        Negative for none so far.
+    way : {-1, 1}
+    count : int
+    """
+    if chosen < 0:
+        return 0 if way > 0 else count - 1
+    return (chosen + way) % count
+
+
 def round_densities(low: float, high: float) -> list[float]:
     """Return some round densities of an axis with a square-root scale.
 
@@ -102,11 +128,11 @@ def round_densities(low: float, high: float) -> list[float]:
 class OpacityEditor(QWidget):
     """Drag, add and remove the points of a piecewise linear opacity curve.
 
-    Opacity runs on a cubic-root scale, since what matters for translucency lies near zero;
-    density on a square-root scale, since metal reaches far above everything else.
-    Drag a point; double-click adds one; Delete or a right click removes one; arrow keys move
-    the chosen one; dragging the background moves the whole curve along the density axis (level),
-    with Shift it widens or narrows it (window).
+    Opacity runs on a cubic-root scale, since what matters for translucency lies near zero; density
+    on a square-root scale, since metal reaches far above everything else. Drag a point; double-
+    click adds one; Delete or a right click removes one; Page up and Page down choose one, arrow
+    keys move it, + adds one beside it; dragging the background moves the whole curve along the
+    density axis (level), with Shift it widens or narrows it (window).
 
     `edited` carries the new points, while dragging too.
     """
@@ -129,7 +155,8 @@ class OpacityEditor(QWidget):
             "Opacity of a voxel over its density, on the histogram of the volume. "
             "Drag points; double-click adds one, a right click or Delete removes one; "
             "drag beside the points to move the whole curve (level), with Shift to widen it "
-            "(window)."
+            "(window). Keys: Page up and Page down choose a point, arrows move it (with Shift "
+            "further), + adds one."
         )
 
     def sizeHint(self) -> QSize:
@@ -271,21 +298,36 @@ class OpacityEditor(QWidget):
         self._emit()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move or remove the chosen point."""
+        """Choose a point, move or remove the chosen one, or add one."""
         steps = {
             Qt.Key.Key_Left: (-1.0, 0.0),
             Qt.Key.Key_Right: (1.0, 0.0),
             Qt.Key.Key_Up: (0.0, -1.0),
             Qt.Key.Key_Down: (0.0, 1.0),
         }
-        if self._chosen >= 0 and event.key() in steps:
-            across, down = steps[Qt.Key(event.key())]
+        if event.key() in CHOOSING or (self._chosen < 0 and event.key() in steps):
+            self._chosen = neighbour(self._chosen, CHOOSING.get(event.key(), 1), len(self._points))
+            self.update()
+        elif event.key() in steps:
+            way = QPointF(*steps[Qt.Key(event.key())]) * step_of(event)
             spot = self.position(self._points[self._chosen])
-            self._move(self._chosen, self._point_at(spot + QPointF(across, down)))
+            self._move(self._chosen, self._point_at(spot + way))
+        elif event.key() in ADDING:
+            self._add_beside()
         elif self._chosen >= 0 and event.key() in (Qt.Key.Key_Delete, Qt.Key.Key_Backspace):
             self._remove(self._chosen)
         else:
             super().keyPressEvent(event)
+
+    def _add_beside(self) -> None:
+        # Halfway to the next point; there is none after the last.
+        index = min(max(self._chosen, 0), len(self._points) - 2)
+        before, after = (self.position(point) for point in self._points[index : index + 2])
+        point = self._point_at((before + after) / 2)
+        if self._points[index][0] < point[0] < self._points[index + 1][0]:
+            self._points.insert(index + 1, point)
+            self._chosen = index + 1
+            self._emit()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the histogram, the curve and its points."""
