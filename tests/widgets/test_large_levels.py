@@ -148,3 +148,21 @@ def test_it_is_unpacked_at_the_level_and_its_table_is_of_the_full_resolution(
     assert level.name == "blocks (level 1)"
     assert level.data.shape == (48, 48, 48)
     assert [layer.data.shape for layer in panel.workspace.controller.sources[1:]] == [(48, 48, 48)]
+
+
+@pytest.mark.parametrize("chosen", [None, (5.0, 1900.0)])
+def test_a_level_shows_what_is_in_it_or_what_a_person_chose(
+    stored: Path,
+    little_memory: None,
+    panel: UnpackingWidget,
+    qtbot: QtBot,
+    chosen: tuple[float, float] | None,
+) -> None:
+    viewer = panel.workspace.viewer
+    image, labels = (viewer.add_layer(layer) for layer in _layers(stored))
+    if chosen is not None:
+        image.contrast_limits = chosen
+    controller_with(panel, qtbot, labels)
+    low, high = panel.workspace.controller.sources[0].contrast_limits
+    # Objects of 1000 and 1500 in air of 20; the first plane holds air alone.
+    assert (low, high) == (chosen or pytest.approx((20, 1500)))

@@ -375,6 +375,9 @@ class SegmentSection(Section):
 
     def _level_layer(self, order: _Order, built: BuiltSession) -> Layer:
         """Add the level that is unpacked as a layer, in place of all levels."""
+        from napari_unpack.rendering.slice_image import object_window
+        from napari_unpack.viewer.linked_slices import limits_chosen
+
         finest = " x ".join(map(str, order.volume.factors))
         notifications.inform(
             f"{order.image.name!r} does not fit into memory as a whole. It is shown at a coarser "
@@ -385,6 +388,9 @@ class SegmentSection(Section):
         # Of labels without an image there are no limits and no colours to keep.
         kept = ("contrast_limits", "gamma", "colormap") if _is_image(order.image) else ()
         look = {name: getattr(order.image, name) for name in kept}
+        if not kept or not limits_chosen(order.image):
+            # napari knows one plane of the coarsest level alone: often the air above the bag.
+            look["contrast_limits"] = object_window(built.session.volume, built.session.labels)
         level = self._workspace.viewer.add_image(
             built.session.volume,
             name=order.volume.name,
