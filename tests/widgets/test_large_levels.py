@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
+import dask.array as da
 import numpy as np
 import pytest
 import zarr
@@ -148,6 +150,28 @@ def test_it_is_unpacked_at_the_level_and_its_table_is_of_the_full_resolution(
     assert level.name == "blocks (level 1)"
     assert level.data.shape == (48, 48, 48)
     assert [layer.data.shape for layer in panel.workspace.controller.sources[1:]] == [(48, 48, 48)]
+
+
+def test_a_level_is_read_off_the_windows_thread(
+    stored: Path,
+    little_memory: None,
+    panel: UnpackingWidget,
+    qtbot: QtBot,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    viewer = panel.workspace.viewer
+    _, labels = (viewer.add_layer(layer) for layer in _layers(stored))
+    read, here = da.Array.__array__, set()
+
+    def noted(array: da.Array, *args: Any, **kwargs: Any) -> Any:
+        if threading.current_thread() is threading.main_thread():
+            here.add(array.shape)
+        return read(array, *args, **kwargs)
+
+    monkeypatch.setattr(da.Array, "__array__", noted)
+    controller_with(panel, qtbot, labels)
+    # napari itself reads planes.
+    assert all(len(shape) < 3 for shape in here), here
 
 
 @pytest.mark.parametrize("chosen", [None, (5.0, 1900.0)])

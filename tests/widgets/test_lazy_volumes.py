@@ -29,7 +29,8 @@ def test_a_dask_volume_is_prepared_like_the_array_it_stands_for(
     labels = []
     for data in (noisy, dask.array.from_array(noisy, chunks=(16, 16, 16))):
         ready = build(Volume(data, MM, "bag"), None, {}, settings, lambda fraction, text: None)
-        labels.append(ready.found)
+        assert ready.is_found
+        labels.append(ready.labels)
         np.testing.assert_array_equal(ready.session.volume, noisy)
     np.testing.assert_array_equal(*labels)
 

@@ -8,7 +8,6 @@ from functools import partial
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-import numpy as np
 from napari.layers import Image, Labels, Layer
 
 from napari_unpack.geometry.length_unit import LengthUnit
@@ -28,7 +27,6 @@ from napari_unpack.widgets.contributions import LayerData, packed_bag
 from napari_unpack.widgets.index_chooser import IndexChooser
 from napari_unpack.widgets.layer_inputs import (
     LayerInput,
-    LazyArray,
     Volume,
     is_users,
     labels_of,
@@ -60,7 +58,6 @@ class _Order:
     image: Layer
     labels: Labels | None
     volume: Volume
-    ids: LazyArray | None
     unit: LengthUnit
 
     @property
@@ -283,9 +280,8 @@ class SegmentSection(Section):
             if _is_labels(labels):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
                 whole = whole_labels_of(labels, volume, index)
-            order = _Order(
-                image, labels if _is_labels(labels) else None, volume, ids, self.voxels.unit
-            )
+            own = labels if _is_labels(labels) else None
+            order = _Order(image, own, volume, self.voxels.unit)
             settings = self.options.settings()
             self._order, self._then, self._begun = order, then, monotonic()
             self._explain_missing_volume(image)
@@ -342,7 +338,7 @@ class SegmentSection(Section):
         built.session.assumed = assumed_of(order.image)
         built.session.take_least_occluded = preferred.take_least_occluded
         # Labels without a volume are both inputs at once.
-        sources = [image] if labels is None or labels is image else [image, labels]
+        sources = [image] if labels is image else [image, labels]
         self._workspace.open(
             built.session,
             sources,
@@ -350,23 +346,22 @@ class SegmentSection(Section):
             backend=preferred.backend,
             recolor_at_rest=preferred.recolor_at_rest,
         )
-        if built.found is not None:
+        if built.is_found:
             self._unsaved.found_in(seconds)
         if self._then is not None:
             self._then()
 
-    def _labels_layer(self, order: _Order, built: BuiltSession, visible: bool) -> Labels | None:
+    def _labels_layer(self, order: _Order, built: BuiltSession, visible: bool) -> Labels:
         """Return the layer of an order's objects, a new one where they are new."""
         image, labels = order.image, order.labels
         # Objects of one time point are labels of their own, as those that were found are, and
         # their name says of which.
         one_of_many = order.volume.name != image.name
-        new = order.ids if labels is not None and one_of_many else built.found
-        if new is None:
+        if labels is not None and not one_of_many:
             return labels
         return unwrap(
             self._workspace.viewer.add_labels(
-                np.asarray(new),
+                built.labels,
                 name=f"{order.volume.name} objects",
                 **order.place,
                 visible=visible,

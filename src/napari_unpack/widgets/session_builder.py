@@ -36,17 +36,20 @@ SEGMENTING_SHARE = 0.9
 
 @dataclass(frozen=True, eq=False)
 class BuiltSession:
-    """A session, and its labels where they were found rather than given.
+    """A session, and its labels.
 
     Parameters
     ----------
     session : napari_unpack.Session
-    found : (Z, Y, X) ndarray of int32 or None
-        New labels to show as a layer; None when the user's own were used.
+    labels : (Z, Y, X) ndarray of int
+        With the IDs that they were found or given with.
+    is_found : bool
+        Whether they are new, and not the user's own.
     """
 
     session: Session
-    found: NDArray[np.int32] | None
+    labels: NDArray[np.integer[Any]]
+    is_found: bool
 
 
 def build(
@@ -140,7 +143,7 @@ def _build(
     session.own_labels([ids])
     fitted(session)
     progress(1.0, "Opening the 3D view")
-    return BuiltSession(session, found)
+    return BuiltSession(session, ids, found is not None)
 
 
 def _segmented_whole(
