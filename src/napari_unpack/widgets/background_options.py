@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QSignalBlocker
 from qtpy.QtGui import QColor
-from qtpy.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog
+from qtpy.QtWidgets import QColorDialog, QFileDialog
 
 from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, form, row
 from napari_unpack.widgets.workspace import Workspace
@@ -48,21 +49,20 @@ class BackgroundOptions(Collapsible):
             "What is behind and around the bag, here and in exported pictures and movies.",
         )
         self._workspace, self._settings = workspace, commands.settings
-        self.background = QComboBox()
-        self.background.addItems([*NAMED, NAPARIS, COLOR, IMAGE])
+        self.background = Choice(*NAMED, NAPARIS, COLOR, IMAGE)
         self.background.setToolTip(
             "What is behind the bag: a colour, a gradient, napari's own canvas colour, or a "
             "picture, which is scaled until it covers the view."
         )
-        self.box = QCheckBox("Box")
+        self.box = Check("Box")
         self.box.setToolTip("Draw the edges of the box around all objects.")
-        self.scale = QCheckBox("Scale bar")
+        self.scale = Check("Scale bar")
         self.scale.setToolTip("Show a length, as it looks at the depth of the bag's middle.")
         self.contents.addLayout(form(Background=self.background))
-        self.names = QCheckBox("Names")
+        self.names = Check("Names")
         self.names.setToolTip("Write the names of unpacked objects beside them (T).")
         self.names.setChecked(preferences().names)
-        self.contents.addLayout(row(self.box, self.scale, self.names))
+        self.contents.addWidget(row(self.box, self.scale, self.names))
         self._chosen: Background | Path | str = NAMED[DARK]
         self._before = DARK
         self.background.textActivated.connect(self.choose)

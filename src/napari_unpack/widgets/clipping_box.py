@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import QSignalBlocker, Qt
-from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QGridLayout, QSlider, QWidget
+from qtpy.QtWidgets import QDoubleSpinBox, QGridLayout, QSlider, QWidget
 
+from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.section import Collapsible, button, column, form, label, row
 from napari_unpack.widgets.theme import GAP
@@ -42,16 +43,16 @@ class ClippingBox(Collapsible):
             "still blocks.",
         )
         self._workspace = workspace
-        self.plane = QCheckBox("Plane")
+        self.plane = Check("Plane")
         self.plane.setToolTip(
             "Cut the bag open along a plane. In the 3D view drag its arrow to push it and its rim "
             "to turn it."
         )
-        self.handle = QCheckBox("Handle")
+        self.handle = Check("Handle")
         self.handle.setToolTip("Show the plane's arrow and rim in the 3D view.")
         self.handle.setChecked(True)
         self.flip = button("Flip", "Cut away the other side of the plane.")
-        self.across = QComboBox()
+        self.across = Choice()
         self.across.addItems([THIS_VIEW, *AXES, ANOTHER_WAY])
         self.across.setToolTip(
             "In which direction the plane faces: towards you now, or along an axis of the scan."
@@ -64,7 +65,7 @@ class ClippingBox(Collapsible):
         self._of_plane = QWidget()
         rows = column(self._of_plane)
         rows.addLayout(form(Across=self.across, Depth=self.depth))
-        self.box = QCheckBox("Clipping box")
+        self.box = Check("Clipping box")
         self.box.setToolTip("Show only what lies within these numbers along the axes of the scan.")
         self.whole = button("Whole bag", "Set the box to the whole bag again.")
         self.sides = [[_spin_box(axis, side) for axis in AXES] for side in SIDES]
@@ -81,9 +82,9 @@ class ClippingBox(Collapsible):
             grid.addWidget(label(axis.split()[0], "field"), k + 1, 0)
             for j in range(len(SIDES)):
                 grid.addWidget(self.sides[j][k], k + 1, j + 1)
-        self.contents.addLayout(row(self.plane, self.handle, self.flip))
+        self.contents.addWidget(row(self.plane, self.handle, self.flip))
         self.contents.addWidget(self._of_plane)
-        self.contents.addLayout(row(self.box, self.whole))
+        self.contents.addWidget(row(self.box, self.whole))
         self.contents.addWidget(self._of_box)
         self._connect()
         self._follow()

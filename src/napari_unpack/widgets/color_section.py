@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 from qtpy.QtCore import QSignalBlocker
-from qtpy.QtWidgets import QCheckBox, QComboBox
 
 from napari_unpack.widgets.background_options import BackgroundOptions
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor, Stop
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.inspection_box import APPLY_MS
+from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.opacity_editor import SAMPLES, OpacityEditor, Point, histogram
+from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.typed_points import TypedPoints
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -36,6 +37,8 @@ PRESETS = {
     "Metal": "metal",
 }
 
+# Of what is remembered.
+HUES = "hues"
 MODES: dict[str, Mode] = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 
 
@@ -103,20 +106,21 @@ class ColorSection(Section):
             "Give objects that meet in this view colours that are far apart (C).",
             primary=True,
         )
-        self.at_rest = QCheckBox("Automatically")
+        self.at_rest = Check("Automatically")
         self.at_rest.setToolTip("Recolour whenever you stop turning the bag.")
-        self.preset = QComboBox()
+        self.preset = Choice()
         self.preset.addItems([AUTOMATIC, *PRESETS, CUSTOM])
         self.preset.setToolTip("Which densities are shown, and how opaque they are.")
-        self.mode = QComboBox()
-        self.mode.addItems(list(MODES))
+        self.mode = Choice(*MODES)
+        # Who cannot tell red from green chooses once, and not at every start.
+        self.mode.setCurrentText(str(remembered().value(HUES, "Even")))
         self.mode.setToolTip(
             "Even: all hues look equally bright and strong. Colour-blind safe: colours that differ "
             "in light or dark, and yellow or blue, and never in red or green alone. Vivid: full "
             "saturation and value, as in the paper."
         )
         self.editor, self.ramp, self.typed = OpacityEditor(), ColorRampEditor(), TypedPoints()
-        self.unlabelled = QCheckBox("Show everything else")
+        self.unlabelled = Check("Show everything else")
         self.unlabelled.setToolTip(
             "Draw what belongs to no object, such as the bag itself, almost transparent."
         )
@@ -128,8 +132,8 @@ class ColorSection(Section):
             self.curve.contents.addWidget(widget)
         self.background = BackgroundOptions(workspace, commands)
         line = row(self.recolor)
-        line.addWidget(self.at_rest)
-        self.contents.addLayout(line)
+        line.add(self.at_rest, 0)
+        self.contents.addWidget(line)
         self.preset.setAccessibleName("Show densities")
         self.contents.addLayout(form(Show=self.preset, Hues=self.mode))
         self.contents.addWidget(self.curve)
@@ -137,7 +141,7 @@ class ColorSection(Section):
 
         self.recolor.clicked.connect(lambda: commands.recolor())
         self.at_rest.toggled.connect(self._settings.set_recolor_at_rest)
-        self.mode.currentTextChanged.connect(lambda name: self._settings.set_tint_mode(MODES[name]))
+        self.mode.currentTextChanged.connect(self._set_mode)
         self.unlabelled.toggled.connect(self._settings.set_show_unlabelled)
         self.preset.activated.connect(lambda _: self._apply_preset())
         self.editor.edited.connect(self._edit_points)
@@ -156,6 +160,11 @@ class ColorSection(Section):
             return
         with QSignalBlocker(self.at_rest):
             self.at_rest.setChecked(bool(controller.recolor_at_rest))
+        # A session that was saved with other hues has them still.
+        saved = controller.session.tint_mode
+        if saved != "perceptual":
+            with QSignalBlocker(self.mode):
+                self.mode.setCurrentText(next(k for k, mode in MODES.items() if mode == saved))
         # The panel keeps its choices from bag to bag.
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
@@ -164,6 +173,10 @@ class ColorSection(Section):
         self.preset.clear()
         self.preset.addItems([AUTOMATIC, *(PRESETS if known else ()), CUSTOM])
         self._show_curve()
+
+    def _set_mode(self, name: str) -> None:
+        remembered().setValue(HUES, name)
+        self._settings.set_tint_mode(MODES[name])
 
     def _refresh(self, change: Change) -> None:
         if Change.TRANSFER_FUNCTION in change:

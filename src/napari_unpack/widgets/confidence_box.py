@@ -68,8 +68,8 @@ class ConfidenceBox(Collapsible):
         self.load = button("Load…", "Use a model that was trained before.")
         self.restore = button("Built-in", "Use the model that comes with the plugin.")
         self.contents.addWidget(self.sentence)
-        self.contents.addLayout(row(self.mark, self.unmark))
-        self.contents.addLayout(row(self.train, self.load, self.restore))
+        self.contents.addWidget(row(self.mark, self.unmark))
+        self.contents.addWidget(row(self.train, self.load, self.restore))
         self.progress = TaskProgress(
             workspace.scheduler, "Stop; the model in use stays.", "Confidence"
         )

@@ -296,8 +296,8 @@ class FilesSection(Section):
         self._refresh()
 
     def _arrange(self) -> None:
-        self.contents.addLayout(row(self.open, self.save))
-        self.contents.addLayout(row(self.label_names, self.export))
+        self.contents.addWidget(row(self.open, self.save))
+        self.contents.addWidget(row(self.label_names, self.export))
         more = Collapsible("Size of pictures and movies", "How large exports are, and how smooth.")
         more.contents.addLayout(
             form(Width=self.width_px, Height=self.height_px, Frames_per_second=self.fps)

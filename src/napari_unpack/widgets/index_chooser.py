@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from qtpy.QtWidgets import QComboBox, QFormLayout, QSpinBox, QWidget
 
 from napari_unpack.widgets.layer_inputs import ExtraAxis, extra_axes
+from napari_unpack.widgets.narrow import Choice
 from napari_unpack.widgets.section import form, label
 from napari_unpack.widgets.theme import LABELS
 
@@ -47,7 +48,7 @@ class IndexChooser(QWidget):
     def _add(self, axis: ExtraAxis, steps: Sequence[int]) -> None:
         field: QSpinBox | QComboBox
         if axis.choices:
-            field = QComboBox()
+            field = Choice()
             field.addItems(axis.choices)
         else:
             field = QSpinBox()

@@ -61,7 +61,7 @@ class InspectionBox(QWidget):
         contents.addWidget(self.facts)
         contents.addWidget(self.editor)
         contents.addLayout(form(Cut=self.cut))
-        contents.addLayout(row(self.open, self.reset))
+        contents.addWidget(row(self.open, self.reset))
         self.editor.edited.connect(self._edit)
         self.cut.valueChanged.connect(lambda _: self._apply_soon())
         self.open.clicked.connect(lambda: commands.open_container(self._inspected))

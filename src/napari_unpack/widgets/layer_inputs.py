@@ -10,19 +10,19 @@ import numpy as np
 from napari.layers import Labels, Layer
 from numpy.typing import NDArray
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QComboBox
 
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.levels import Factors, factors_of, finest_fitting
 from napari_unpack.layers.placement import FIELDS, spacing_of
 from napari_unpack.memory import total_memory
+from napari_unpack.widgets.narrow import Choice
 
 if TYPE_CHECKING:
     import napari
     from napari.utils.events import Event
 
 
-class LayerInput(QComboBox):
+class LayerInput(Choice):
     """A drop-down list of the viewer's layers that keeps itself up to date.
 
     `chosen` is emitted when the chosen layer changes, by hand or because layers came and went;
@@ -60,9 +60,6 @@ class LayerInput(QComboBox):
         self._refusal = refusal
         self._refused: dict[Layer, str] = {}
         self._layers: list[Layer] = []
-        # Long layer names must not widen the panel.
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.setMinimumContentsLength(8)
         events = viewer.layers.events
         for event in (events.inserted, events.removed, events.reordered):
             event.connect(self._relist)
@@ -122,8 +119,6 @@ class LayerInput(QComboBox):
             item = self.model().item(self.count() - 1)
             item.setEnabled(not why)
             item.setToolTip(f"{layer.name}: {why}." if why else str(layer.name))
-        # As wide as the reasons, which the narrow box would cut off.
-        self.view().setMinimumWidth(self.view().sizeHintForColumn(0))
 
     def _first_choice(self) -> Layer | None:
         if self._none is not None or self._prefers is None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from qtpy.QtCore import QSignalBlocker, Qt, Signal
 from qtpy.QtGui import QKeyEvent
-from qtpy.QtWidgets import QCheckBox, QListWidget, QListWidgetItem
+from qtpy.QtWidgets import QListWidget, QListWidgetItem
 
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.ruler_tool import RulerTool
+from napari_unpack.widgets.narrow import Check
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.section import LAID_OUT_MS, Collapsible, button, label, row, scroll_to
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -39,7 +40,7 @@ class MeasureBox(Collapsible):
             "Angle", "Measure an angle: click three points; it is taken at the second (A)."
         )
         self.remove = button("Remove", "Remove the measurement selected in the list (Delete).")
-        self.show_all = QCheckBox("Show")
+        self.show_all = Check("Show")
         self.show_all.setToolTip(
             "Draw what was measured: in the 3D view and in slices, in pictures, movies and the web "
             "page."
@@ -55,7 +56,7 @@ class MeasureBox(Collapsible):
         self.list.hide()
         for tool in (self.ruler, self.angle):
             tool.setCheckable(True)
-        self.contents.addLayout(row(self.ruler, self.angle, self.remove, self.show_all))
+        self.contents.addWidget(row(self.ruler, self.angle, self.remove, self.show_all))
         self.contents.addWidget(self.next_click)
         self.contents.addWidget(self.list)
         self.ruler.clicked.connect(lambda: self.measure(2))

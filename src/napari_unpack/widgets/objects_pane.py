@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QComboBox, QLineEdit, QMenu, QWidget
+from qtpy.QtWidgets import QLineEdit, QMenu, QWidget
 
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
+from napari_unpack.widgets.narrow import Choice
 from napari_unpack.widgets.object_columns import FLAG_ROUND
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
@@ -62,12 +63,11 @@ class ObjectsPane(QWidget):
         self.search.setToolTip(
             "List only the objects with this in their name, note or flag, or with this ID."
         )
-        self.filter = QComboBox()
-        self.filter.addItems(list(FILTERS))
+        self.filter = Choice(*FILTERS)
         self.filter.setAccessibleName("Which objects are listed")
         self.filter.setToolTip("List all objects, or only those in the bag, unpacked or hidden.")
         contents = column(self)
-        contents.addLayout(row(self.search, self.filter))
+        contents.addWidget(row(self.search, self.filter))
         contents.addWidget(self.table, stretch=1)
         table = self.table
         self.search.textChanged.connect(table.rows.keep_text)

@@ -64,8 +64,8 @@ class ObjectsSection(Section):
         self.next_click.hide()
 
         self.contents.addWidget(self.pane, stretch=1)
-        self.contents.addLayout(row(self.isolate, self.hide_chosen, self.show_all))
-        self.contents.addLayout(row(self.split, self.merge, self.delete))
+        self.contents.addWidget(row(self.isolate, self.hide_chosen, self.show_all))
+        self.contents.addWidget(row(self.split, self.merge, self.delete))
         self.contents.addWidget(self.next_click)
         self.contents.addWidget(self.table_button.button)
         self.review = ReviewBox(workspace, self.repair)

@@ -163,7 +163,7 @@ class RecoveryBar(QWidget):
         layout.setContentsMargins(0, 0, 0, GAP)
         layout.setSpacing(GAP)
         layout.addWidget(self.sentence)
-        layout.addLayout(row(self.restore, self.discard))
+        layout.addWidget(row(self.restore, self.discard))
         layout.addWidget(rule())
         self.hide()
         self._look()

@@ -188,7 +188,7 @@ class RevealBox(QWidget):
         self.cancel = button("Not now", "Hide this plan (Escape).")
         contents = column(self)
         contents.addWidget(self.sentence)
-        contents.addLayout(row(self.take, self.cancel))
+        contents.addWidget(row(self.take, self.cancel))
         self.take.clicked.connect(planner.unpack_plan)
         self.cancel.clicked.connect(planner.forget)
         self.hide()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SLOT, PICTURE_SLOT = "review", "review picture"
 # Pixels: two pictures side by side fit the panel at its narrowest.
-SIDE = 140
+SIDE = 138
 # Keys that no other command of the panel has.
 KEYS: dict[str, Said] = {"S": "same", "D": "different", "X": "nothing", "K": "skip"}
 QUESTIONS = {
@@ -74,8 +74,8 @@ class ReviewBox(Collapsible):
         )
         self.contents.addWidget(self.sentence)
         self.contents.addWidget(self.picture)
-        self.contents.addLayout(row(self.answers["same"], self.answers["different"]))
-        self.contents.addLayout(row(self.answers["nothing"], self.answers["skip"]))
+        self.contents.addWidget(row(self.answers["same"], self.answers["different"]))
+        self.contents.addWidget(row(self.answers["nothing"], self.answers["skip"]))
         self.contents.addWidget(self.save)
         for said in KEYS.values():
             self.answers[said].clicked.connect(partial(self.answer, said))

@@ -12,7 +12,6 @@ from qtpy.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QLayout,
-    QPushButton,
     QScrollArea,
     QSizePolicy,
     QToolButton,
@@ -20,6 +19,7 @@ from qtpy.QtWidgets import (
     QWidget,
 )
 
+from napari_unpack.widgets.narrow import Button, Link, Row, Words
 from napari_unpack.widgets.theme import GAP, LABELS
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ class Section(QWidget):
         super().__init__(parent)
         self._badge = label(number, "badge")
         self._badge.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._status = label("", "status")
+        self._status = Words()
+        self._status.setProperty("role", "status")
         self._reason = label("", "hint", wrap=True)
         self._reason.hide()
         self.body = QWidget(self)
@@ -65,8 +66,7 @@ class Section(QWidget):
         line.setSpacing(GAP + 2)
         line.addWidget(self._badge)
         line.addWidget(label(title, "title"))
-        line.addStretch(1)
-        line.addWidget(self._status)
+        line.addWidget(self._status, stretch=1)
         line.addWidget(self.fold)
         outer = column(self)
         outer.addWidget(self.head)
@@ -134,7 +134,7 @@ class Collapsible(QWidget):
 
     def __init__(self, title: str, tooltip: str) -> None:
         super().__init__()
-        self.toggle = QToolButton()
+        self.toggle = Link()
         self.toggle.setProperty("role", "link")
         self.toggle.setText(title)
         self.toggle.setToolTip(tooltip)
@@ -163,13 +163,11 @@ def column(owner: QWidget) -> QVBoxLayout:
     return layout
 
 
-def row(*widgets: QWidget) -> QHBoxLayout:
-    """Put widgets side by side, sharing the width equally."""
-    layout = QHBoxLayout()
-    layout.setSpacing(GAP)
+def row(*widgets: QWidget) -> Row:
+    """Put widgets side by side, sharing the width equally; on two lines where one is too short."""
+    layout = Row()
     for widget in widgets:
-        # Equal shares, whatever the texts.
-        layout.addWidget(widget, stretch=1)
+        layout.add(widget)
     return layout
 
 
@@ -180,6 +178,7 @@ def form(**fields: QWidget) -> QFormLayout:
     layout.setHorizontalSpacing(GAP + 2)
     layout.setVerticalSpacing(GAP)
     layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+    layout.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
     for name, field in fields.items():
         title = label(name.replace("_", " "), "field")
         # Alike, so that the fields of all steps stand in one line; long names have what they need.
@@ -219,6 +218,8 @@ def _laid_out(layout: QLayout) -> Iterator[QWidget]:
         inside = item.layout() if widget is None else widget.layout()
         if inside is not None:
             yield from _laid_out(inside)
+        elif isinstance(widget, Row):
+            yield from (w for w in widget.controls if w.focusPolicy() & Qt.FocusPolicy.TabFocus)
         elif widget is not None and widget.focusPolicy() & Qt.FocusPolicy.TabFocus:
             yield widget
 
@@ -249,7 +250,7 @@ def keep_room(widget: QWidget) -> None:
     widget.setSizePolicy(policy)
 
 
-def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
+def button(text: str, tooltip: str, primary: bool = False) -> Button:
     """Make a push button.
 
     Parameters
@@ -258,7 +259,7 @@ def button(text: str, tooltip: str, primary: bool = False) -> QPushButton:
     primary : bool
         Whether it stands out; a section has one such.
     """
-    made = QPushButton(text)
+    made = Button(text)
     made.setToolTip(tooltip)
     # Keys such as N and Space belong to the viewer, also just after a click.
     made.setFocusPolicy(Qt.FocusPolicy.TabFocus)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit
+from qtpy.QtWidgets import QDoubleSpinBox, QLineEdit
 
 from napari_unpack.geometry.length_unit import MM, LengthUnit
+from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.section import Collapsible, form
 
 # Of `napari_unpack.segment`: mm³, or voxels.
@@ -50,15 +51,14 @@ class SegmentOptions(Collapsible):
             "Details",
             "How objects are found; the defaults suit CT of bags, and nuclei under a microscope.",
         )
-        self.supports = QCheckBox("Leave out the scanner's table")
+        self.supports = Check("Leave out the scanner's table")
         self.supports.setToolTip("The flat support under everything else is no object.")
-        self.shell = QCheckBox("Leave out the bag itself")
+        self.shell = Check("Leave out the bag itself")
         self.shell.setToolTip("The thin wall around everything else is no object.")
         for box in (self.supports, self.shell):
             box.setChecked(True)
-        self.foreground = QComboBox()
-        for place, (text, (_, help_text)) in enumerate(FOREGROUND_METHODS.items()):
-            self.foreground.addItem(text)
+        self.foreground = Choice(*FOREGROUND_METHODS)
+        for place, (_, help_text) in enumerate(FOREGROUND_METHODS.values()):
             self.foreground.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
         self.foreground.currentTextChanged.connect(self._explain)
         self.threshold = QLineEdit()
@@ -68,9 +68,8 @@ class SegmentOptions(Collapsible):
             "typing one here chooses 'Fixed density'."
         )
         self.threshold.textEdited.connect(self._fix)
-        self.noise = QComboBox()
-        for place, (text, (_, help_text)) in enumerate(NOISE.items()):
-            self.noise.addItem(text)
+        self.noise = Choice(*NOISE)
+        for place, (_, help_text) in enumerate(NOISE.values()):
             self.noise.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
         self.noise.currentTextChanged.connect(self._explain)
         self._explain()

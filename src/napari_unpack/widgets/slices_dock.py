@@ -97,7 +97,7 @@ class SlicesDock(DockContents):
         inside = column(bar)
         inside.addWidget(self.where)
         inside.addLayout(form(Colours=self.overlay, Black=self.black, White=self.white))
-        inside.addLayout(row(self.fit, self.center))
+        inside.addWidget(row(self.fit, self.center))
         inside.addWidget(self.automatic)
         inside.addStretch(1)
         bar.setMinimumWidth(190)

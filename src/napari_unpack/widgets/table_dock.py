@@ -53,7 +53,7 @@ class TableDock(DockContents):
         contents = column(self)
         contents.setContentsMargins(GAP, GAP, GAP, GAP)
         contents.addWidget(pane, stretch=1)
-        contents.addLayout(row(self.columns))
+        contents.addWidget(row(self.columns))
         WheelGuard(self)
         viewer.events.theme.connect(self._dress)
         self._dress()

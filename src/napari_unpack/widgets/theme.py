@@ -99,6 +99,7 @@ def style_sheet(palette: Palette) -> str:
     QLabel[role="badge"][ready="true"] {{ background: {p.accent}; color: {p.on_accent}; }}
     QLabel[role="title"] {{ font-weight: 600; font-size: 13px; }}
     QLabel[role="hint"], QLabel[role="status"] {{ color: {p.faint}; }}
+    QLabel[role="status"] {{ padding: 0px; }}
     QLabel[role="warning"] {{ color: {p.warning}; }}
     QWidget[role="rule"] {{ background: {p.line}; }}
     QPushButton {{

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QSignalBlocker, Qt
-from qtpy.QtWidgets import QCheckBox, QComboBox, QGridLayout, QSlider, QSpinBox, QWidget
+from qtpy.QtWidgets import QGridLayout, QHBoxLayout, QSlider, QSpinBox, QWidget
 
 from napari_unpack.session.errors import NOTHING_UNPACKABLE, share_of
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
 from napari_unpack.widgets.inspection_box import InspectionBox
+from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.preferences import BACKENDS
 from napari_unpack.widgets.reveal_box import RevealBox, RevealPlanner
 from napari_unpack.widgets.section import (
@@ -25,6 +26,7 @@ from napari_unpack.widgets.section import (
     row,
 )
 from napari_unpack.widgets.step_slider import StepSlider
+from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.view_box import ViewBox
 from napari_unpack.widgets.workspace import Workspace
 
@@ -63,13 +65,7 @@ class UnpackSection(Section):
         self._best: BestDirection | None = None
         # Qt's own blue cannot be read on a dark panel; the theme's text takes its place.
         self.link_color = "gray"
-        self.direction = QComboBox()
-        self.direction.addItems(list(DIRECTIONS))
-        # Or its longest entry would widen the whole panel.
-        self.direction.setSizeAdjustPolicy(
-            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
-        self.direction.setMinimumContentsLength(8)
+        self.direction = Choice(*DIRECTIONS)
         self.direction.setToolTip(
             "In which direction objects leave; by default straight towards you."
         )
@@ -127,17 +123,23 @@ class UnpackSection(Section):
         self._reload()
 
     def _arrange(self) -> None:
-        aim = row()
+        aim = QHBoxLayout()
+        aim.setSpacing(GAP)
         aim.addLayout(form(Direction=self.direction), stretch=1)
         aim.addWidget(self.draw)
         self.contents.addLayout(aim)
-        line = row(self.back)
+        line = row()
         # The button pressed most is the widest.
-        line.insertWidget(0, self.next, stretch=2)
-        self.contents.addLayout(line)
-        self.contents.addLayout(row(self.inspect, self.reveal))
-        self.contents.addLayout(row(self.count, self.several, self.all_back))
-        self.contents.addLayout(row(self.chosen, self.all_unpackable))
+        line.add(self.next, 2)
+        line.add(self.back)
+        self.contents.addWidget(line)
+        self.contents.addWidget(row(self.inspect, self.reveal))
+        several = row()
+        several.add(self.count, 0)
+        several.add(self.several)
+        several.add(self.all_back)
+        self.contents.addWidget(several)
+        self.contents.addWidget(row(self.chosen, self.all_unpackable))
         for widget in (self.step_slider, self.view, self.inspection, self.back_to_bag):
             self.contents.addWidget(widget)
         self.answer = QWidget()
@@ -164,21 +166,20 @@ class UnpackSection(Section):
         # The value is the duration in tenths of a second: the shortest stands on the right.
         self.speed.setInvertedAppearance(True)
         self.speed.setToolTip("Speed of a flight: slow on the left, fast on the right.")
-        self.backend = QComboBox()
-        self.backend.addItems(list(BACKENDS))
+        self.backend = Choice(*BACKENDS)
         self.backend.setToolTip("What draws the bag: the graphics card, or the processor.")
-        self.take_least = QCheckBox("Else unpack the least occluded")
+        self.take_least = Check("Else unpack the least occluded")
         self.take_least.setToolTip(
             "Where nothing is unpackable this way, Unpack next takes the object of which the "
             "smallest share is occluded; otherwise it says so and takes none."
         )
-        self.outlines = QCheckBox("Outline unpackable objects")
+        self.outlines = Check("Outline unpackable objects")
         self.outlines.setChecked(True)
         self.outlines.setToolTip(
             "Outline unpackable objects in the 3D view; in yellow those that leave together; in "
             "orange, where nothing is unpackable, the least occluded one."
         )
-        self.perspective = QCheckBox("Gentle perspective")
+        self.perspective = Check("Gentle perspective")
         self.perspective.setToolTip(
             "Draw what is nearer larger, so that objects come towards you when they fly."
         )

@@ -160,7 +160,7 @@ class UnpackingWidget(QWidget):
             # The table takes the height that is left.
             column.addWidget(step, stretch=1 if step is self.objects else 0)
         column.addStretch(0)
-        self.unpack.view.line.addWidget(self.slices.button, stretch=1)
+        self.unpack.view.line.add(self.slices.button)
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True))
         column.addWidget(keys)

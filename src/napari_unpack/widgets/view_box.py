@@ -33,7 +33,7 @@ class ViewBox(QWidget):
 
     Attributes
     ----------
-    line : QHBoxLayout
+    line : Row
         Both, and room for what else opens a view.
     """
 
@@ -51,7 +51,7 @@ class ViewBox(QWidget):
         )
         self.fit.clicked.connect(commands.fit)
         self.line = row(self.view, self.fit)
-        column(self).addLayout(self.line)
+        column(self).addWidget(self.line)
 
     @staticmethod
     def _look(commands: Commands, side: Side | None, _checked: bool = False) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QComboBox, QGridLayout, QSizePolicy, QWidget
+from qtpy.QtWidgets import QGridLayout, QSizePolicy, QWidget
 
 from napari_unpack.geometry.length_unit import MM, UNITS, LengthUnit
 from napari_unpack.layers.placement import assumed_of, spacing_of, unit_of
+from napari_unpack.widgets.narrow import Choice
 from napari_unpack.widgets.section import label
 from napari_unpack.widgets.theme import GAP
 
@@ -36,8 +37,7 @@ class VoxelSize(QWidget):
         self.size = label("", "status")
         # Numbers of many digits must not widen the panel.
         self.size.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.names = QComboBox()
-        self.names.addItems(UNITS)
+        self.names = Choice(*UNITS)
         self.names.setAccessibleName("Unit of lengths")
         self.names.setToolTip(
             "What the numbers of the file are: mm, µm, or nothing known, which is counted in "

@@ -1,0 +1,74 @@
+"""Hues that people tell apart who confuse red and green, from the first bag on."""
+
+from pathlib import Path
+from typing import Any
+
+from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
+from qtpy.QtTest import QTest
+
+from napari_unpack.io import save_session
+from napari_unpack.widgets.unpacking_widget import UnpackingWidget
+from opened_panel import add_bag, controller_with, open_panel, rest
+
+
+def _choose_safe(panel: UnpackingWidget) -> None:
+    QTest.keyClicks(panel.color.mode, "Colour-b")
+
+
+def test_on_first_use_hues_for_the_colour_blind_are_one_of_the_choices_and_change_the_picture(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    add_bag(viewer)
+    controller_with(panel, qtbot)
+    rest(panel, qtbot)
+    modes = panel.color.mode
+    assert modes.isVisible()
+    assert modes.isEnabled()
+    assert [modes.itemText(k) for k in range(modes.count())] == [
+        "Even",
+        "Colour-blind safe",
+        "Vivid",
+    ]
+    assert "red or green" in modes.toolTip()
+    before = panel.objects.table.grab().toImage()
+    _choose_safe(panel)
+    rest(panel, qtbot)
+    assert modes.currentText() == "Colour-blind safe"
+    assert panel.workspace.session.tint_mode == "safe"
+    assert panel.objects.table.grab().toImage() != before
+
+
+def test_who_chose_them_once_has_them_in_the_next_panel(
+    make_napari_viewer_proxy: Any, qtbot: QtBot
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    first = open_panel(viewer, qtbot)
+    add_bag(viewer)
+    controller_with(first, qtbot)
+    assert first.color.mode.currentText() == "Even"
+    _choose_safe(first)
+    rest(first, qtbot)
+    first.end()
+    viewer = make_napari_viewer_proxy()
+    second = open_panel(viewer, qtbot)
+    assert second.color.mode.currentText() == "Colour-blind safe"
+    add_bag(viewer)
+    assert controller_with(second, qtbot).tint_mode == "safe"
+
+
+def test_a_saved_session_keeps_its_hues_in_a_panel_with_others(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    add_bag(viewer)
+    session = controller_with(panel, qtbot)
+    rest(panel, qtbot)
+    session.tint_mode = "safe"
+    save_session(session, tmp_path / "safe.unpack")
+    session.tint_mode = "perceptual"
+    panel.unsaved.settled.emit()
+    panel.files.open_from(tmp_path / "safe.unpack")
+    qtbot.waitUntil(lambda: panel.workspace.session is not session, timeout=30000)
+    rest(panel, qtbot)
+    assert panel.workspace.session.tint_mode == "safe"
+    assert panel.color.mode.currentText() == "Colour-blind safe"
