@@ -175,6 +175,7 @@ def anchors(page: Path) -> set[str]:
 
 MADE = {"reference/command-line.md", "reference/keys.md", "reference/preferences.md"}
 MADE |= {"contributing.md", "conventions.md", "changelog.md", "security.md", "decisions/index.md"}
+MADE |= {"gallery/examples.md"}
 
 
 @pytest.mark.parametrize(
@@ -229,6 +230,36 @@ def test_pages_that_are_made_say_what_the_program_does(monkeypatch: pytest.Monke
     assert "| **N** | unpack next |" in pages["reference/keys.md"]
     assert "| **Keep unsaved work** | on |" in pages["reference/preferences.md"]
     assert "(0010-libraries-instead-of-our-own.md)" in pages["decisions/index.md"]
+
+
+def test_the_page_of_examples_shows_each_with_its_source_and_a_picture(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    from docs_pages import made_pages
+
+    page = made_pages()["gallery/examples.md"]
+    scripts = sorted((ROOT / "examples").glob("*.py"))
+    assert len(scripts) >= 6
+    for script in scripts:
+        _, told, code = script.read_text("utf-8").split('"""', 2)
+        assert told.split("\n\n", 1)[1].strip() in page
+        assert code.strip() in page
+        assert f"`examples/{script.name}`" in page
+    pictures = re.findall(r"!\[.+?\]\((example-[\w-]+\.png)\)", page)
+    assert len(set(pictures)) == len(scripts)
+    assert {p.name for p in (DOCS / "gallery").glob("example-*.png")} == set(pictures)
+    # Their makers know every example.
+    from example_pictures import SHOWN
+
+    assert {f"{name}.py" for name in SHOWN} == {script.name for script in scripts}
+
+
+def test_decisions_are_short_and_say_what_was_decided_first() -> None:
+    for path in sorted((DOCS / "decisions").glob("0*.md")):
+        lines = path.read_text("utf-8").splitlines()
+        assert len(lines) <= 25, path.name
+        assert lines[2].startswith("**Decided**"), path.name
 
 
 SCHEMA = json.loads((DOCS / "reference" / "session.schema.json").read_text("utf-8"))

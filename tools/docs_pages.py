@@ -6,6 +6,7 @@ root get a page with links that hold on the site.
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from pathlib import Path
@@ -68,6 +69,7 @@ def made_pages() -> dict[str, str]:
     pages["reference/keys.md"] = keys()
     pages["reference/preferences.md"] = preferences()
     pages["decisions/index.md"] = decisions()
+    pages["gallery/examples.md"] = examples()
     return pages
 
 
@@ -132,6 +134,22 @@ def decisions() -> str:
         # A list's own numbers would hide those of the decisions.
         lines.append(f"- [{title}]({path.name})")
     return "\n".join([*lines, ""])
+
+
+def examples() -> str:
+    """Return every example with what it is for, its picture and its source."""
+    listed, folder = (ROOT / "examples" / "README.md").read_text("utf-8"), ROOT / "examples"
+    head = listed.split("\n\n- ")[0]
+    lines = [head, "", "`make screenshots` runs each of them for its picture.", ""]
+    for name in re.findall(r"(?m)^- `(\w+)\.py`", listed):
+        source = (folder / f"{name}.py").read_text("utf-8")
+        told = ast.get_docstring(ast.parse(source)) or ""
+        title, about = told.split("\n\n", 1)
+        code = source.split('"""\n', 1)[1].strip()
+        picture = f"![{title}](example-{name.replace('_', '-')}.png)"
+        lines += [f"## {title.rstrip('.')}", "", about, "", picture, ""]
+        lines += [f"`examples/{name}.py`", "", "```python", code, "```", ""]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from example_pictures import draw_examples
 from figures import LOOKING, film
 from figures import draw as draw_figures
 from gallery_pictures import draw, open_session_on
@@ -48,6 +49,8 @@ def main(gallery: Path) -> None:
         draw_figures(session, gallery, name, LOOKING if source is None else FROM_ABOVE)
     draw_segmentation(simulate_bag(seed=0), gallery / "bag-segmentation.png")
     film(gallery / "bag-unpacking.gif")
+    for path in draw_examples(gallery):
+        print(path.name)
 
 
 if __name__ == "__main__":

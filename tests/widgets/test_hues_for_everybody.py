@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
 
 from napari_unpack.io import save_session
