@@ -133,11 +133,10 @@ def revealed(session: Any) -> Image:
     from napari_unpack.viewer.overlays import LEAVING_FIRST, draw_outlines
 
     target, found = _buried(session)
-    camera, packed = session.camera, frozenset(session.ids)
-    frame = Frame(camera, PANEL, np.eye(4))
+    frame = Frame(session.camera, PANEL, np.eye(4))
     inks = dict.fromkeys(found.first, LEAVING_FIRST)
     picture = _scene(session)
-    shot = draw_outlines(session, packed, inks, target, frame)
+    shot = draw_outlines(session.scene(), session.ray_queries, inks, target, frame)
     if shot is not None:
         patch = shot.patch
         rows = slice(patch.row, patch.row + patch.size[0])
