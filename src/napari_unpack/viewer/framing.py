@@ -167,6 +167,10 @@ class Framing:
             turned = replace(seen, rotation=rotation @ seen.rotation)
             point_camera(self._viewer, self._layer, turned)
 
+    def zoom_by(self, factor: float) -> None:
+        """Show everything larger, as the wheel does: as near it is a person's from here on."""
+        self._viewer.scene.camera.zoom *= factor
+
     def follow(self) -> None:
         """Make room for what comes out, and fill the window again as things go back."""
         # What asks may be a draw, in which the camera must not move.

@@ -43,6 +43,7 @@ KEYS = (
     (FIT_KEY, "fit"),
     ("1…7", "view from a side"),
     ("Shift+arrows", "turn the bag or the inspected object"),
+    ("+, −", "zoom"),
     ("Ctrl+Shift+arrows", "move the selected sprite"),
     ("Arrows, Enter", "after Draw…: turn the arrow, take it"),
     ("Escape", "leave, cancel or select nothing"),
@@ -74,6 +75,9 @@ TURNS = {
     "Shift-Up": (-ARROW, 0.0),
     "Shift-Down": (ARROW, 0.0),
 }
+# A few presses for what the wheel does; with Shift, where plus is above another sign.
+ZOOM_STEP = 1.25
+ZOOMS = {"+": ZOOM_STEP, "Shift-+": ZOOM_STEP, "=": ZOOM_STEP, "-": 1.0 / ZOOM_STEP}
 MOVES = {f"Control-{key}": way for key, way in TURNS.items()}
 # While a direction is drawn; at any other time these keys are napari's own.
 SIDES = {"Left": (0.0, -1.0), "Right": (0.0, 1.0), "Up": (-1.0, 0.0), "Down": (1.0, 0.0)}
@@ -121,6 +125,7 @@ class Shortcuts:
             FIT_KEY: commands.fit,
             **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
             **{key: partial(self._turn, way) for key, way in TURNS.items()},
+            **{key: partial(self._zoom, factor) for key, factor in ZOOMS.items()},
             **{key: partial(self._move, way) for key, way in MOVES.items()},
             **others,
         }
@@ -168,6 +173,10 @@ class Shortcuts:
 
         if self._workspace.controller is not None:
             self._workspace.controller.framing.turn_by(drag_rotation(np.array(way)))
+
+    def _zoom(self, factor: float) -> None:
+        if self._workspace.controller is not None:
+            self._workspace.controller.framing.zoom_by(factor)
 
     def _move(self, way: tuple[float, float]) -> None:
         controller = self._workspace.controller
