@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.transforms import rotation_about
-from napari_unpack.geometry.view import Camera, View
+from napari_unpack.geometry.view import View
 from napari_unpack.io import save_png
 from napari_unpack.rendering.compose import object_image, packed_image, scene_image, sprite_image
 from napari_unpack.rendering.image_patch import compose
@@ -92,8 +92,8 @@ def strip(session: Any) -> Image:
 def layers(session: Any) -> Image:
     """Return Figure 4: the three layers apart, and together."""
     session.unpack(6)
-    camera, size = session.camera, PANEL
     flying, now = _in_the_air(session)
+    camera, size = session.camera, PANEL
     packed = [packed_image(session.scene(), camera, size)]
     air = [
         object_image(session.scene(), i, flight.pose(now, camera), camera, size)
@@ -181,6 +181,7 @@ def _in_the_air(session: Any) -> tuple[frozenset[int], float]:
     """Send the next object out; return who flies, and the moment when it has come half way."""
     session.animated = True
     session.unpack(1)
+    session.look(session.overview())
     flights = session.flights
     start = max(flight.start for flight in flights.values())
     return frozenset(flights), start + 0.55 * session.seconds
@@ -193,8 +194,9 @@ def _land(session: Any) -> None:
 
 
 def _scene(session: Any) -> Image:
-    camera: Camera = session.camera
-    return np.array(scene_image(session.scene(), camera, PANEL))
+    # As far back as what is out needs, as the plugin's camera stands.
+    session.look(session.overview())
+    return np.array(scene_image(session.scene(), session.camera, PANEL))
 
 
 def _trimmed(pictures: list[Image]) -> list[Image]:

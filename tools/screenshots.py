@@ -5,6 +5,7 @@ The simulated bag always; the backpack where shared/data beside the repository h
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import tempfile
@@ -54,4 +55,7 @@ def main(gallery: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    # The panel as everybody has it at first: nothing remembered, and no unsaved work offered.
+    with tempfile.TemporaryDirectory() as nobodys:
+        os.environ |= {"XDG_CONFIG_HOME": nobodys, "XDG_DATA_HOME": nobodys}
+        main(Path(sys.argv[1]))
