@@ -49,8 +49,6 @@ def wheel(view: Any, notches: int, modifiers: Any = PLAIN, at: QPoint | None = N
 
 def drawn(dock: Any, qtbot: QtBot) -> None:
     """Wait until all slices show what they are to show."""
-    # Changes of a session reach the slices by way of the event loop.
-    qtbot.wait(1)
     qtbot.waitUntil(lambda: dock.settled, timeout=20000)
 
 

@@ -108,7 +108,8 @@ class LinkedSlices:
             self._window = self._limits
         self._overlay = 0.5
         self._marked = False
-        self._open = False
+        # Stale: something has changed since the last call of `draw`.
+        self._open = self._stale = False
         self.marker = PointMarker(self._marker_point)
 
     # Lifetime.
@@ -130,7 +131,7 @@ class LinkedSlices:
         """Draw and follow nothing more."""
         if not self._open:
             return
-        self._open = False
+        self._open = self._stale = False
         for event, slot in self._heard():
             event.disconnect(slot)
         if self._move in self._controller.viewer.mouse_move_callbacks:
@@ -142,8 +143,10 @@ class LinkedSlices:
 
     @property
     def settled(self) -> bool:
-        """Whether every image that was asked for is drawn."""
-        return not any(self._controller.scheduler.has(_slot(plane)) for plane in PLANES)
+        """Whether every image that was asked for is drawn, and no change is yet to be."""
+        return not self._stale and not any(
+            self._controller.scheduler.has(_slot(plane)) for plane in PLANES
+        )
 
     def _heard(self) -> list[tuple[Event, Callable[..., None]]]:
         events = self._session.events
@@ -275,6 +278,7 @@ class LinkedSlices:
 
     def draw(self) -> None:
         """Have all three slices drawn."""
+        self._stale = False
         if self._open:
             self.events.rulers.emit()
             tints = self.tints()
@@ -294,6 +298,7 @@ class LinkedSlices:
         )
 
     def _redraw(self, *_: object) -> None:
+        self._stale = True
         # Sessions tell from whichever thread changed them.
         self._controller.scheduler.soon(self.draw)
 
