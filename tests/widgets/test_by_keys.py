@@ -302,6 +302,34 @@ def test_the_view_is_zoomed_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> No
     assert session.camera.height == pytest.approx(height)
 
 
+def test_the_view_is_moved_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, framing = panel.workspace.session, panel.workspace.controller.framing
+    keys.press(KEY.Key_F6, SHIFT)
+    before = session.camera
+    for key, down, right in (
+        (KEY.Key_Left, 0.0, -0.1),
+        (KEY.Key_Down, 0.1, -0.1),
+        (KEY.Key_Right, 0.1, 0.0),
+        (KEY.Key_Up, 0.0, 0.0),
+    ):
+        keys.press(key, CONTROL)
+        rest(panel, qtbot)
+        # Where what was in the middle is in the image now: as far the other way.
+        place = session.camera.rotation @ (before.center - session.camera.center)
+        np.testing.assert_allclose(
+            place, before.height * np.array([0.0, -down, -right]), atol=1e-6 * before.height
+        )
+        np.testing.assert_allclose(session.camera.rotation, before.rotation, atol=1e-9)
+        assert session.camera.height == pytest.approx(before.height)
+        # A person's view, until it is the one that fits again.
+        assert framing.is_fit == (down == right == 0)
+    keys.press(KEY.Key_Right, CONTROL)
+    keys.press("f")
+    rest(panel, qtbot)
+    np.testing.assert_allclose(session.camera.center, before.center, atol=1e-6 * before.height)
+
+
 def test_an_object_beside_the_bag_is_moved_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
     keys, panel = story
     session, controller = panel.workspace.session, panel.workspace.controller

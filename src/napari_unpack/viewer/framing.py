@@ -171,6 +171,20 @@ class Framing:
         """Show everything larger, as the wheel does: as near it is a person's from here on."""
         self._viewer.scene.camera.zoom *= factor
 
+    def move_by(self, down: float, right: float) -> None:
+        """Look at what is further down and to the right: the view is a person's from here on.
+
+        Parameters
+        ----------
+        down, right : float
+            In visible heights.
+        """
+        if self._viewer.dims.ndisplay == 3:
+            seen = self._seen
+            step = seen.rotation.T @ np.array([0.0, down * seen.height, right * seen.height])
+            center = seen.center + np.linalg.solve(seen.stretch, step)
+            point_camera(self._viewer, self._layer, replace(seen, center=center))
+
     def follow(self) -> None:
         """Make room for what comes out, and fill the window again as things go back."""
         # What asks may be a draw, in which the camera must not move.

@@ -44,6 +44,7 @@ KEYS = (
     ("1…7", "view from a side"),
     ("Shift+arrows", "turn the bag or the inspected object"),
     ("+, −", "zoom"),
+    ("Ctrl+arrows", "move the view"),
     ("Ctrl+Shift+arrows", "move the selected sprite"),
     ("Arrows, Enter", "after Draw…: turn the arrow, take it"),
     ("Escape", "leave, cancel or select nothing"),
@@ -79,6 +80,14 @@ TURNS = {
 ZOOM_STEP = 1.25
 ZOOMS = {"+": ZOOM_STEP, "Shift-+": ZOOM_STEP, "=": ZOOM_STEP, "-": 1.0 / ZOOM_STEP}
 MOVES = {f"Control-{key}": way for key, way in TURNS.items()}
+# Of the visible height.
+GLANCE = 0.1
+GLANCES = {
+    "Control-Left": (0.0, -GLANCE),
+    "Control-Right": (0.0, GLANCE),
+    "Control-Up": (-GLANCE, 0.0),
+    "Control-Down": (GLANCE, 0.0),
+}
 # While a direction is drawn; at any other time these keys are napari's own.
 SIDES = {"Left": (0.0, -1.0), "Right": (0.0, 1.0), "Up": (-1.0, 0.0), "Down": (1.0, 0.0)}
 
@@ -126,6 +135,7 @@ class Shortcuts:
             **{key: partial(commands.look_from, side) for key, (_, side) in VIEWS.items()},
             **{key: partial(self._turn, way) for key, way in TURNS.items()},
             **{key: partial(self._zoom, factor) for key, factor in ZOOMS.items()},
+            **{key: partial(self._look, way) for key, way in GLANCES.items()},
             **{key: partial(self._move, way) for key, way in MOVES.items()},
             **others,
         }
@@ -177,6 +187,10 @@ class Shortcuts:
     def _zoom(self, factor: float) -> None:
         if self._workspace.controller is not None:
             self._workspace.controller.framing.zoom_by(factor)
+
+    def _look(self, way: tuple[float, float]) -> None:
+        if self._workspace.controller is not None:
+            self._workspace.controller.framing.move_by(*way)
 
     def _move(self, way: tuple[float, float]) -> None:
         controller = self._workspace.controller
