@@ -95,6 +95,25 @@ def earlier_tests_out_of_the_collectors_way() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def mouse_buttons_let_go(qapp: Any) -> Iterator[None]:
+    """Let go of the mouse after each test: what follows the keys asks whether a button is held.
+
+    Qt's double click for tests ends with the button held, as does a press alone.
+    """
+    yield
+    from qtpy.QtCore import Qt
+    from qtpy.QtTest import QTest
+    from qtpy.QtWidgets import QWidget
+
+    button = Qt.MouseButton
+    held = [b for b in (button.LeftButton, button.RightButton) if b & qapp.mouseButtons()]
+    if held:
+        elsewhere = QWidget()
+        for one in held:
+            QTest.mouseRelease(elsewhere, one)
+
+
 def phantom() -> tuple[np.ndarray, np.ndarray]:
     """Return volume and labels of seven things in a row of two layers, none overlapping."""
     volume = np.zeros(SHAPE, np.uint16)
