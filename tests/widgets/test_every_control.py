@@ -195,9 +195,7 @@ def test_what_has_the_keyboard_is_in_sight(
     unseen, passed = [], set()
 
     def look(how: str) -> None:
-        # Twice: what a line that comes or goes has moved is brought back by an event of its own.
-        for _ in range(2):
-            QApplication.processEvents()
+        QApplication.processEvents()
         widget = QApplication.focusWidget()
         if widget is None or not scroll.isAncestorOf(widget):
             return

@@ -60,12 +60,6 @@ def outermost(widget: QWidget) -> QWidget:
     return window
 
 
-def _scroll_to_focused(widget: QWidget) -> None:
-    # It may have lost the keyboard meanwhile, or be gone.
-    if QApplication.focusWidget() is widget:
-        scroll_to(widget)
-
-
 # Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
 WIDTH = 330
 
@@ -216,8 +210,6 @@ class UnpackingWidget(QWidget):
         by_keys = before is not None and QApplication.mouseButtons() == Qt.MouseButton.NoButton
         if by_keys and focused is not None and self.isAncestorOf(focused):
             scroll_to(focused)
-            # Once more where a line that came or went at that moment has moved it.
-            self.workspace.scheduler.soon(partial(_scroll_to_focused, focused))
 
     def _go_to_pane(self, step: int) -> None:
         """Hand the keyboard from the 3D view to the panel, to our docks, and around."""
