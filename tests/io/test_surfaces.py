@@ -13,6 +13,7 @@ from skimage.measure import marching_cubes
 
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
+from napari_unpack.io import surfaces
 from napari_unpack.io.surfaces import level_surface, object_surface, save_surfaces
 from napari_unpack.tasks import Cancelled, Share
 
@@ -111,6 +112,29 @@ def test_a_surface_is_cancelled_between_two_slabs(session: nu.Session, tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb", ""])
+def test_the_bar_never_goes_back(session: nu.Session, tmp_path: Path, suffix: str) -> None:
+    told: list[float] = []
+    save_surfaces(session, tmp_path / f"bag{suffix}", progress=lambda f, _: told.append(f))
+    assert len(told) > 8
+    assert told == sorted(told)
+    assert told[-1] == 1
+
+
+def test_an_obj_file_written_in_pieces_is_that_written_at_once(
+    session: nu.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = save_surfaces(session, tmp_path / "whole.obj").read_bytes()
+    monkeypatch.setattr(surfaces, "PIECE_ROWS", 7)
+    checks: list[str] = []
+    pieces = save_surfaces(
+        session, tmp_path / "pieces.obj", progress=lambda _, text: checks.append(text)
+    )
+    assert pieces.read_bytes() == whole
+    rows = sum(line[:1] in b"vf" for line in whole.splitlines())
+    assert checks.count("Writing surfaces") >= rows / 7
+
+
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
 def test_every_format_has_the_objects_in_mm_in_scanner_axes(
     session: nu.Session, tmp_path: Path, suffix: str
@@ -129,7 +153,7 @@ def test_every_format_has_the_objects_in_mm_in_scanner_axes(
         ball = scene.geometry["Object 2"]
         assert ball.volume * unit**3 == pytest.approx(voxels[BALL], rel=0.01)
         np.testing.assert_allclose(ball.center_mass * unit, (20, 7, -22), atol=0.1)
-    if suffix == ".ply":
+    if suffix in (".ply", ".obj"):
         wanted = np.rint(255 * np.clip(session.solo_tints(BALL)[BALL, :3], 0, 1))
         body = next(b for b in scene.to_mesh().split() if abs(b.center_mass[1] - 7) < 0.5)
         np.testing.assert_allclose(body.visual.vertex_colors[0, :3], wanted, atol=1)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,7 +43,10 @@ SMALL_STEPS, LARGE_STEPS = 10, 4
 SLAB_VOXELS = 2**20
 
 # What is written between two checks.
-PIECE_BYTES = 2**24
+PIECE_BYTES, PIECE_ROWS = 2**24, 2**15
+
+# A name, which stays empty, and how many triangles follow.
+STL_HEADER_BYTES = 84
 
 # No voxel of a blurred mask is nearer to the level: there the surface's points on several edges
 # would be one to float32, in bags of up to 2,000 voxels, and slabs could not tell them apart.
@@ -126,10 +129,15 @@ def save_surfaces(
         else:
             temporary = stack.enter_context(written_atomically(target))
             told, kind = Share(report, 1.0, 1.0, "Writing surfaces"), target.suffix.lower()[1:]
-            written = memoryview(attended(partial(_together, list(meshes), kind), told))
             with temporary.open("wb") as file:
-                for first in told.over(range(0, len(written), PIECE_BYTES)):
-                    file.write(written[first : first + PIECE_BYTES])
+                if kind == "stl":
+                    _write_stl(file, meshes)
+                elif kind == "obj":
+                    _write_obj(file, meshes, len(wanted), report)
+                else:
+                    written = memoryview(attended(partial(_together, list(meshes), kind), told))
+                    for first in told.over(range(0, len(written), PIECE_BYTES)):
+                        file.write(written[first : first + PIECE_BYTES])
         report(1.0, "Written")
     return target
 
@@ -265,15 +273,46 @@ def _mesh(
     return mesh
 
 
+def _write_stl(file: BinaryIO, meshes: Iterator[tuple[str, trimesh.Trimesh]]) -> None:
+    """Write one body, object after object: all of them at once would keep Python waiting."""
+    count = 0
+    file.write(bytes(STL_HEADER_BYTES))
+    for _, mesh in meshes:
+        file.write(_exported(mesh, "stl")[STL_HEADER_BYTES:])
+        count += len(mesh.faces)
+    file.seek(STL_HEADER_BYTES - 4)
+    file.write(count.to_bytes(4, "little"))
+
+
+def _write_obj(
+    file: BinaryIO, meshes: Iterator[tuple[str, trimesh.Trimesh]], count: int, report: Progress
+) -> None:
+    """Write points with their colour and triangles, as trimesh does, but piece by piece."""
+    before = 1
+    for k, (name, mesh) in enumerate(meshes, start=1):
+        told = Share(report, k / count, k / count, "Writing surfaces")
+        file.write(f"o {' '.join(name.split())}\n".encode())
+        visual: Any = mesh.visual
+        color = visual.vertex_colors[:1, :3] / 255
+        points = np.hstack([mesh.vertices, np.repeat(color, len(mesh.vertices), axis=0)])
+        for line, rows in (("v" + 6 * " %.6f", points), ("f %d %d %d", mesh.faces + before)):
+            for first in range(0, len(rows), PIECE_ROWS):
+                told()
+                piece = rows[first : first + PIECE_ROWS]
+                file.write(
+                    ((line + "\n") * len(piece) % tuple(piece.reshape(-1).tolist())).encode()
+                )
+        before += len(mesh.vertices)
+
+
 def _together(meshes: list[tuple[str, trimesh.Trimesh]], kind: str) -> bytes:
     import trimesh
 
-    if kind in ("stl", "ply"):
+    if kind == "ply":
         return _exported(trimesh.util.concatenate([mesh for _, mesh in meshes]), kind)
     scene = trimesh.Scene()
     for name, mesh in meshes:
-        if kind == "glb":
-            mesh.apply_scale(METRES_PER_MM)
+        mesh.apply_scale(METRES_PER_MM)
         scene.add_geometry(mesh, node_name=name, geom_name=name)
     return _exported(scene, kind)
 
