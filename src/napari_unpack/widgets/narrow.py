@@ -15,6 +15,7 @@ from qtpy.QtWidgets import (
     QCheckBox,
     QComboBox,
     QLabel,
+    QLineEdit,
     QPushButton,
     QSizePolicy,
     QStyle,
@@ -35,6 +36,9 @@ LETTERS = 6
 
 # Pixels: nothing is shortened further, and it is less than any panel is wide.
 LEAST = 40
+
+# Of a line to type into: Qt has it as wide as that many letters x.
+SIZED = 17
 
 
 if TYPE_CHECKING:
@@ -128,16 +132,26 @@ class Choice(QComboBox):
     def event(self, event: QEvent) -> bool:
         """Say the whole text in the tooltip where it is not to be read."""
         if event.type() == QEvent.Type.ToolTip:
-            option = QStyleOptionComboBox()
+            option, text = QStyleOptionComboBox(), self.currentText() or self.placeholderText()
             self.initStyleOption(option)
-            if option.currentText != self.currentText():
-                return _tell(self, event, self.currentText())
+            if self._room(option) < self.fontMetrics().horizontalAdvance(text):
+                return _tell(self, event, text)
         return bool(super().event(event))
 
     def _room(self, option: Any) -> int:
         field = QStyle.SubControl.SC_ComboBoxEditField
         combo = QStyle.ComplexControl.CC_ComboBox
         return int(self.style().subControlRect(combo, option, field, self).width())
+
+
+class Field(QLineEdit):
+    """A line to type into that has room for what it says while it is empty."""
+
+    def sizeHint(self) -> QSize:
+        """Return a size in which its placeholder is to be read."""
+        hint, measure = super().sizeHint(), self.fontMetrics().horizontalAdvance
+        lacking = measure(self.placeholderText()) - SIZED * measure("x")
+        return QSize(hint.width() + max(0, lacking), hint.height())
 
 
 class Words(QLabel):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QLineEdit, QMenu, QWidget
+from qtpy.QtWidgets import QMenu, QWidget
 
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
-from napari_unpack.widgets.narrow import Choice
+from napari_unpack.widgets.narrow import Choice, Field
 from napari_unpack.widgets.object_columns import FLAG_ROUND
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
@@ -56,7 +56,7 @@ class ObjectsPane(QWidget):
         self._workspace, self._commands = workspace, commands
         self._actions = actions
         self.table = ObjectTable(model, key)
-        self.search = QLineEdit()
+        self.search = Field()
         self.search.setPlaceholderText("Search objects")
         self.search.setAccessibleName("Search objects")
         self.search.setClearButtonEnabled(True)

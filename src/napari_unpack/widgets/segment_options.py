@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QDoubleSpinBox, QLineEdit
+from qtpy.QtWidgets import QDoubleSpinBox
 
 from napari_unpack.geometry.length_unit import MM, LengthUnit
-from napari_unpack.widgets.narrow import Check, Choice
+from napari_unpack.widgets.narrow import Check, Choice, Field
 from napari_unpack.widgets.section import Collapsible, form
 
 # Of `napari_unpack.segment`: mm³, or voxels.
@@ -61,7 +61,7 @@ class SegmentOptions(Collapsible):
         for place, (_, help_text) in enumerate(FOREGROUND_METHODS.values()):
             self.foreground.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
         self.foreground.currentTextChanged.connect(self._explain)
-        self.threshold = QLineEdit()
+        self.threshold = Field()
         self.threshold.setPlaceholderText("automatic")
         self.threshold.setToolTip(
             "Density above which there is matter, in the volume's own values; "

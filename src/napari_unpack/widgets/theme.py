@@ -20,6 +20,10 @@ GAP = 6
 # Width of the column of field labels, pixels; the same in every step.
 LABELS = 74
 
+# Least width of a box with a number, without its padding, pixels: its arrows and four digits, of
+# which napari's own cuts the last.
+NUMBERS = 78
+
 
 @dataclass(frozen=True)
 class Palette:
@@ -114,6 +118,7 @@ def style_sheet(palette: Palette) -> str:
     QToolButton[role="link"]:hover {{ color: {p.text}; }}
     QComboBox, QAbstractSpinBox, QLineEdit, QCheckBox, QSlider {{
         border: 1px solid transparent; border-radius: 3px; }}
+    QAbstractSpinBox {{ min-width: {NUMBERS}px; }}
     QPushButton:focus, QToolButton:focus, QComboBox:focus, QAbstractSpinBox:focus,
     QLineEdit:focus, QCheckBox:focus, QSlider:focus, QTableView:focus {{
         border: 1px solid {p.focus}; border-radius: 3px; }}
