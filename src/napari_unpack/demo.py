@@ -132,8 +132,15 @@ def await_unpackable(panel: UnpackingWidget, seconds: float = LONGEST_WAIT) -> N
     """
     from qtpy.QtWidgets import QApplication
 
+    from napari_unpack.widgets.section import LAID_OUT_MS
+
     end = time.monotonic() + seconds
     while not panel.unpack.answered and time.monotonic() < end:
+        QApplication.processEvents()
+        time.sleep(0.01)
+    # The answer may take more lines than what stood there.
+    end = time.monotonic() + LAID_OUT_MS / 1000
+    while time.monotonic() < end:
         QApplication.processEvents()
         time.sleep(0.01)
 
