@@ -105,7 +105,7 @@ def simulate_bag(
     packing = Packing.empty(size, shell.room(size), mm)
     orders = plan(rng, int(count), size, mm)
     for done, order in enumerate(orders):
-        report(0.05 + 0.75 * done / len(orders), f"Packing a {order.kind.name}")
+        report(0.05 + 0.75 * done / len(orders), f"Packing: {order.kind.name}")
         packing.add(order, rng)
     # The plan counted on contents that may have found no room, so small things make up for them.
     in_vain = 0
