@@ -163,6 +163,8 @@ def main() -> None:
     parser.add_argument("--solids", type=int, default=SOLIDS)
     parser.add_argument("--test", action="store_true", help="test on unseen bags")
     options = parser.parse_args()
+    if options.path is None and not options.test:
+        parser.error("name a file to write the oracle to, or ask for --test")
     oracle = default_oracle() if options.path is None else None
     if options.path:
         oracle = fitted(examples(options.bags, options.solids))

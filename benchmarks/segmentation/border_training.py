@@ -49,7 +49,8 @@ def measured(scanned: Scan) -> State:
     found = []
     # Borders as they come, which are often further off, and as the classifier will get them.
     for labels in (rough, sharpened(rough, scanned.volume, seen)):
-        evidence = BorderEvidence.of(labels, scanned.volume, seen.scale, seen.said.next, seen.noise)
+        steps = seen.prediction.next
+        evidence = BorderEvidence.of(labels, scanned.volume, seen.scale, steps, seen.noise)
         chosen = generator.random(labels.shape) < SHARE
         found.append(border_examples(labels, evidence, chosen, scanned.truth))
     rows, right = zip(*found, strict=True)
@@ -68,7 +69,7 @@ def border_examples(
     ----------
     labels : (Z, Y, X) ndarray of int32
         Objects as found; 0 is background.
-    scene : Scene
+    evidence : BorderEvidence
         Of them.
     chosen : (Z, Y, X) ndarray of bool
         Voxels to look at; left out are those where a label around is no known object's, and

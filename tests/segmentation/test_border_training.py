@@ -1,11 +1,14 @@
 from itertools import pairwise
 
 import numpy as np
-from benchmarks.segmentation.border_training import border_examples, owners
+from benchmarks.segmentation import part_merging_training, part_splitting_training
+from benchmarks.segmentation.border_training import border_examples, measured, owners
+from benchmarks.segmentation.classifier_training import Scan
 from phantoms import box, scanned
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_classifier import BORDER_FEATURES, BorderEvidence
+from napari_unpack.simulation import simulate_bag
 
 SHAPE = (16, 16, 36)
 
@@ -54,3 +57,18 @@ def test_voxels_of_labels_that_are_nobodys_are_left_out():
     both = np.where(truth > 1, 2, truth)
     rows, right = examples(both.astype(np.int32), truth)
     assert len(rows) == len(right) == 0
+
+
+def test_each_training_measures_what_a_scan_has_to_learn_from():
+    bag = simulate_bag(seed=2, shape=(40, 48, 56), count=4)
+    scan = Scan(bag.volume, bag.labels, bag.spacing)
+    rows, right = measured(scan)
+    assert rows.shape == (len(right), len(BORDER_FEATURES))
+    # Where two labels meet, about every second is not the true object's.
+    assert len(right) > 100
+    assert 0.2 < right.mean() < 0.8
+    inside = np.count_nonzero(bag.labels)
+    for training in (part_merging_training, part_splitting_training):
+        _, shared = training.measured(scan)
+        # Of all that is in the bag, most is in some part.
+        assert 0.7 * inside < shared.sum() <= 1.5 * inside
