@@ -136,6 +136,15 @@ def _segment(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Of Zarr to Zarr: processes on this machine.")
     ] = None,
+    working: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="MILLIONS",
+            help="Of Zarr to Zarr: voxels that a larger volume is reduced to, in which objects are "
+            "found; 16 by default, more where many small things are in it.",
+        ),
+    ] = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -153,7 +162,15 @@ def _segment(
         if at is not None:
             raise ValueError("--at is not for Zarr outputs: give the volume itself")
         objects = segment_zarr(
-            source, output, smallest, grainy, scheduler, workers, Ticker(), lambda s: typer.echo(s)
+            source,
+            output,
+            smallest,
+            grainy,
+            scheduler,
+            workers,
+            None if working is None else working * 10**6,
+            Ticker(),
+            lambda s: typer.echo(s),
         )
         typer.echo(f"wrote {output}")
         if csv is not None:

@@ -17,12 +17,13 @@ import napari_unpack as nu
 from napari_unpack.cli import app
 from napari_unpack.io import load_labels
 from napari_unpack.io.ome_zarr import write_labels_zarr
-from napari_unpack.segmentation import large_volumes
+from napari_unpack.segmentation import large_volumes, pipeline
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import blocks, grown, source_of
 from napari_unpack.segmentation.common.block_jobs import BlockJob
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.label_upsampling import grid_labels, refined
+from napari_unpack.segmentation.overlapping_blocks import find_in_blocks
 from napari_unpack.tasks import SILENT
 
 distributed = pytest.importorskip("distributed")
@@ -57,6 +58,18 @@ def test_labels_are_those_of_one_machine_whatever_the_blocks(
     found = nu.segment(stored, MM, working=48**3, out=out, client=client)
     assert np.array_equal(out[...], wanted.labels)
     np.testing.assert_allclose(found.objects, wanted.objects, rtol=1e-9)
+
+
+def test_objects_found_in_blocks_on_workers_are_those_found_here(
+    volume: np.ndarray, stored: Any, client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "WORKING_VOXELS", 500_000)
+    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "most", 64 * 96 * 96)
+    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "overlap", 32)
+    wanted = nu.segment(volume, MM, working=SIDE**3)
+    assert len(wanted.objects) == 8
+    found = nu.segment(stored, MM, working=SIDE**3, client=client)
+    assert np.array_equal(found.labels, wanted.labels)
 
 
 BLOCK, WHOLE = 40_000, SIDE**3
@@ -150,6 +163,23 @@ def test_zarr_becomes_a_label_image_on_a_cluster(
     again = CliRunner().invoke(app, ["segment", str(out), str(tmp_path / "notes.zarr")])
     assert again.exit_code == 1
     assert "holds something else" in again.output
+
+
+def test_how_finely_objects_are_looked_for_is_told_in_millions_of_voxels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    array = zarr.create_array(str(tmp_path / "in.zarr"), shape=(9, 9, 9), dtype="u2")
+    asked: list[int] = []
+
+    def asked_for(*_: Any, working: int, **__: Any) -> Any:
+        asked.append(working)
+        raise ValueError("enough")
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", asked_for)
+    words = ["segment", str(array.store.root), str(tmp_path / "labels.zarr")]
+    for more in ([], ["--working", "270"]):
+        assert CliRunner().invoke(app, [*words, *more]).exit_code == 1
+    assert asked == [16_000_000, 270_000_000]
 
 
 def test_coarser_levels_of_labels_halve_and_keep_their_ids(tmp_path: Path) -> None:

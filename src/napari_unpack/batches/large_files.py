@@ -32,6 +32,7 @@ def segment_zarr(
     grainy: bool | None = None,
     scheduler: str | None = None,
     workers: int | None = None,
+    working: int | None = None,
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
@@ -49,6 +50,8 @@ def segment_zarr(
         Of a Dask cluster that does the work on blocks. Without it and `workers`, threads do.
     workers : int, optional
         Processes of this machine that do.
+    working : int, optional
+        See `segment`.
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves no output.
     say : callable, optional
@@ -67,6 +70,7 @@ def segment_zarr(
         If no scheduler answers, or the disk has too little space.
     """
     from napari_unpack.segmentation import segment
+    from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 
     with read_errors_told(source, "a Zarr image"):
         array, spacing, assumed = stored_volume(source)
@@ -89,6 +93,7 @@ def segment_zarr(
             progress=progress,
             smallest=smallest,
             grainy=grainy,
+            working=working or WORKING_VOXELS,
             out=labels,
             client=client,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import cc3d
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from napari_unpack.memory import check_memory
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
 from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
@@ -26,8 +28,18 @@ from napari_unpack.segmentation.label_upsampling import (
     write_things,
 )
 from napari_unpack.segmentation.object_table import ObjectSums, confidences, ranks
-from napari_unpack.segmentation.working_grid import BLOCK, WorkingGrid, reduced, reduction
+from napari_unpack.segmentation.working_grid import (
+    BLOCK,
+    WORKING_VOXELS,
+    WorkingGrid,
+    reduced,
+    reduction,
+)
 from napari_unpack.tasks import Progress, Share
+
+# Of this process for each cell of a grid whose objects are found in blocks, measured: densities,
+# labels, masks and what is left over.
+GRID_BYTES = 45
 
 Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
 
@@ -80,6 +92,11 @@ def segment_large(
         `out`, or an ndarray of int32.
     objects : pandas.DataFrame
         See `pipeline.Segmentation`.
+
+    Raises
+    ------
+    ValueError
+        If the working grid does not fit into memory, or nothing is found.
     """
     # The volume is read three times, see `read_once`, and the labels are written once, thin things
     # and the last numbering apart. Memory: the labels, unless `out` is a store, the working grid
@@ -89,6 +106,10 @@ def segment_large(
     share, runner = Share(progress), runner or ThreadRunner()
     begun = share.part(0.0, 0.03, "Reducing the volume")
     factors = reduction(source.shape, spacing, working)
+    count = prod(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
+    if count > WORKING_VOXELS:
+        remedy = "pass a smaller working"
+        check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
     grid = reduced(source, spacing, factors, block, begun, runner)
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))

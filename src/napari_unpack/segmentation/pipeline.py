@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
@@ -35,13 +36,26 @@ from napari_unpack.segmentation.foreground.denoising import (
     grow_to_half_height,
     needs_denoising,
 )
-from napari_unpack.segmentation.foreground.methods import ForegroundOptions, checked_foreground
+from napari_unpack.segmentation.foreground.methods import (
+    ForegroundOptions,
+    KnownScale,
+    checked_foreground,
+    find_foreground,
+    typical_knee,
+)
+from napari_unpack.segmentation.foreground.scanner_table import (
+    SUPPORT_RIM,
+    find_supports,
+    measured_section,
+)
+from napari_unpack.segmentation.foreground.thresholds import NothingFoundError
 from napari_unpack.segmentation.isoperimetric.initial_parts import SplitRule, split_parts
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
 from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.learned.boundary_network import BoundaryNetwork
 from napari_unpack.segmentation.learned.method import find_objects
 from napari_unpack.segmentation.object_table import object_table, rank_labels
+from napari_unpack.segmentation.overlapping_blocks import find_in_blocks
 from napari_unpack.segmentation.postprocessing.cables import gather_cables
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_suspended
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
@@ -69,7 +83,7 @@ class Segmentation:
         isoperimetric_ratio (surface over volume, 1/mm), confidence in [0, 1].
     evidence : Evidence, optional
         What a person's review starts from; None for method "cuts", and where the volume was
-        larger than `working`.
+        larger than `working` or 16 million voxels.
     """
 
     labels: Any
@@ -164,13 +178,16 @@ def segment(
         Refused: it belonged to the method "affinity", which is gone.
     working : int
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
-        their labels are then refined to full resolution; see `large_volumes`.
+        their labels are then refined to full resolution; see `large_volumes`. More than 16 million
+        keep what is small in a large volume: its objects are then found in blocks that overlap;
+        see `overlapping_blocks`.
     out : (Z, Y, X) array of int, optional
         Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
         array. By default a new ndarray of int32.
     client : distributed.Client, optional
         Of a Dask cluster, whose workers run the network and, where the volume is larger than
-        `working`, read and label its blocks. The result is the same without it.
+        `working`, read and label its blocks; objects that are found in blocks are found there. The
+        result is the same without it.
 
     Raises
     ------
@@ -224,8 +241,9 @@ def _segmented(
     out: Any,
     runner: BlockRunner | None,
 ) -> Segmentation:
-    find, oracle = partial(_segment_grid, options=wanted), wanted.oracle
-    if source.size > working:
+    oracle = wanted.oracle
+    if source.size > min(working, WORKING_VOXELS):
+        find = partial(_segment_grid, options=wanted, runner=runner)
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         with read_once(source) as near:
             labels, table = segment_large(
@@ -245,7 +263,8 @@ def _segmented(
         return Segmentation(labels, table)
     density = checked_volume(np.asarray(source.array))
     noted = Steps()
-    labels = find(density, size, share.part(0.0, 0.95, "Reading the volume"), noted=noted)
+    finding = share.part(0.0, 0.95, "Reading the volume")
+    labels = _segment_grid(density, size, finding, wanted, noted)
     measuring = share.part(0.95, 1.0, "Measuring objects")
     evidence = gather(labels, noted, measuring.part(0.0, 0.5))
     table = object_table(labels, density, size, oracle, measuring.part(0.5, 1.0))
@@ -262,8 +281,9 @@ def _segment_grid(
     share: Share,
     options: SegmentOptions,
     noted: Steps | None = None,
+    runner: BlockRunner | None = None,
 ) -> NDArray[np.int32]:
-    """Find the objects of a volume small enough to be segmented whole, named by size."""
+    """Find the objects of a volume that fits into memory, named by size."""
     density, level = in_common_range(density, options.foreground.method)
     given, foreground = density, replace(options.foreground, method=level)
     noisy = needs_denoising(density, foreground.method)
@@ -274,25 +294,12 @@ def _segment_grid(
         density = denoised(density, spacing, foreground.method, clearing)
         # Under a microscope there is neither a table nor a bag.
         foreground = ForegroundOptions(supports=False, shell=False)
-    if options.method == "cuts":
-        labels = _cut_objects(density, spacing, share.part(0.05, 0.9), foreground, options)
+    cleared = replace(options, foreground=foreground, grainy=noisy)
+    looking = share.part(0.05, 0.9 if noisy else 0.95)
+    if density.size > WORKING_VOXELS:
+        labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
     else:
-        # Haze removal leaves no densities to compare.
-        labels = find_objects(
-            density,
-            spacing,
-            share.part(0.05, 0.9),
-            foreground,
-            smallest=options.smallest,
-            steps=not noisy,
-            noted=noted,
-            network=options.network,
-        )
-        if not noisy:
-            apart = share.part(0.9, 0.95, "Telling apart what lies in each other")
-            labels = gather_cables(labels, density, share=apart.part(0.0, 0.4))
-            least, rest = options.smallest, apart.part(0.4, 1.0)
-            labels = separate_inclusions(labels, density, spacing, least, share=rest)
+        labels = _objects(density, spacing, looking, cleared, noted)
     if noisy:
         growing = share.part(0.9, 0.95, "Drawing borders")
         labels = grow_to_half_height(labels, given, spacing, growing)
@@ -303,11 +310,89 @@ def _segment_grid(
     share(1.0)
     labels = rank_labels(labels)
     if not labels.any():
-        raise ValueError(
+        raise NothingFoundError(
             f"nothing found: no object has {options.smallest:g} mm^3; "
             "pass a smaller smallest= or a lower foreground="
         )
     return labels
+
+
+def _objects(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    share: Share,
+    options: SegmentOptions,
+    noted: Steps | None = None,
+) -> NDArray[np.int32]:
+    """Find the objects of a volume or of a block of one, whose haze is gone where it is grainy."""
+    if options.method == "cuts":
+        return _cut_objects(density, spacing, share, options.foreground, options)
+    # Haze removal leaves no densities to compare.
+    clear = not options.grainy
+    labels = find_objects(
+        density,
+        spacing,
+        share.part(0.0, 0.94),
+        options.foreground,
+        smallest=options.smallest,
+        steps=clear,
+        noted=noted,
+        network=options.network,
+    )
+    if not clear:
+        return labels
+    apart = share.part(0.94, 1.0, "Telling apart what lies in each other")
+    labels = gather_cables(labels, density, share=apart.part(0.0, 0.4))
+    return separate_inclusions(
+        labels, density, spacing, options.smallest, share=apart.part(0.4, 1.0)
+    )
+
+
+def _objects_in_blocks(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    share: Share,
+    options: SegmentOptions,
+    runner: BlockRunner | None,
+) -> NDArray[np.int32]:
+    """Find objects block by block, all of whose densities are compared on the volume's scale."""
+    begun, given = share.part(0.0, 0.02, "Finding the foreground"), options.foreground
+    mask, levels = find_foreground(density, spacing, given.method, begun)
+    known = KnownScale(levels, typical_knee(density, mask, levels.air))
+    # Cut off by the end of a block, a box looks like a table.
+    aside = _no_objects(density, mask, spacing, given.supports)
+    if aside.any():
+        density = np.where(aside, density.dtype.type(levels.air), density)
+    blockwise = replace(given, supports=False, known=known)
+    # A worker has the network; it asks no others.
+    alone = replace(options, foreground=blockwise, network=None)
+    find = partial(_objects_of_block, options=alone)
+    finding = share.part(0.02, 1.0, "Finding objects block by block")
+    return find_in_blocks(density, spacing, find, finding, runner)
+
+
+def _no_objects(
+    density: NDArray[np.generic], mask: NDArray[np.bool_], spacing: Spacing, supports: bool
+) -> NDArray[np.bool_]:
+    """Return the scanner's table with its blur, and what lies beyond its field of view."""
+    section = measured_section(density)
+    aside = np.zeros(mask.shape, np.bool_)
+    if section is not None:
+        aside |= ~section
+        mask = mask & section
+    held = find_supports(mask, spacing) if supports else np.zeros_like(mask)
+    if held.any():
+        aside |= binary_dilation(held, iterations=SUPPORT_RIM) & (held | ~mask)
+    return aside
+
+
+def _objects_of_block(
+    density: NDArray[np.generic], spacing: Spacing, share: Share, options: SegmentOptions
+) -> NDArray[np.int32]:
+    try:
+        return _objects(density, spacing, share, options)
+    except NothingFoundError:
+        return np.zeros(density.shape, np.int32)
 
 
 def _cut_objects(

@@ -54,6 +54,23 @@ class BlockRunner(Protocol):
         """
 
 
+class SerialRunner:
+    """Does one job after the other on this thread: each has all of the processor."""
+
+    def run(
+        self, source: Source, jobs: Iterator[BlockJob], count: int, share: Share
+    ) -> Iterator[Any]:
+        """Do the jobs, which report for themselves.
+
+        Parameters
+        ----------
+        source, jobs, count, share
+            As for `BlockRunner.run`.
+        """
+        for n, job in enumerate(jobs):
+            yield job.work(source, *job.given, share.part(n / count, (n + 1) / count))
+
+
 class ThreadRunner:
     """Does jobs on threads of this process; they end when the share is cancelled."""
 

@@ -10,11 +10,32 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.mumford_shah import mumford_shah
-from napari_unpack.segmentation.foreground.thresholds import Levels, above_levels, find_levels, peel
+from napari_unpack.segmentation.foreground.thresholds import (
+    Levels,
+    NothingFoundError,
+    above_levels,
+    find_levels,
+    peel,
+)
 from napari_unpack.tasks import SILENT, Share
 
 # Names of methods; a number is a fixed density.
 FOREGROUND_METHODS = ("hysteresis", "otsu", "mumford-shah")
+
+
+@dataclass(frozen=True)
+class KnownScale:
+    """What is known of the densities of a volume to those who see a block of it.
+
+    Parameters
+    ----------
+    levels : Levels
+    knee : float
+        See `typical_knee`.
+    """
+
+    levels: Levels
+    knee: float
 
 
 @dataclass(frozen=True)
@@ -27,11 +48,15 @@ class ForegroundOptions:
         One of `FOREGROUND_METHODS`, or the density from which there is foreground.
     supports, shell : bool
         Leave out the scanner's table, and the bag itself.
+    known : KnownScale, optional
+        Where the densities are a block's, which is no scanner's slice; by default it is found in
+        them.
     """
 
     method: str | float = "hysteresis"
     supports: bool = True
     shell: bool = True
+    known: KnownScale | None = None
 
 
 def checked_foreground(method: str | float) -> str | float:
@@ -74,7 +99,11 @@ def foreground_levels(sample: NDArray[np.generic], method: str | float) -> Level
 
 
 def find_foreground(
-    density: NDArray[np.generic], spacing: Spacing, method: str | float, share: Share = SILENT
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    method: str | float,
+    share: Share = SILENT,
+    known: KnownScale | None = None,
 ) -> tuple[NDArray[np.bool_], Levels]:
     """Tell foreground from air.
 
@@ -86,6 +115,8 @@ def find_foreground(
     method : str or float
         See `checked_foreground`.
     share : Share
+    known : KnownScale, optional
+        See `ForegroundOptions`.
 
     Returns
     -------
@@ -96,15 +127,15 @@ def find_foreground(
 
     Raises
     ------
-    ValueError
+    NothingFoundError
         If no voxel is foreground.
     """
-    levels = foreground_levels(density, method)
+    levels = foreground_levels(density, method) if known is None else known.levels
     share(0.3)
     if method == "mumford-shah":
         foreground = mumford_shah(density, levels, spacing, share.part(0.3, 1.0))
         if not foreground.any():
-            raise ValueError(
+            raise NothingFoundError(
                 "nothing found in the foreground: all of it is smooth; "
                 "pass foreground= with a density to choose it yourself"
             )

@@ -15,6 +15,9 @@ from scipy.ndimage import binary_closing, binary_dilation, maximum_filter1d
 
 from napari_unpack.segmentation.common.validation import Spacing
 
+# Voxels around a table that are its blur: a scan blurs its edges over two.
+SUPPORT_RIM = 3
+
 
 def measured_section(
     density: NDArray[np.generic], rim: float = 3.5, padded: float = 0.98

@@ -15,6 +15,10 @@ BINS = 512
 MOST_SAMPLES = 4_000_000
 
 
+class NothingFoundError(ValueError):
+    """There is no object in the volume, as far as could be told."""
+
+
 @dataclass(frozen=True)
 class Levels:
     """The density levels that tell foreground from air.
@@ -41,7 +45,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
 
     Raises
     ------
-    ValueError
+    NothingFoundError
         If nothing rises above the background's noise.
     """
     # Otsu on raw CT numbers puts its threshold between metal and everything else. Here densities
@@ -57,7 +61,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[0]
     foreground = sample[sample > dense]
     if not len(foreground) or not dense > air:
-        raise ValueError(
+        raise NothingFoundError(
             "nothing found in the foreground: no density rises above the background at "
             f"{air:g}; pass foreground= with a density to choose it yourself"
         )
@@ -96,7 +100,7 @@ def above_levels(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
 
     Raises
     ------
-    ValueError
+    NothingFoundError
         If no voxel is.
     """
     import cc3d
@@ -109,7 +113,7 @@ def above_levels(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
         strong[0] = False
         weak = strong[components]
     if not weak.any():
-        raise ValueError(
+        raise NothingFoundError(
             f"nothing found in the foreground above a density of {levels.high:g}; "
             "pass a lower foreground="
         )

@@ -68,8 +68,9 @@ def split_parts(
     limits = rule or SplitRule()
     share = Share(progress)
     begun = share.part(0.0, 0.1, "Finding the foreground")
-    mask, levels = find_foreground(density, spacing, foreground.method, begun)
-    section = measured_section(density)
+    known = foreground.known
+    mask, levels = find_foreground(density, spacing, foreground.method, begun, known)
+    section = measured_section(density) if known is None else None
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.
         mask &= section
@@ -77,7 +78,8 @@ def split_parts(
         mask &= ~find_supports(mask, spacing)
     dividing = share.part(0.1, 0.25, "Finding density regions")
     fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
-    scale = DensityScale(levels.air, typical_knee(density, mask, levels.air), step)
+    knee = typical_knee(density, mask, levels.air) if known is None else known.knee
+    scale = DensityScale(levels.air, knee, step)
     regions = density_regions(density, mask, scale, fewest, share=dividing)
     share(0.25, "Finding components")
     components = _components(regions, density, spacing, limits.smallest)

@@ -27,7 +27,11 @@ from napari_unpack.segmentation.foreground.methods import (
     find_foreground,
     typical_knee,
 )
-from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
+from napari_unpack.segmentation.foreground.scanner_table import (
+    SUPPORT_RIM,
+    find_supports,
+    measured_section,
+)
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
     mean_affinity_linkage,
@@ -61,8 +65,6 @@ from napari_unpack.tasks import SILENT, Progress, Share
 # Voxels from the middle of foreground that the network missed to its surface; the skin of a bag
 # is thinner.
 LEAST_DEPTH_OF_MISSED = 4.0
-# Voxels around a table that are its blur: a scan blurs its edges over two.
-SUPPORT_RIM = 3
 # An object rises from air by so many deviations of the noise in this share of its voxels at
 # least; a cloud of specks, or noise itself, does not.
 NOISE_DEVIATIONS, PLAIN_SHARE = 2.0, 0.15
@@ -148,13 +150,15 @@ def oversegment(
     options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
     share = Share(progress)
     begun = share.part(0.0, 0.05, "Finding the foreground")
-    dense, levels = find_foreground(density, spacing, options.method, begun)
-    scale = DensityScale(levels.air, typical_knee(density, dense, levels.air))
+    known = options.known
+    dense, levels = find_foreground(density, spacing, options.method, begun, known)
+    knee = typical_knee(density, dense, levels.air) if known is None else known.knee
+    scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
     # A voxel far from all that is dense is no object, whatever the network predicts.
     mask = binary_dilation(dense) & (prediction.foreground >= 255 * limits.foreground)
     mask |= dense & (prediction.foreground >= 255 * limits.dense)
-    section = measured_section(density)
+    section = measured_section(density) if known is None else None
     if section is not None:
         mask &= section
         dense &= section
