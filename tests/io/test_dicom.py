@@ -190,6 +190,91 @@ def test_what_a_series_does_not_say_is_told(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("tags", "said"),
+    [
+        ({"RescaleSlope": "nan"}, "RescaleSlope"),
+        ({"RescaleSlope": 0}, "RescaleSlope of 0"),
+        ({"PixelSpacing": [0, 0.7]}, "positive numbers"),
+        ({"ImageOrientationPatient": [2, 0, 0, 0, 2, 0]}, "length 1"),
+        ({"ImageOrientationPatient": [1, 0, 0, 0.5, 0.8, 0]}, "right angles"),
+        ({"ImageOrientationPatient": [0, 0, 0, 0, 0, 0]}, "length 1"),
+        ({"PhotometricInterpretation": "PALETTE COLOR"}, "colours"),
+    ],
+)
+def test_slices_of_numbers_that_mean_nothing_are_refused(
+    tmp_path: Path, tags: dict[str, Any], said: str
+) -> None:
+    for i, plane in enumerate(NUMBERS):
+        data = dataset(plane, ImageOrientationPatient=AXIAL, ImagePositionPatient=[0, 0, i])
+        data.update(dataset(plane, **tags))
+        data.save_as(tmp_path / f"{i}.dcm", enforce_file_format=True)
+    with pytest.raises(ValueError, match=said):
+        load_volume(tmp_path)
+
+
+def test_directions_of_two_decimals_give_the_distance_of_slices(tmp_path: Path) -> None:
+    # Turned by 45 degrees about x; (0, 0.71, 0.71) is 0.4 % too long.
+    for i, plane in enumerate(NUMBERS):
+        place = [0, -2 * i * 0.5**0.5, 2 * i * 0.5**0.5]
+        data = dataset(
+            plane, ImageOrientationPatient=[1, 0, 0, 0, 0.71, 0.71], ImagePositionPatient=place
+        )
+        data.save_as(tmp_path / f"{i}.dcm", enforce_file_format=True)
+    assert load_volume(tmp_path).spacing[0] == pytest.approx(2, rel=1e-6)
+
+
+def test_images_in_colours_are_no_slices(tmp_path: Path) -> None:
+    colours = {
+        "SamplesPerPixel": 3,
+        "PhotometricInterpretation": "RGB",
+        "PlanarConfiguration": 0,
+        "BitsAllocated": 8,
+        "BitsStored": 8,
+        "HighBit": 7,
+        "PixelData": bytes(60),
+    }
+    for i in range(2):
+        data = dataset(NUMBERS[0], ImagePositionPatient=[0, 0, i], **colours)
+        data.save_as(tmp_path / f"screen {i}.dcm", enforce_file_format=True)
+    with pytest.raises(ValueError, match="image in colours"):
+        load_volume(tmp_path)
+    with pytest.raises(ValueError, match="image in colours"):
+        load_volume(tmp_path / "screen 0.dcm")
+    write_series(tmp_path)
+    scan = load_volume(tmp_path)
+    assert scan.volume.shape == (3, 4, 5)
+    assert "2 image(s) in colours (screen 0.dcm, screen 1.dcm): left out" in scan.assumed[0]
+
+
+def test_acquisitions_that_lie_between_each_other_are_told(tmp_path: Path) -> None:
+    def write(heights: list[float]) -> None:
+        for i, height in enumerate(heights):
+            data = dataset(
+                NUMBERS[i % 3],
+                ImagePositionPatient=[0, 0, height],
+                ImageOrientationPatient=AXIAL,
+                AcquisitionNumber=1 + i // 3,
+            )
+            data.save_as(tmp_path / f"{i}.dcm", enforce_file_format=True)
+
+    write([0, 2, 4, 1, 3, 5])
+    assert "2 acquisitions (AcquisitionNumber)" in load_volume(tmp_path).assumed[0]
+    # One stretch after the other is how long scans are made.
+    write([0, 1, 2, 3, 4, 5])
+    assert load_volume(tmp_path).assumed == ()
+
+
+def test_one_image_that_does_not_say_what_its_numbers_mean_is_told(tmp_path: Path) -> None:
+    write_series(tmp_path)
+    data = pydicom.dcmread(tmp_path / "b")
+    del data.RescaleIntercept
+    data.save_as(tmp_path / "b")
+    assert load_volume(tmp_path).assumed == (
+        "1 of its 3 images do not say what their numbers mean: CT numbers were assumed",
+    )
+
+
 def test_a_regular_series_is_as_simpleitk_reads_it(tmp_path: Path) -> None:
     sitk = pytest.importorskip("SimpleITK")
     rng = np.random.default_rng(0)

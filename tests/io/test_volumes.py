@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.io import Scan, load_labels, load_volume, save_scan
+from napari_unpack.io.file_data import NO_UNIT, NO_VOXEL_SIZE
 
 SPACING = (2.5, 0.5, 0.75)
 VOLUME = np.arange(4 * 5 * 6, dtype=np.uint16).reshape(4, 5, 6) * 100
@@ -143,15 +144,16 @@ def test_ome_zarr_with_labels(tmp_path: Path, version: str) -> None:
     assert back.spacing == pytest.approx(SPACING)
 
 
-def save_zarr(path: Path, array: np.ndarray, axes: str, **units: str) -> None:
+def save_zarr(path: Path, array: np.ndarray, axes: str, **given: str | None) -> None:
     zarr = pytest.importorskip("zarr")
     root = zarr.open_group(str(path), mode="w", zarr_format=2)
     root.create_array("0", data=array)
     scale = [{"z": 3.0, "y": 2.0, "x": 1.0}.get(axis, 1.0) for axis in axes]
     steps = [{"type": "scale", "scale": scale}]
+    units = {**dict.fromkeys("zyx", "millimeter"), **given}
     root.attrs["multiscales"] = [
         {
-            "axes": [{"name": a} | ({"unit": units[a]} if a in units else {}) for a in axes],
+            "axes": [{"name": a} | ({"unit": units[a]} if units.get(a) else {}) for a in axes],
             "datasets": [{"path": "0", "coordinateTransformations": steps}],
         }
     ]
@@ -196,6 +198,82 @@ def test_units_are_known_or_told(tmp_path: Path) -> None:
     found = load_volume(tmp_path / "a.zarr")
     assert found.spacing == pytest.approx((3.0, 50.8, 1.0))
     assert found.assumed == ("its unit of length 'parsec' is not known: mm was assumed",)
+    save_zarr(tmp_path / "c.zarr", VOLUME, "zyx", x=None)
+    assert load_volume(tmp_path / "c.zarr").assumed == (NO_UNIT,)
+
+
+def save_nrrd(path: Path, *fields: str) -> None:
+    sizes = " ".join(map(str, VOLUME.shape[::-1]))
+    head = ["NRRD0005", "type: uint16", "dimension: 3", f"sizes: {sizes}", "encoding: raw"]
+    lines = [*head, "endian: little", *fields, "", ""]
+    path.write_bytes("\n".join(lines).encode() + VOLUME.astype("<u2").tobytes())
+
+
+def test_units_of_nrrd_are_known_or_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.nrrd"
+    along = ["space dimension: 3", "space directions: (750,0,0) (0,500,0) (0,0,2500)"]
+    save_nrrd(path, *along, "space origin: (1000,0,0)", 'space units: "um" "um" "um"')
+    found = load_volume(path)
+    assert found.spacing == pytest.approx(SPACING)
+    assert found.scanner_from_scan is not None
+    np.testing.assert_allclose(found.scanner_from_scan[:3, 3], [1, 0, 0])
+    save_nrrd(path, "spacings: 0.75 0.5 2.5", 'units: "furlong" "furlong" "furlong"')
+    found = load_volume(path)
+    assert found.spacing == pytest.approx(SPACING)
+    assert found.assumed == ("its unit of length 'furlong' is not known: mm was assumed",)
+    save_nrrd(path, "spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "cm"')
+    with pytest.raises(ValueError, match="must have one unit of length, got cm, mm"):
+        load_volume(path)
+
+
+def test_a_time_axis_of_nrrd_is_never_taken_for_z(tmp_path: Path) -> None:
+    save_nrrd(tmp_path / "a.nrrd", "kinds: domain domain time")
+    with pytest.raises(ValueError, match=r"must hold a volume with axes z, y, x, got axes t"):
+        load_volume(tmp_path / "a.nrrd")
+
+
+def test_what_a_header_does_not_say_of_voxels_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.nrrd"
+    save_nrrd(path)
+    assert load_volume(path).assumed == (NO_VOXEL_SIZE,)
+    save_nrrd(
+        path,
+        "space: left-posterior-superior",
+        "space directions: (0.75,0.25,0) (0,0.5,0) (0,0,2.5)",
+    )
+    found = load_volume(path)
+    assert found.assumed == ("its axes are not at right angles: it is shown as if they were",)
+    assert found.scanner_from_scan is None
+    path = tmp_path / "a.mha"
+    save_scan(Scan(VOLUME, SPACING), path)
+    assert load_volume(path).assumed == ()
+    path.write_bytes(re.sub(rb"ElementSpacing[^\n]*\n", b"", path.read_bytes()))
+    assert load_volume(path).assumed == (NO_VOXEL_SIZE,)
+
+
+@pytest.mark.parametrize(("code", "said"), [(0, NO_UNIT), (7, "its unit of length (7)")])
+def test_a_unit_of_nifti_that_is_none_is_told(tmp_path: Path, code: int, said: str) -> None:
+    path = tmp_path / "a.nii"
+    save_scan(Scan(VOLUME, SPACING), path)
+    assert load_volume(path).assumed == ()
+    # By the standard xyzt_units is byte 123.
+    head = bytearray(path.read_bytes())
+    head[123] = code
+    path.write_bytes(head)
+    assert load_volume(path).assumed[0].startswith(said)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_a_nifti_file_that_rescales_its_voxels_is_not_taken_for_a_short_one(
+    tmp_path: Path, suffix: str
+) -> None:
+    save_scan(Scan(VOLUME, SPACING), tmp_path / "a.nii")
+    # By the standard scl_slope and scl_inter begin at byte 112. As float they take twice as much.
+    head = bytearray((tmp_path / "a.nii").read_bytes())
+    struct.pack_into("<2f", head, 112, 2, -1000)
+    path = tmp_path / f"b{suffix}"
+    path.write_bytes(gzip.compress(head) if suffix.endswith(".gz") else head)
+    np.testing.assert_array_equal(load_volume(path).volume, VOLUME * 2.0 - 1000)
 
 
 def test_channels_and_colours_of_tiff_are_offered(tmp_path: Path) -> None:
@@ -225,6 +303,14 @@ def test_the_voxel_size_of_tiff_tags_is_taken_where_it_was_measured(tmp_path: Pa
     found = load_volume(path)
     assert found.spacing == pytest.approx((0.2, 0.2, 0.1))
     assert found.assumed == ("it gives no distance of slices: that of its rows was assumed",)
+    ome = {"axes": "ZYX", "PhysicalSizeX": 750, "PhysicalSizeY": 500}
+    tifffile.imwrite(tmp_path / "a.ome.tif", VOLUME, metadata=ome)
+    found = load_volume(tmp_path / "a.ome.tif")
+    assert found.spacing == pytest.approx((0.5, 0.5, 0.75))
+    assert found.assumed == ("it gives no distance of slices: that of its rows was assumed",)
+    notes = {"axes": "ZYX", "unit": "micron", "zunit": "mm", "spacing": 2.5}
+    tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
+    assert load_volume(path).spacing == pytest.approx(SPACING)
     tifffile.imwrite(
         path, VOLUME, resolution=(72, 72), resolutionunit="INCH", photometric="minisblack"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,10 @@ _PHASES = (
 # Two slices are in one place where they are nearer than this, mm; positions have two decimals.
 _SAME_PLACE = 0.01
 
+# How far from 1 the length of a direction may be, and from 0 the cosine of a right angle: some
+# writers keep two decimals.
+_CROOKED = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class _Slice:
@@ -73,7 +78,24 @@ class _Slice:
         """Return a value of so many numbers, or None."""
         found = self.value(keyword)
         values = () if found is None else np.atleast_1d(found)
-        return tuple(float(v) for v in values) if len(values) == count else None
+        numbers = tuple(float(v) for v in values)
+        if not np.isfinite(numbers).all():
+            raise ValueError(f"{self.path} must give numbers as its {keyword}, got {numbers}")
+        return numbers if len(numbers) == count else None
+
+    @property
+    def directions(self) -> NDArray[np.float64] | None:
+        """(2, 3) unit vectors along which column and row number grow, x y z; None if not given."""
+        given = self.numbers("ImageOrientationPatient", 6)
+        if given is None:
+            return None
+        along = np.reshape(given, (2, 3))
+        if not np.allclose(along @ along.T, np.eye(2), atol=_CROOKED):
+            raise ValueError(
+                f"{self.path} must give directions of length 1 at right angles, got {list(given)}"
+            )
+        unit: NDArray[np.float64] = along / np.linalg.norm(along, axis=1, keepdims=True)
+        return unit
 
     @property
     def form(self) -> tuple[Any, ...]:
@@ -157,6 +179,8 @@ def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, A
         raise ValueError(f"{path} is not a readable DICOM or DICOS image")
     if _is_segmentation(alone):
         raise _segmentation_error(path)
+    if _is_coloured(alone):
+        raise _colour_error(path)
     if int(alone.get("NumberOfFrames") or 1) > 1:
         return [(path, alone)]
     beside = sorted(p for p in path.parent.iterdir() if p.is_file())
@@ -174,7 +198,7 @@ def _series(
     pydicom: Any, files: list[Path], source: Path, assumed: list[str], wanted: Any = None
 ) -> list[tuple[Path, Any]]:
     found: dict[Any, list[tuple[Path, Any]]] = {}
-    segmentations = []
+    segmentations, coloured = [], []
     for file in files:
         # Not forced: a folder also holds text files and thumbnails.
         header = _header(pydicom, file)
@@ -182,15 +206,22 @@ def _series(
             continue
         if _is_segmentation(header):
             segmentations.append(file)
+        elif _is_coloured(header):
+            coloured.append(file)
         else:
             found.setdefault(header.get("SeriesInstanceUID"), []).append((file, header))
     if not found and segmentations:
         raise _segmentation_error(segmentations[0])
+    if not found and coloured:
+        raise _colour_error(coloured[0])
     if not found:
         raise ValueError(f"{source} holds no DICOM images")
     if segmentations:
         names = ", ".join(file.name for file in segmentations[:3])
         assumed.append(f"it holds {len(segmentations)} segmentation(s) ({names}): left out")
+    if coloured:
+        names = ", ".join(file.name for file in coloured[:3])
+        assumed.append(f"it holds {len(coloured)} image(s) in colours ({names}): left out")
     # The user named a file: its series is meant, even if another has more slices.
     if wanted in found:
         return found[wanted]
@@ -205,6 +236,19 @@ def _series(
 
 def _is_segmentation(header: Any) -> bool:
     return header.get("SOPClassUID") in _SEGMENTATIONS
+
+
+def _is_coloured(header: Any) -> bool:
+    # Screenshots and reports; the numbers of a palette are no densities either.
+    palette = header.get("PhotometricInterpretation") == "PALETTE COLOR"
+    return palette or int(header.get("SamplesPerPixel") or 1) > 1
+
+
+def _colour_error(path: Path) -> ValueError:
+    return ValueError(
+        f"{path} is an image in colours, as of a screen, not a scan: open the series that it was "
+        "made from"
+    )
 
 
 def _segmentation_error(path: Path) -> ValueError:
@@ -262,6 +306,7 @@ def _scans(
         places[round(height / _SAME_PLACE)].append(part)
     most = max(map(len, places.values()))
     if most == 1:
+        assumed += _interleaved(slices, heights)
         return [slices]
     for keyword in _PHASES:
         phases: dict[Any, list[_Slice]] = defaultdict(list)
@@ -288,6 +333,29 @@ def _scans(
     return [once]
 
 
+def _interleaved(slices: list[_Slice], heights: NDArray[np.float64]) -> list[str]:
+    """Return a sentence where acquisitions of one stretch of the body make one stack.
+
+    Some scanners take every second slice first, so that it may be right: no other reader parts
+    them either.
+    """
+    for keyword in _PHASES:
+        groups: dict[str, list[float]] = defaultdict(list)
+        for part, height in zip(slices, heights, strict=True):
+            groups[str(part.value(keyword))].append(float(height))
+        # From low to high. Those of a body in several stretches overlap by a few slices at most.
+        ends = sorted((min(g), max(g)) for g in groups.values())
+        if any(
+            min(high, top) - low > max(high - bottom, top - low) / 2 > 0
+            for (bottom, high), (low, top) in pairwise(ends)
+        ):
+            return [
+                f"it holds {len(groups)} acquisitions ({keyword}) whose slices lie between each "
+                "other: all were taken as one scan"
+            ]
+    return []
+
+
 def _volume(
     slices: list[_Slice], pixels: _Pixels, source: Path, assumed: list[str]
 ) -> tuple[NDArray[Any], Spacing, Matrix | None]:
@@ -296,8 +364,13 @@ def _volume(
     if distances is None:
         assumed.append("it gives no pixel size: 1 mm was assumed")
     rows, columns = distances or (1.0, 1.0)
-    if first.header.get("Modality") == "CT" and first.value("RescaleIntercept") is None:
-        assumed.append("it does not say what its numbers mean: CT numbers were assumed")
+    checked_spacing((rows, rows, columns), source)
+    silent = sum(part.value("RescaleIntercept") is None for part in slices)
+    if first.header.get("Modality") == "CT" and silent:
+        all_do = silent == len(slices)
+        who = "it does" if all_do else f"{silent} of its {len(slices)} images do"
+        whose = "its" if all_do else "their"
+        assumed.append(f"{who} not say what {whose} numbers mean: CT numbers were assumed")
     positions = [part.numbers("ImagePositionPatient", 3) for part in slices]
     heights = _heights(slices)
     # Read in their order, so that the volume needs no second copy to be turned.
@@ -308,17 +381,16 @@ def _volume(
         assumed.append(f"it gives no positions of its slices: their order was assumed; {said}")
         volume = np.stack([pixels.density(part) for part in ordered])
         return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source), None
-    turned = first.numbers("ImageOrientationPatient", 6)
-    if turned is None:
+    if first.directions is None:
         assumed.append("it gives no direction of its slices: axial ones were assumed")
-    along = np.array(turned or (1.0, 0, 0, 0, 1.0, 0))
+    columns_grow, rows_grow = _directions(first)
     ordered = [slices[i] for i in np.argsort(heights, kind="stable")[::-1]]
     places = {id(part): place for part, place in zip(slices, positions, strict=True)}
     stack = SliceStack(
         np.stack([pixels.density(part) for part in ordered]),
         np.array([places[id(part)] for part in ordered], dtype=np.float64),
-        rows=along[3:],
-        columns=along[:3],
+        rows=rows_grow,
+        columns=columns_grow,
         spacing=(rows, columns),
     )
     # Air is 0 in CT; elsewhere the least there is.
@@ -333,8 +405,13 @@ def _heights(slices: Sequence[_Slice]) -> NDArray[np.float64] | None:
     positions = [part.numbers("ImagePositionPatient", 3) for part in slices]
     if any(place is None for place in positions):
         return None
-    along = slices[0].numbers("ImageOrientationPatient", 6) or (1.0, 0, 0, 0, 1.0, 0)
-    return np.array(positions, dtype=np.float64) @ np.cross(along[:3], along[3:])
+    return np.array(positions, dtype=np.float64) @ np.cross(*_directions(slices[0]))
+
+
+def _directions(part: _Slice) -> NDArray[np.float64]:
+    """Return the directions of a slice, of an axial one where none are given."""
+    given = part.directions
+    return np.eye(3)[:2] if given is None else given
 
 
 def _number(part: _Slice) -> tuple[int, int]:
@@ -366,11 +443,14 @@ class _Pixels:
                 f"{part.path} must hold {part.frame + 1} images or more, got {len(self._planes)}"
             )
         # Every slice by its own slope: scanners may change it from slice to slice.
-        slope, intercept = part.value("RescaleSlope"), part.value("RescaleIntercept")
+        (slope,) = part.numbers("RescaleSlope", 1) or (1.0,)
+        (intercept,) = part.numbers("RescaleIntercept", 1) or (0.0,)
+        if slope == 0:
+            raise ValueError(f"{part.path} has a RescaleSlope of 0, which leaves no densities")
         return _density(
             self._planes[part.frame],
-            1.0 if slope is None else float(slope),
-            0.0 if intercept is None else float(intercept),
+            slope,
+            intercept,
             part.header.get("Modality") == "CT",
         )
 

@@ -16,6 +16,8 @@ SPACE = "zyx"
 
 NO_VOXEL_SIZE = "it gives no voxel size: 1 mm was assumed"
 
+NO_UNIT = "it names no unit of length: mm was assumed"
+
 # What an axis that is none of space is called in messages, by its letter.
 _AXIS_NAMES = {"c": "channel", "t": "time point"}
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_size
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.io.file_data import FileData
+from napari_unpack.io.file_data import SPACE, FileData
+from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
 from napari_unpack.io.nifti import check_nifti
 from napari_unpack.io.optional import needed
@@ -40,8 +41,8 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     Raises
     ------
     ValueError
-        If the file is broken, not a 3D volume of real numbers, or keeps its voxels in a file
-        outside its folder.
+        If the file is broken, in several units, not a 3D volume of real numbers, or keeps its
+        voxels in a file outside its folder.
     ImportError
         If SimpleITK is missing.
     """
@@ -59,10 +60,17 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     reader.SetFileName(str(path))
     # By name: of all that ITK knows, some formats follow links to other files.
     reader.SetImageIO(kind)
+    fields = None
     try:
         reader.ReadImageInformation()
+        if kind == "NiftiImageIO" and not packed:
+            # First, and as the header counts: what is rescaled takes more than on the disk.
+            fields = HeaderFields(assumed=check_nifti(path))
+            packed = True
         check_size(path, _needed(sitk, reader), stored, packed, large)
-        assumed = check_nifti(path) if kind == "NiftiImageIO" else ()
+        if fields is None and kind == "NiftiImageIO":
+            fields = HeaderFields(assumed=check_nifti(path))
+        fields = fields or fields_of(path)
         image = reader.Execute()
     except RuntimeError as error:
         raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
@@ -73,30 +81,44 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     # A fourth axis of length 1 is a time series of one, which many tools write.
     while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
         image = image[..., 0]
-    if image.GetDimension() == 4:
-        spacing = checked_spacing(image.GetSpacing()[2::-1], path)
+    unit = fields.millimetres
+    letters = fields.axes or "tzyx"
+    if image.GetDimension() == 4 or fields.axes is not None:
+        if len(letters) != image.GetDimension():
+            raise ValueError(f"{path} must name {image.GetDimension()} axes, got {letters}")
+        sides = dict(zip(letters[::-1], image.GetSpacing(), strict=True))
+        spacing = checked_spacing([sides.get(axis, 1.0) * unit for axis in SPACE], path)
+        array = sitk.GetArrayFromImage(image)
+        if letters != "tzyx":
+            return FileData(array, letters, spacing, None, fields.assumed)
         # Of space alone; a file whose time axis leans into it says nothing of use.
         turned = np.reshape(image.GetDirection(), (4, 4))[:3, :3]
-        there = _place(turned, image.GetOrigin()[:3])
-        upright = np.allclose(turned @ turned.T, np.eye(3), atol=1e-4)
-        array = sitk.GetArrayFromImage(image)
-        return FileData(array, "tzyx", spacing, None, assumed, there if upright else None)
+        there = _place(turned, image.GetOrigin()[:3], unit) if _at_right_angles(turned) else None
+        return FileData(array, letters, spacing, None, fields.assumed, there)
     if image.GetDimension() != 3:
         # It refuses what is not 3D in the words that all formats share.
         checked_volume_array(sitk.GetArrayFromImage(image), path)
+    assumed = fields.assumed
+    if not _at_right_angles(np.reshape(image.GetDirection(), (3, 3))):
+        assumed += ("its axes are not at right angles: it is shown as if they were",)
     # Plain arrays, as of this package, say nothing of a patient: they are not turned.
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
-    place = _place(np.reshape(image.GetDirection(), (3, 3)), image.GetOrigin())
-    spacing = checked_spacing(image.GetSpacing()[::-1], path)
+    turned = np.reshape(image.GetDirection(), (3, 3))
+    place = _place(turned, image.GetOrigin(), unit) if _at_right_angles(turned) else None
+    spacing = checked_spacing([mm * unit for mm in image.GetSpacing()[::-1]], path)
     return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
 
 
-def _place(turned: Matrix, origin: Sequence[float]) -> Matrix:
+def _at_right_angles(turned: Matrix) -> bool:
+    return np.allclose(turned @ turned.T, np.eye(3), atol=1e-4)
+
+
+def _place(turned: Matrix, origin: Sequence[float], unit: float) -> Matrix:
     place = np.eye(4)
     # ITK counts x y z.
-    place[:3, :3], place[:3, 3] = turned[:, ::-1], origin
+    place[:3, :3], place[:3, 3] = turned[:, ::-1], np.multiply(origin, unit)
     return place
 
 

@@ -8,8 +8,14 @@ import struct
 import zlib
 from pathlib import Path
 
+from napari_unpack.io.file_data import NO_UNIT
+
 # The length of NIfTI-1's header, as its first four bytes say it in either order.
 _HEADER = 348
+
+# Where it says what its sizes are in; 1, 2 and 3 are metres, mm and micrometres.
+_UNITS = 123
+_LAST_UNIT = 3
 
 _CHUNK = 1 << 22
 
@@ -17,12 +23,13 @@ _CHUNK = 1 << 22
 def check_nifti(path: Path) -> tuple[str, ...]:
     """Check that a NIfTI file is as long as its header says; return what is assumed of it.
 
-    ITK fills what is missing with zeros, and takes 1 mm for a voxel size that is none.
+    ITK fills what is missing with zeros, and takes 1 mm for a voxel size that is none, and mm for
+    a unit that is none.
 
     Raises
     ------
     ValueError
-        If it is shorter.
+        If it is shorter, or does not say where its voxels begin.
     """
     packed = path.name.lower().endswith(".gz")
     try:
@@ -38,18 +45,27 @@ def check_nifti(path: Path) -> tuple[str, ...]:
     dims = struct.unpack_from(f"{order}8h", head, 40)
     bits = struct.unpack_from(f"{order}h", head, 72)[0]
     steps = struct.unpack_from(f"{order}8f", head, 76)
-    offset = int(struct.unpack_from(f"{order}f", head, 108)[0])
+    offset = struct.unpack_from(f"{order}f", head, 108)[0]
+    if not math.isfinite(offset):
+        raise ValueError(f"{path} says that its voxels begin at byte {offset:g}: is it damaged?")
     axes = dims[0] if 0 < dims[0] < 8 else 0
-    expected = offset + math.prod(max(n, 1) for n in dims[1 : axes + 1]) * bits // 8
+    expected = int(offset) + math.prod(max(n, 1) for n in dims[1 : axes + 1]) * bits // 8
     found = _unpacked_size(path, expected) if packed else path.stat().st_size
     if found < expected:
         raise ValueError(
             f"{path} is not whole: its header asks for {expected:,} bytes, but it holds {found:,}"
         )
     wrong = [f"{step:g}" for step in steps[1 : min(axes, 3) + 1] if not 0 < abs(step) < math.inf]
+    assumed = []
     if wrong:
-        return (f"its voxel size holds {', '.join(wrong)}: 1 mm was assumed there",)
-    return ()
+        assumed.append(f"its voxel size holds {', '.join(wrong)}: 1 mm was assumed there")
+    # ITK turns metres and micrometres into mm, and takes all else for mm.
+    code = head[_UNITS] & 7
+    if not code:
+        assumed.append(NO_UNIT)
+    elif code > _LAST_UNIT:
+        assumed.append(f"its unit of length ({code}) is not known: mm was assumed")
+    return tuple(assumed)
 
 
 def _unpacked_size(path: Path, enough: int) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
-from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
+from napari_unpack.io.file_data import NO_UNIT, NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
@@ -299,7 +299,8 @@ def _described(node: Any, path: Path) -> tuple[Any, FileData]:
     sides, origin = dict.fromkeys(SPACE, 1.0), dict.fromkeys(SPACE, 0.0)
     for axis, factor, move in zip(axes, factors, moves, strict=True):
         if axis["name"] in SPACE:
-            # An axis without a unit counts as mm, as in files of this package.
+            if axis.get("unit") is None and "scale" in said and NO_UNIT not in assumed:
+                assumed.append(NO_UNIT)
             unit = in_millimetres(axis.get("unit"), "mm", assumed)
             sides[axis["name"]], origin[axis["name"]] = float(factor) * unit, float(move) * unit
     letters = "".join(axis["name"] for axis in axes)

@@ -19,6 +19,8 @@ from napari_unpack.io.scan import Spacing, checked_spacing
 # Distances that image editors write without having measured anything, pixels an inch.
 _SCREEN_RESOLUTIONS = (1.0, 72.0, 96.0, 300.0)
 
+_NO_DISTANCE = "it gives no distance of slices: that of its rows was assumed"
+
 
 def read_tiff(path: Path, large: bool = False) -> FileData:
     """Read a stack with its axes and voxel size.
@@ -128,27 +130,36 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
     notes = file.imagej_metadata or {}
     if notes.get("unit", "pixel") in ("pixel", "pixels", ""):
         return None
-    scale = in_millimetres(notes["unit"], "mm", assumed)
+    # Rows and slices have units of their own where they differ from that of columns.
+    scales = {
+        axis: in_millimetres(notes.get(f"{axis}unit", notes["unit"]), "mm", assumed)
+        for axis in "zyx"
+    }
     tags = file.pages[0].tags
     sides = []
-    for name in ("YResolution", "XResolution"):
+    for axis in "yx":
+        name = f"{axis.upper()}Resolution"
+        # What it leaves out is 1, the distance of slices too.
         pixels, units = tags[name].value if name in tags else (1, 1)
-        sides.append(units / pixels * scale if pixels else scale)
-    return float(notes.get("spacing", 1.0)) * scale, float(sides[0]), float(sides[1])
+        sides.append(units / pixels * scales[axis] if pixels else scales[axis])
+    return float(notes.get("spacing", 1.0)) * scales["z"], float(sides[0]), float(sides[1])
 
 
 def _ome(file: Any, assumed: list[str]) -> Spacing | None:
     text = file.ome_metadata or ""
-    sides = []
+    sides: dict[str, float] = {}
     for axis in "ZYX":
         size = re.search(rf'PhysicalSize{axis}="([^"]+)"', text)
         unit = re.search(rf'PhysicalSize{axis}Unit="([^"]+)"', text)
-        if size is None:
-            return None
-        # OME's default unit is the micrometre.
-        scale = in_millimetres(html.unescape(unit[1]) if unit else None, "µm", assumed)
-        sides.append(float(size[1]) * scale)
-    return sides[0], sides[1], sides[2]
+        if size is not None:
+            # OME's default unit is the micrometre.
+            scale = in_millimetres(html.unescape(unit[1]) if unit else None, "µm", assumed)
+            sides[axis] = float(size[1]) * scale
+    if not {"Y", "X"} <= sides.keys():
+        return None
+    if "Z" not in sides:
+        assumed.append(_NO_DISTANCE)
+    return sides.get("Z", sides["Y"]), sides["Y"], sides["X"]
 
 
 def _tags(file: Any, assumed: list[str]) -> Spacing:
@@ -166,5 +177,5 @@ def _tags(file: Any, assumed: list[str]) -> Spacing:
     if len(sides) < 2:
         assumed.append(NO_VOXEL_SIZE)
         return 1.0, 1.0, 1.0
-    assumed.append("it gives no distance of slices: that of its rows was assumed")
+    assumed.append(_NO_DISTANCE)
     return sides[0], sides[0], sides[1]
