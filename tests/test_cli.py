@@ -340,6 +340,7 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
     link.symlink_to(bag)
     wide = bag.with_name("wide.npy")
     np.save(wide, np.ones((4, 4, 4), np.float64))
+    save_scan(Scan(np.ones((4, 4, 4), np.uint8), (1, 1, 1)), bag.with_name("twice.labels.mha"))
     locked = bag.with_name("locked.npz")
     locked.write_bytes(b"")
     locked.chmod(0o444)
@@ -353,11 +354,24 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
         (bag, link, "is the input and would be overwritten"),
         (bag, locked, "is read-only"),
         (wide, bag.with_name("wide.tif"), "must be uint8, uint16 or float32, got float64"),
+        # Its labels go into a file beside it.
+        (bag.with_name("twice.labels.mha"), bag.with_name("twice.mha"), "is the input and would be overwritten"),
     ):
         result = run("segment", source, output)
         assert result.exit_code == 1
         assert sentence in result.output.replace("\n", " ")
     assert bag.read_bytes() == before
+
+
+@pytest.mark.parametrize(("output", "table"), [("a.npz", "a.npz"), ("a.mha", "a.labels.mha")])
+def test_a_table_may_not_take_the_place_of_the_labels(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, output: str, table: str
+) -> None:
+    monkeypatch.delattr(nu, "segment")
+    folder = bag.parent
+    result = run("segment", bag, folder / output, "--csv", folder / table)
+    assert result.exit_code == 1
+    assert "holds the labels: choose another file for the table" in result.output.replace("\n", " ")
 
 
 def test_a_segmentation_that_cannot_be_saved_goes_elsewhere_and_says_where(

@@ -151,11 +151,16 @@ def _segment(
     """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
     from napari_unpack.io import save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE, check_savable
+    from napari_unpack.io.volumes import WRITABLE, check_savable, saved_files
 
     check_output(output, (*WRITABLE, ".zarr"), source)
+    outputs = [output] if output.suffix.lower() == ".zarr" else saved_files(output)
+    for file in outputs[1:]:
+        check_output(file, WRITABLE, source)
     if csv is not None:
         check_output(csv, ("",), source)
+        if csv.resolve() in [file.resolve() for file in outputs]:
+            raise ValueError(f"{csv} holds the labels: choose another file for the table")
     if output.suffix.lower() == ".zarr":
         from napari_unpack.batches.large_files import segment_zarr
 

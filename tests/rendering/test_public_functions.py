@@ -261,7 +261,9 @@ TOO_LARGE = (
         ({"tints": {1: (1, 2, 0)}}, ValueError, "tints"),
         ({"tints": {1: (1, 0)}}, ValueError, "tints"),
         ({"step": 0.0}, ValueError, "step"),
-        ({"step": 1e-12}, ValueError, "step must be a number of mm, .* or more"),
+        ({"step": 1e-12}, ValueError, "step must be a number of mm, .* of the shortest voxel"),
+        ({"step": 1e300}, ValueError, "step must be a number of mm, .* to 1e"),
+        ({"size": (np.nan, 4)}, ValueError, "two positive integers"),
         ({"clipping": [[0, 0, 1]]}, ValueError, "clipping"),
     ],
 )

@@ -120,16 +120,23 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     suffix = suffix_of(file)
     if suffix == ".npz":
         write_npz(file, scan)
-        return [file]
+        return saved_files(file)
     if suffix not in WRITABLE:
         raise ValueError(f"{path}: can write {', '.join(WRITABLE)}, not {suffix or 'no suffix'!r}")
     _write(file, scan.volume, scan)
     if scan.labels is None:
         return [file]
-    # These formats hold one volume a file.
-    beside = file.with_name(f"{stem_of(file)}.labels{suffix}")
+    file, beside = saved_files(file)
     _write(beside, scan.labels, scan)
     return [file, beside]
+
+
+def saved_files(path: Path) -> list[Path]:
+    """Return the files that `save_scan` writes of a scan with labels."""
+    suffix = suffix_of(path)
+    # All formats but this hold one volume a file.
+    beside = path.with_name(f"{stem_of(path)}.labels{suffix}")
+    return [path] if suffix == ".npz" else [path, beside]
 
 
 def check_savable(path: str | Path, volume: NDArray[Any]) -> None:

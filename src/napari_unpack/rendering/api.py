@@ -312,6 +312,9 @@ def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFun
 # more, and a ray through 1000 voxels takes 100,000 samples at most.
 FINEST_STEP = 0.01
 
+# mm, as of voxels: beyond it numbers of single precision end.
+LONGEST_STEP = 1e9
+
 
 def step_scale(step: float | None, spacing: NDArray[np.float64]) -> float:
     """Return a step in mm as a multiple of `min(spacing)`; raise ValueError unless positive.
@@ -325,15 +328,15 @@ def step_scale(step: float | None, spacing: NDArray[np.float64]) -> float:
     Raises
     ------
     ValueError
-        If the step is not positive, or finer than shows anything.
+        If the step is not positive, finer than shows anything, or longer than anything.
     """
     if step is None:
         return 1.0
     least = FINEST_STEP * float(spacing.min())
-    if not (np.isfinite(step) and step >= least):
+    if not least <= step <= LONGEST_STEP:
         raise ValueError(
-            f"step must be a number of mm, {least:g} or more (a hundredth of the shortest voxel "
-            f"edge), got {step!r}"
+            f"step must be a number of mm, {least:g} (a hundredth of the shortest voxel edge) to "
+            f"{LONGEST_STEP:g}, got {step!r}"
         )
     return float(step / spacing.min())
 
