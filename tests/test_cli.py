@@ -355,7 +355,11 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
         (bag, locked, "is read-only"),
         (wide, bag.with_name("wide.tif"), "must be uint8, uint16 or float32, got float64"),
         # Its labels go into a file beside it.
-        (bag.with_name("twice.labels.mha"), bag.with_name("twice.mha"), "is the input and would be overwritten"),
+        (
+            bag.with_name("twice.labels.mha"),
+            bag.with_name("twice.mha"),
+            "is the input and would be overwritten",
+        ),
     ):
         result = run("segment", source, output)
         assert result.exit_code == 1
