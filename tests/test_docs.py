@@ -227,6 +227,8 @@ def test_pages_that_are_made_say_what_the_program_does(monkeypatch: pytest.Monke
     for command in ("simulate", "segment", "order", "movie", "surfaces", "batch", "open"):
         assert f"## `napari-unpack {command}`" in command_line
     assert "--turntable" in command_line
+    assert "`segment`: Segment a volume into its objects; from Zarr to Zarr block" in command_line
+    assert "..." not in command_line.split("## ")[0].replace("[ARGS]...", "")
     assert "| **N** | unpack next |" in pages["reference/keys.md"]
     assert "| **Keep unsaved work** | on |" in pages["reference/preferences.md"]
     assert "(0010-libraries-instead-of-our-own.md)" in pages["decisions/index.md"]

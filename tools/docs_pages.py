@@ -89,6 +89,9 @@ def command_line() -> str:
     from napari_unpack.cli import app
 
     command = typer.main.get_command(app)
+    for one in command.commands.values():  # type: ignore[attr-defined]
+        # Else typer cuts it off after some words.
+        one.short_help = one.help.split("\n\n")[0]
     told = get_docs_for_click(obj=command, ctx=typer.Context(command), name="napari-unpack")
     # Blocks that show how a command is called are no blocks to run.
     told = told.replace("# `napari-unpack`", "# Command line", 1)

@@ -182,6 +182,9 @@ def _segment(
             typer.echo(f"wrote {save_objects_csv(objects, csv)}")
         typer.echo(f"{len(objects)} objects")
         return
+    for option, value in (("scheduler", scheduler), ("workers", workers), ("working", working)):
+        if value is not None:
+            raise ValueError(f"--{option} is for Zarr outputs, and {output} is none")
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)

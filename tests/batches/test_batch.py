@@ -176,7 +176,9 @@ def test_another_runs_folder_is_left_alone_without_force(
 ) -> None:
     output = tmp_path / "out"
     nu.batch(bags / "a.npz", output, client, **QUICK)
-    with pytest.raises(ValueError, match=r"other settings \(smallest None there and 9.0 now\)"):
+    with pytest.raises(
+        ValueError, match=r"other settings \(smallest not given there and 9.0 now\)"
+    ):
         nu.batch(bags / "a.npz", output, client, smallest=9.0, **QUICK)
     (before,) = results_in(output)
     forced = nu.batch(bags / "a.npz", output, client, smallest=9.0, force=True, **QUICK)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import time
 import tracemalloc
 from pathlib import Path
 from threading import Lock
@@ -11,6 +13,7 @@ import dask.array as da
 import numpy as np
 import pytest
 import zarr
+from dask_pair import Pair, make_bag
 from typer.testing import CliRunner
 
 import napari_unpack as nu
@@ -180,6 +183,60 @@ def test_how_finely_objects_are_looked_for_is_told_in_millions_of_voxels(
     for more in ([], ["--working", "270"]):
         assert CliRunner().invoke(app, [*words, *more]).exit_code == 1
     assert asked == [16_000_000, 270_000_000]
+
+
+@pytest.mark.parametrize("option", ["--scheduler", "--workers", "--working"])
+def test_what_only_zarr_outputs_obey_is_refused_for_others(tmp_path: Path, option: str) -> None:
+    make_bag(tmp_path / "bag.npz", 0)
+    words = ["segment", str(tmp_path / "bag.npz"), str(tmp_path / "labels.npz"), option, "2"]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 1
+    assert f"error: {option} is for Zarr outputs" in told.output
+    assert not (tmp_path / "labels.npz").exists()
+
+
+@pytest.fixture
+def empty_zarr(tmp_path: Path) -> Path:
+    zarr.create_array(str(tmp_path / "in.zarr"), shape=(9, 9, 9), dtype="u2")
+    return tmp_path / "in.zarr"
+
+
+def test_a_block_that_ends_every_worker_is_told_in_a_sentence(
+    empty_zarr: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import dask
+
+    def ending(*_: Any, client: Any, **__: Any) -> Any:
+        return client.submit(signal.raise_signal, signal.SIGKILL).result()
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", ending)
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        told = CliRunner().invoke(
+            app, ["segment", str(empty_zarr), str(tmp_path / "labels.zarr"), "--workers", "1"]
+        )
+    assert told.exit_code == 1
+    assert "error: a block's workers ended again and again" in told.output
+    assert [path.name for path in tmp_path.iterdir()] == ["in.zarr"]
+
+
+def test_a_lost_cluster_is_told_in_a_sentence(
+    empty_zarr: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "dask").mkdir()
+    own = Pair(tmp_path / "dask")
+    own.worker()
+
+    def losing(*_: Any, client: Any, **__: Any) -> Any:
+        waiting = client.submit(time.sleep, 60)
+        own.close()
+        return waiting.result()
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", losing)
+    words = ["segment", str(empty_zarr), str(tmp_path / "labels.zarr")]
+    told = CliRunner().invoke(app, [*words, "--scheduler", str(own.file)])
+    assert told.exit_code == 1
+    assert "error: the Dask cluster was lost, and nothing is written" in told.output
+    assert not (tmp_path / "labels.zarr").exists()
 
 
 def test_coarser_levels_of_labels_halve_and_keep_their_ids(tmp_path: Path) -> None:

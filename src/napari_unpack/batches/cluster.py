@@ -67,6 +67,32 @@ def cluster_client(
 
 
 @contextmanager
+def losses_told() -> Iterator[None]:
+    """Say in a sentence that workers, or the cluster, were lost while they worked on blocks.
+
+    Raises
+    ------
+    MemoryError
+        If one block ended worker after worker.
+    ConnectionError
+        If the cluster was lost.
+    """
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        yield
+    except KilledWorker as error:
+        raise MemoryError(
+            "a block's workers ended again and again, most likely as their memory was used up: "
+            "give them more, or fewer threads each"
+        ) from error
+    except CancelledError as error:
+        raise ConnectionError(
+            "the Dask cluster was lost, and nothing is written: start it and the command again"
+        ) from error
+
+
+@contextmanager
 def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
     named = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     log = logging.getLogger("distributed")

@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from napari_unpack.atomic import check_space, folder_written_atomically
-from napari_unpack.batches.cluster import SHARE_OF_MEMORY, check_versions, cluster_client
+from napari_unpack.batches.cluster import (
+    SHARE_OF_MEMORY,
+    check_versions,
+    cluster_client,
+    losses_told,
+)
 from napari_unpack.io.ome_zarr import labels_zarr, stored_volume
 from napari_unpack.memory import free_memory
 from napari_unpack.read_errors import read_errors_told
@@ -67,7 +72,9 @@ def segment_zarr(
     ValueError
         If the source is no such image, the output is there and no Zarr, or nothing is found.
     OSError
-        If no scheduler answers, or the disk has too little space.
+        If no scheduler answers, the cluster is lost, or the disk has too little space.
+    MemoryError
+        If workers end again and again, as their memory is used up.
     """
     from napari_unpack.segmentation import segment
     from napari_unpack.segmentation.working_grid import WORKING_VOXELS
@@ -84,6 +91,7 @@ def segment_zarr(
             fit = int(free_memory() * SHARE_OF_MEMORY) // WORKER_BYTES
             count = workers or max(1, min(thread_count(), fit))
             client = stack.enter_context(cluster_client([], None, scheduler, count))
+            stack.enter_context(losses_told())
             check_versions(client)
         place = stack.enter_context(folder_written_atomically(output, _is_zarr))
         labels = stack.enter_context(labels_zarr(place, array.shape, "int32", spacing))

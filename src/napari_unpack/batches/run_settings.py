@@ -122,7 +122,9 @@ def check_folder(output: Path, settings: Settings) -> None:
     before, told = settings_of(output), settings.record()
     other = sorted(k for k in before | told if before.get(k) != told.get(k))
     if other:
-        changes = ", ".join(f"{k} {before.get(k)} there and {told.get(k)} now" for k in other)
+        changes = ", ".join(
+            f"{k} {_said(before.get(k))} there and {_said(told.get(k))} now" for k in other
+        )
         raise ValueError(f"{output} holds a run with other settings ({changes}): {remedy}")
 
 
@@ -164,3 +166,7 @@ def settings_of(output: Path) -> dict[str, Any]:
     if not known:
         raise ValueError(f"{file} was written by a newer napari-unpack: update it")
     return settings
+
+
+def _said(value: Any) -> str:
+    return "not given" if value is None else str(value)
