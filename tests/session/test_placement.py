@@ -23,6 +23,12 @@ def rods(count: int = 5) -> np.ndarray:
     return labels
 
 
+def landed(session: Session) -> None:
+    """Let all that is in the air arrive."""
+    for object_id in session.ids:
+        session.land(object_id)
+
+
 @pytest.fixture
 def unpacked() -> Session:
     session = session_of(rods())
@@ -73,6 +79,25 @@ def test_a_lopsided_sprite_stays_within_its_slot() -> None:
         turn = rotation_about(rng.normal(size=3), rng.uniform(0.3, 3.0))
         session.turn(1, turn @ session.poses[1].rotation)
     assert max(reaches) > 0.9 * half
+
+
+def test_the_next_to_leave_keeps_clear_of_what_was_moved_to_an_empty_slot() -> None:
+    session = session_of(rods())
+    session.canvas_size = SHAPES[0]
+    session.unpack(4)
+    moved, *_, latest = session.state.placements
+    emptied = session.slots.centers[session.state.placements[latest].slot]
+    session.restore(1)
+    landed(session)
+    session.place(moved, replace(session.poses[moved], center=emptied + session.slots.cell_mm / 4))
+    session.unpack(1)
+    landed(session)
+    low, high = rectangle(session, latest)
+    moved_low, moved_high = rectangle(session, moved)
+    assert ((high <= moved_low) | (moved_high <= low)).any()
+    # Where no other is left, the slot beneath it is taken.
+    session.unpack(1)
+    assert {placement.slot for placement in session.state.placements.values()} == set(range(5))
 
 
 def test_a_turn_keeps_the_size_where_there_is_room_and_is_given_back(unpacked: Session) -> None:

@@ -75,7 +75,13 @@ Hold = Callable[[int, int, Group, Vector], Placement]
 """Given an object, its slot, its group and D, chooses how the object is held."""
 
 
-def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> SessionState:
+def remove(
+    state: SessionState,
+    plan: RemovalPlan,
+    hold: Hold,
+    slots: int,
+    covered: Collection[int] = frozenset(),
+) -> SessionState:
     """Take objects out of the bag.
 
     Parameters
@@ -87,12 +93,19 @@ def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> Se
         Given an object, its slot, its group and D, returns its placement.
     slots : int
         How many slots there are; objects take the first that are empty.
+    covered : collection of int, optional
+        Slots that lie beneath what a person has moved; they are taken last.
     """
     placements = dict(state.placements)
     # First empty slots, those before counted: going again ends in the same places.
     for removal in plan.removals:
         taken = {placement.slot for placement in placements.values()}
-        empty = (k for k in range(slots) if k not in taken)
+        empty = (
+            k
+            for beneath in (False, True)
+            for k in range(slots)
+            if k not in taken and (k in covered) == beneath
+        )
         for object_id, slot in zip(removal.group, empty, strict=False):
             placements[object_id] = hold(object_id, slot, removal.group, removal.direction)
     # Removals taken back before would not follow on these.

@@ -215,7 +215,10 @@ class Document:
             event = "query run" if asked else "queue reuse"
             self.log.append(LogEntry(event, removal.group, removal.packed, removal.ratio, seconds))
         hold = partial(self.bag.placement, self.view_state.camera)
-        return commands.remove(state, plan, hold, self.label_data.most_objects)
+        slots, stretch = self.queries.slots(), self.view_state.camera.stretch
+        over = (placement.beneath(slots, stretch) for placement in state.placements.values())
+        covered: frozenset[int] = frozenset().union(*over)
+        return commands.remove(state, plan, hold, self.label_data.most_objects, covered)
 
     def removed_next(self, count: int, state: SessionState) -> SessionState:
         """Return a state after the next to leave have left.

@@ -91,6 +91,19 @@ class Placement:
         # The first axis is towards the viewer, and a window has no depth.
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
+    def beneath(self, slots: Slots, stretch: Matrix) -> frozenset[int]:
+        """Return the slots that it lies over where a person put it; its own is not told.
+
+        Parameters
+        ----------
+        slots, stretch
+            See `pose`.
+        """
+        if self.placed is None:
+            return frozenset()
+        pose = self.pose(slots, stretch)
+        return slots.beneath(pose.center, pose.scale * max(self.turned_mm or self.image_mm))
+
     def turned(self, rotation: Matrix, image_mm: tuple[float, float]) -> Placement:
         """Return it held another way; it stays in its place and fits there.
 

@@ -78,6 +78,19 @@ class Slots:
         longer = max(width_mm, height_mm)
         return float(np.clip(longer, self.least_mm, self.cell_mm) / longer)
 
+    def beneath(self, center: NDArray[np.float64], side_mm: float) -> frozenset[int]:
+        """Return the slots that a sprite at some other place lies over.
+
+        Parameters
+        ----------
+        center : (3,) ndarray of float64
+            Of the sprite, pivot space mm.
+        side_mm : float
+            Of the square that it is seen in.
+        """
+        away = np.abs(self.centers[:, 1:] - center[1:]).max(axis=1)
+        return frozenset(np.flatnonzero(away < (self.cell_mm + side_mm) / 2).tolist())
+
 
 def room_for(taken: int, most: int) -> int:
     """Return for how many sprites to plan: 4, 8, 16, ..., or for all where that is not many more.
