@@ -236,6 +236,9 @@ def test_what_a_header_does_not_say_of_voxels_is_told(tmp_path: Path) -> None:
     path = tmp_path / "a.nrrd"
     save_nrrd(path)
     assert load_volume(path).assumed == (NO_VOXEL_SIZE,)
+    save_nrrd(path, "spacings: 0.75 nan 2.5")
+    assert load_volume(path).spacing == (2.5, 1.0, 0.75)
+    assert load_volume(path).assumed == ("its voxel size holds nan: 1 mm was assumed there",)
     save_nrrd(
         path,
         "space: left-posterior-superior",

@@ -11,6 +11,8 @@ from napari_unpack.io.itk_header import LONGEST_HEADER
 
 # MetaIO knows more names for it than its documents; without any of them it takes 1.
 _META_SIZE = re.compile(rb"Element(Spacing|Size)\s*[=:]", re.I)
+# As NRRD writes them.
+_NO_NUMBERS = ("nan", "inf", "infinity")
 _QUOTED = re.compile(r'"([^"]*)"')
 
 
@@ -63,14 +65,26 @@ def fields_of(path: Path) -> HeaderFields:
     if not {"spacings", "spacedirections"} & set(fields):
         assumed.append(NO_VOXEL_SIZE)
     kinds = fields.get("kinds", "").lower().split()
+    # ITK takes 1 for what is no number.
+    sides = _of_space(fields.get("spacings", "").split(), kinds)
+    wrong = [side for side in sides if side.lower().lstrip("+-") in _NO_NUMBERS]
+    if wrong:
+        assumed.append(f"its voxel size holds {', '.join(wrong)}: 1 mm was assumed there")
     units = _QUOTED.findall(fields.get("spaceunits", fields.get("units", "")))
-    if "spaceunits" not in fields and len(units) == len(kinds):
-        units = [unit for unit, kind in zip(units, kinds, strict=True) if kind != "time"]
+    if "spaceunits" not in fields:
+        units = _of_space(units, kinds)
     named = {unit for unit in units if unit not in ("", "???", "none")}
     if len(named) > 1:
         raise ValueError(f"{path} must have one unit of length, got {', '.join(sorted(named))}")
     scale = in_millimetres(named.pop() if named else None, "mm", assumed)
     return HeaderFields(scale, _axes(kinds), tuple(assumed))
+
+
+def _of_space(values: list[str], kinds: list[str]) -> list[str]:
+    """Return the values of a field, one for each axis, without that of time."""
+    if len(values) != len(kinds):
+        return values
+    return [value for value, kind in zip(values, kinds, strict=True) if kind != "time"]
 
 
 def _axes(kinds: list[str]) -> str | None:
