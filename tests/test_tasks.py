@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from threading import Event, get_ident
+from threading import Barrier, Event, get_ident
+from time import sleep
 
 import pytest
 
@@ -36,6 +37,45 @@ def test_slabs_hold_every_slice_once_and_few_voxels(monkeypatch: pytest.MonkeyPa
     # A slice is never cut, and nothing has no slabs.
     assert list(share.slabs((2, 50, 50))) == [(0, 1), (1, 2)]
     assert list(share.slabs((0, 5, 5))) == []
+
+
+@pytest.mark.parametrize("threads", ["1", "2", "8"])
+def test_work_on_slabs_is_done_once_each_in_order_and_ends_when_cancelled(
+    threads: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks, "VOXELS_PER_CHECK", 100)
+    monkeypatch.setenv("NAPARI_UNPACK_THREADS", threads)
+    told: list[float] = []
+    share = Share(lambda fraction, _: told.append(fraction))
+    assert share.over_slabs((7, 5, 10), lambda slab: slab) == [(0, 2), (2, 4), (4, 6), (6, 7)]
+    assert told == [0.0, 0.25, 0.5, 0.75]
+    assert share.over_slabs((0, 5, 5), lambda slab: slab) == []
+
+    done: list[int] = []
+
+    def work(slab: tuple[int, int]) -> None:
+        sleep(0.05)
+        done.append(slab[0])
+
+    def stop(fraction: float, _: str) -> None:
+        if fraction > 0.05:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        Share(stop).over_slabs((100, 100, 1), work)
+    # Those that were begun have ended, and no more begin.
+    few = len(done)
+    assert 6 <= few < 100
+    sleep(0.2)
+    assert len(done) == few
+
+
+def test_several_threads_work_on_slabs_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "VOXELS_PER_CHECK", 1)
+    monkeypatch.setenv("NAPARI_UNPACK_THREADS", "3")
+    # Each waits for two others: one after another they would wait for ever.
+    together = Barrier(3, timeout=20)
+    assert len(Share().over_slabs((3, 1, 1), lambda slab: together.wait())) == 3
 
 
 def test_waiting_for_another_thread_moves_on_and_can_be_cancelled() -> None:

@@ -11,7 +11,12 @@ from queue import Empty, Queue
 from threading import Event
 from typing import Generic, TypeVar
 
+from napari_unpack.thread_count import thread_count
+
 T = TypeVar("T")
+
+Slab = tuple[int, int]
+"""First slice of a slab of a volume, and the one after its last."""
 
 Progress = Callable[[float, str], None]
 """Called with the share done, 0 to 1, and what is done now; raises `Cancelled` to stop the work."""
@@ -95,11 +100,37 @@ class Share:
             self(n / len(items))
             yield item
 
-    def slabs(self, shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    def slabs(self, shape: tuple[int, ...]) -> Iterator[Slab]:
         """Yield the first slice of each of some slabs of a volume, and the one after its last."""
-        slices = max(1, VOXELS_PER_CHECK // max(1, prod(shape[1:])))
-        for first in self.over(range(0, shape[0], slices)):
-            yield first, min(first + slices, shape[0])
+        yield from self.over(_slabs(shape))
+
+    def over_slabs(self, shape: tuple[int, ...], work: Callable[[Slab], T]) -> list[T]:
+        """Do some work on every slab of a volume, on several threads; return what each gives.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Of the volume.
+        work : callable
+            Given a slab, see `slabs`. Whatever the order it must give the same: it writes to its
+            slab alone. It runs at once only where it leaves Python to others, as `nogil` does.
+        """
+        slabs = _slabs(shape)
+        threads = min(thread_count(), len(slabs))
+        if threads < 2:
+            return [work(slab) for slab in self.over(slabs)]
+        with ThreadPoolExecutor(threads, "unpack-slabs") as pool:
+            begun = [pool.submit(work, slab) for slab in slabs]
+            try:
+                return [future.result() for future in self.over(begun)]
+            finally:
+                # Cancelled, it waits for the slabs that were begun.
+                pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _slabs(shape: tuple[int, ...]) -> list[Slab]:
+    slices = max(1, VOXELS_PER_CHECK // max(1, prod(shape[1:])))
+    return [(first, min(first + slices, shape[0])) for first in range(0, shape[0], slices)]
 
 
 SILENT = Share()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,18 +42,25 @@ class Mixture:
 
     def log_density(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log of the mixture's density at (N, C) points."""
-        terms = []
-        for weight, mean, covariance in zip(
-            self.weights, self.means, self.covariances, strict=True
-        ):
-            # By its root: no inverse, and the determinant is the product of the diagonal.
-            root, size = np.linalg.cholesky(covariance), len(mean)
-            distance = np.square(np.linalg.solve(root, (points - mean).T)).sum(axis=0)
-            peak = gammaln((DEGREES_OF_FREEDOM + size) / 2) - gammaln(DEGREES_OF_FREEDOM / 2)
-            peak -= size / 2 * np.log(DEGREES_OF_FREEDOM * np.pi) + np.log(np.diag(root)).sum()
-            tail = (DEGREES_OF_FREEDOM + size) / 2 * np.log1p(distance / DEGREES_OF_FREEDOM)
-            terms.append(np.log(weight) + peak - tail)
-        return np.asarray(logsumexp(terms, axis=0))
+        size = self.means.shape[1]
+        apart = np.swapaxes(points - self.means[:, None], 1, 2)
+        distances = np.square(np.linalg.solve(self._roots, apart)).sum(axis=1)
+        tails = (DEGREES_OF_FREEDOM + size) / 2 * np.log1p(distances / DEGREES_OF_FREEDOM)
+        return np.asarray(logsumexp(self._peaks[:, None] - tails, axis=0))
+
+    @cached_property
+    def _roots(self) -> NDArray[np.float64]:
+        # No inverse is needed, and the determinant is the product of a root's diagonal.
+        return np.asarray(np.linalg.cholesky(self.covariances))
+
+    @cached_property
+    def _peaks(self) -> NDArray[np.float64]:
+        """Log density of each component at its mean, and of its weight."""
+        size = self.means.shape[1]
+        peak = gammaln((DEGREES_OF_FREEDOM + size) / 2) - gammaln(DEGREES_OF_FREEDOM / 2)
+        peak -= size / 2 * np.log(DEGREES_OF_FREEDOM * np.pi)
+        diagonals = np.diagonal(self._roots, axis1=1, axis2=2)
+        return np.asarray(np.log(self.weights) + peak - np.log(diagonals).sum(axis=1))
 
 
 def pooled(mixtures: Sequence[Mixture], counts: Sequence[int]) -> Mixture:

@@ -25,7 +25,7 @@ class LinkageThreshold:
     usual : float
         Where the smaller has 1000 cells.
     slope : float
-        More of it for every ten times as many.
+        More of it for every ten times as many; not negative.
     lowest, highest : float
         Bounds.
     """
@@ -69,6 +69,8 @@ def mean_affinity_linkage(
     """
     count = len(sizes)
     cells = sizes.astype(np.float64).tolist()
+    # Of each alone; that of a pair is its smaller's.
+    bars = [threshold.at(size) for size in cells]
     owner = np.arange(count)
     near: list[dict[int, list[float]]] = [{} for _ in range(count)]
     heap: list[tuple[float, int, int, float, float]] = []
@@ -78,7 +80,7 @@ def mean_affinity_linkage(
         # Long reaches alone see through what lies between: only what touches is merged.
         if not faces:
             return
-        excess = total / number - threshold.at(min(cells[a], cells[b]))
+        excess = total / number - min(bars[a], bars[b])
         if excess >= 0:
             heapq.heappush(heap, (-excess, min(a, b), max(a, b), number, cells[a] + cells[b]))
 
@@ -105,6 +107,7 @@ def mean_affinity_linkage(
         if log is not None:
             log.joined.append((a, b, chance_of(-lacking)))
         cells[a] += cells[b]
+        bars[a] = threshold.at(cells[a])
         _inherit(near, a, b)
         for c in near[a]:
             consider(a, c)

@@ -9,7 +9,7 @@ simulated bags weighs them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -341,12 +341,8 @@ def draw_borders(
         # Each round looks at less than half of what the one before looked at.
         round_share = share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
         inside, moved = find_inside(labels), labels.copy()
-        changed = np.concatenate(
-            [
-                _move(slab, moved, labels, inside, due, *given)
-                for slab in round_share.slabs(labels.shape)
-            ]
-        )
+        move = partial(_move, moved, labels, inside, due, *given)
+        changed = np.concatenate(round_share.over_slabs(labels.shape, move))
         if not len(changed):
             break
         labels = moved
@@ -378,8 +374,8 @@ def _histograms(labels, values, inside, knee, count):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def _move(  # type: ignore[no-untyped-def]
-    slab, result, labels, inside, due, values, knee, following, noise, means, sizes, logs,
-    center, scale, w0, w1, w2, o0, o1, o2,
+    result, labels, inside, due, values, knee, following, noise, means, sizes, logs,
+    center, scale, w0, w1, w2, o0, o1, o2, slab,
 ):  # fmt: skip
     """Write to a slab of a copy of the labels where their borders move; return where that is."""
     changed = [np.int64(0) for _ in range(0)]

@@ -6,6 +6,8 @@ affinities alone (`assign_labels`), then also by densities on both sides (`sharp
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -83,8 +85,8 @@ def assign_labels(
     labels = _expand(cells, foreground)
     for n in range(rounds):
         before, labels = labels, labels.copy()
-        for slab in share.part(n / rounds, (n + 1) / rounds).slabs(labels.shape):
-            _vote(before, following, slab, labels)
+        vote = partial(_vote, before, following, labels)
+        share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote)
     return labels
 
 
@@ -100,7 +102,7 @@ def _expand(cells, foreground):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _vote(labels, following, slab, result):  # type: ignore[no-untyped-def]
+def _vote(labels, following, result, slab):  # type: ignore[no-untyped-def]
     """Give every voxel to the label with the highest affinity across its faces."""
     size = labels.shape
     names = np.zeros(MOST_LABELS, np.int32)
@@ -167,8 +169,8 @@ def sharpen_borders(
     for n, even in enumerate(turns):
         round_share = share.part(n / len(turns), (n + 1) / len(turns))
         inside, before, labels = find_inside(labels), labels, labels.copy()
-        for slab in round_share.slabs(labels.shape):
-            _move(before, values, inside, following, noise, blurred, even, slab, labels)
+        move = partial(_move, before, values, inside, following, noise, blurred, even, labels)
+        round_share.over_slabs(labels.shape, move)
     return labels
 
 
@@ -200,7 +202,7 @@ def find_inside(labels):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _move(  # type: ignore[no-untyped-def]
-    labels, values, inside, following, noise, blurred, even, slab, result
+    labels, values, inside, following, noise, blurred, even, result, slab
 ):
     """Write to a slab of a copy of the labels where their borders move."""
     size = labels.shape
