@@ -194,8 +194,9 @@ def _trees(paths: list[Path]) -> dict[str, ast.Module]:
 
 def test_modules_and_lines_stay_few() -> None:
     lines = sum(len(path.read_text("utf-8").splitlines()) for path in SOURCES)
-    assert len(SOURCES) <= MODULES
-    assert lines <= LINES
+    raised = f"a feature raises its limit in its own commit, here to {len(SOURCES)} and {lines}"
+    assert len(SOURCES) <= MODULES, raised
+    assert lines <= LINES, raised
 
 
 def test_a_session_inherits_from_nothing() -> None:

@@ -267,14 +267,23 @@ def _failure_told(target: Path) -> Iterator[None]:
         # Of something that is read meanwhile, which its own message names.
         raise
     except OSError as error:
-        # Libraries write pages.
-        reason = " ".join(str(error.strerror or error).split())
-        told = OSError(
+        # Libraries write pages. Of a file in a folder that vanishes, the reason is the folder's.
+        known = error.reason if isinstance(error, _NotWrittenError) else None
+        reason = known or " ".join(str(error.strerror or error).split())
+        raise _NotWrittenError(target, reason, error.errno) from error
+
+
+class _NotWrittenError(OSError):
+    def __init__(self, target: Path, reason: str, number: int | None) -> None:
+        super().__init__(
             f"{target} could not be written: {reason}; what was there before is unchanged"
         )
-        # Set apart: given to the constructor, the number would stand before the sentence.
-        told.errno = error.errno
-        raise told from error
+        # Set apart: given to the constructor above, the number would stand before the sentence.
+        self.errno, self.reason = number, reason
+
+    def __reduce__(self) -> tuple[type[OSError], tuple[str]]:
+        """Go to another process as what it says."""
+        return OSError, (str(self),)
 
 
 def _followed(path: str | Path) -> Path:

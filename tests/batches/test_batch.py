@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 from threading import Thread
@@ -192,6 +196,25 @@ def test_another_runs_folder_is_left_alone_without_force(
         nu.batch(bags / "a.npz", tmp_path / "else", client)
     with pytest.raises(ValueError, match="is a file"):
         nu.batch(bags / "a.npz", tmp_path / "else" / "letter.txt", client)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of a terminal")
+def test_ctrl_c_ends_a_run_in_a_sentence(bags: Path, tmp_path: Path) -> None:
+    begin = [sys.executable, "-c", "from napari_unpack.cli import main; main()"]
+    words = [*begin, "batch", str(bags), "--output", "out"]
+    more = ["--workers", "1", "--no-pictures"]
+    # As a terminal does it: a group of processes that gets the signal as a whole.
+    run = subprocess.Popen(
+        [*words, *more], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert run.stderr is not None
+    said = iter(run.stderr.readline, "")
+    assert any(line.startswith("1 of 4 scans") for line in said)
+    os.killpg(run.pid, signal.SIGINT)
+    rest = run.communicate(timeout=60)[1]
+    assert run.returncode not in (0, 3, 4)
+    assert "stopped: what is done is kept" in rest
+    assert "Traceback" not in rest
 
 
 def test_a_full_disk_is_told_before_and_while_it_fills(

@@ -1,5 +1,7 @@
 """Every writer leaves the old file or the new one, whatever happens: see `saves_at_risk.py`."""
 
+import copy
+import errno
 import json
 import os
 import re
@@ -275,3 +277,18 @@ def test_a_folder_survives_a_kill_between_its_two_renames(tmp_path: Path, monkey
     save_folder(path, "new")
     assert (path / "a.txt").read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_told_once_of_a_file_in_a_folder(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OSError, match=r"scan could not be written: No space left") as told,
+        folder_written_atomically(tmp_path / "scan", lambda _: True) as folder,
+        written_atomically(folder / "page.html"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    sentence = f"{tmp_path / 'scan'} could not be written: No space left on device"
+    assert str(told.value) == f"{sentence}; what was there before is unchanged"
+    assert told.value.errno == errno.ENOSPC
+    # As it comes from another process.
+    assert str(copy.copy(told.value)) == str(told.value)
+    assert not list(tmp_path.iterdir())

@@ -25,6 +25,9 @@ LOOKED_AT = 100
 SHARE_OF_MEMORY = 0.9
 """Of what is free: the rest is for the scheduler, and for what else runs."""
 
+DEAF_TO_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""Of this machine's workers, which a terminal's Ctrl+C reaches as well: the command ends them."""
+
 
 @contextmanager
 def cluster_client(
@@ -126,6 +129,7 @@ def _local(
         threads_per_worker=1,
         memory_limit=free // count,
         env={SETTING: str(each)},
+        preload=[DEAF_TO_INTERRUPTS],
         silence_logs=logging.ERROR,
         # Any free port: another run of today may have the usual one.
         dashboard_address=":0",
