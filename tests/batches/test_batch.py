@@ -106,6 +106,10 @@ def test_started_again_it_makes_only_what_is_new_whatever_it_is_called(
     assert {name: after[name] for name in before} == before
     # Scans of earlier calls stay in the table, each once.
     assert Counter(again.objects["scan"]) == {"a": 3, "b": 3, "c": 3, "d": 3, "renamed": 3}
+    # A file that was moved is no second scan.
+    (tmp_path / "d.npz").rename(tmp_path / "moved.npz")
+    again = nu.batch(tmp_path, output, client)
+    assert Counter(again.objects["scan"]) == {"a": 3, "b": 3, "c": 3, "moved": 3, "renamed": 3}
 
 
 def test_a_killed_workers_scan_is_done_elsewhere_and_nothing_twice(

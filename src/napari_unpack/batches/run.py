@@ -158,12 +158,15 @@ def batch(
     results = tuple(done[scan.name] for scan in scans)
     if force:
         _remove_replaced(folder, results)
-    # Scans of earlier calls with these settings stay in the report.
+    # Scans of earlier calls with these settings stay in the report, but for those whose file has
+    # another name now.
+    named = {one.folder for one in results}
     others = [
         one
         for one in results_in(folder)
         if one.settings == identity_of_settings(settings)
         and one.source not in {scan.source for scan in results}
+        and (one.folder not in named or Path(one.source).exists())
     ]
     return BatchReport(folder, results, _write_report(folder, [*results, *others]))
 
