@@ -198,6 +198,9 @@ def test_units_are_known_or_told(tmp_path: Path) -> None:
     found = load_volume(tmp_path / "a.zarr")
     assert found.spacing == pytest.approx((3.0, 50.8, 1.0))
     assert found.assumed == ("its unit of length 'parsec' is not known: mm was assumed",)
+    save_zarr(tmp_path / "d.zarr", VOLUME, "zyx", z="micrometers", y="micrometer", x="micrometers")
+    found = load_volume(tmp_path / "d.zarr")
+    assert (found.spacing, found.assumed) == (pytest.approx((3e-3, 2e-3, 1e-3)), ())
     save_zarr(tmp_path / "c.zarr", VOLUME, "zyx", x=None)
     assert load_volume(tmp_path / "c.zarr").assumed == (NO_UNIT,)
 
@@ -333,6 +336,16 @@ def test_a_nifti_file_that_ends_early_is_refused(tmp_path: Path, suffix: str) ->
         path.write_bytes(cut)
         with pytest.raises(ValueError, match=r"is not whole: its header asks for [\d,]+ bytes"):
             load_volume(path)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_nifti_2_is_refused_by_its_name(tmp_path: Path, suffix: str, order: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    head = struct.pack(f"{order}i8s", 540, b"n+2\0\r\n\x1a\n").ljust(544, b"\0")
+    path.write_bytes(gzip.compress(head) if suffix.endswith(".gz") else head)
+    with pytest.raises(ValueError, match=r"is NIfTI-2, which is not read: save it as NIfTI-1"):
+        load_volume(path)
 
 
 @pytest.mark.parametrize("size", [0.0, np.nan])

@@ -22,7 +22,7 @@ NO_UNIT = "it names no unit of length: mm was assumed"
 _AXIS_NAMES = {"c": "channel", "t": "time point"}
 
 # Lengths in mm, by the names that OME (udunits), OME-XML and ImageJ give them.
-MILLIMETRES = {
+_ONE = {
     **dict.fromkeys(("angstrom", "ångström", "Å", "A"), 1e-7),
     **dict.fromkeys(("nanometer", "nm"), 1e-6),
     # ImageJ writes the micro sign escaped; there are two signs that look alike.
@@ -34,6 +34,9 @@ MILLIMETRES = {
     **dict.fromkeys(("inch", "in"), 25.4),
     **dict.fromkeys(("foot", "ft"), 304.8),
 }
+
+# Some writers name several: "micrometers".
+MILLIMETRES = _ONE | {f"{name}s": mm for name, mm in _ONE.items() if name.endswith("er")}
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
-from napari_unpack.io.nifti import check_nifti
+from napari_unpack.io.nifti import check_nifti, refuse_nifti_2
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 
@@ -56,6 +56,8 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     except UnicodeEncodeError:
         # ITK would end the process.
         raise ValueError(f"{path} has a name that is not UTF-8: rename it") from None
+    if kind == "NiftiImageIO":
+        refuse_nifti_2(path)
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     # By name: of all that ITK knows, some formats follow links to other files.

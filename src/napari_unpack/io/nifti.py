@@ -13,11 +13,41 @@ from napari_unpack.io.file_data import NO_UNIT
 # The length of NIfTI-1's header, as its first four bytes say it in either order.
 _HEADER = 348
 
+# The length of NIfTI-2's.
+_HEADER_2 = 540
+
 # Where it says what its sizes are in; 1, 2 and 3 are metres, mm and micrometres.
 _UNITS = 123
 _LAST_UNIT = 3
 
 _CHUNK = 1 << 22
+
+
+def refuse_nifti_2(path: Path) -> None:
+    """Refuse a file of the format's second version, of which ITK says only that it is none.
+
+    Raises
+    ------
+    ValueError
+        If it is one, or cannot be read.
+    """
+    begins = _head(path)[:4]
+    if begins in (_HEADER_2.to_bytes(4, "little"), _HEADER_2.to_bytes(4, "big")):
+        raise ValueError(
+            f"{path} is NIfTI-2, which is not read: save it as NIfTI-1 (.nii, .nii.gz) or NRRD"
+        )
+
+
+def _packed(path: Path) -> bool:
+    return path.name.lower().endswith(".gz")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with gzip.open(path) if _packed(path) else path.open("rb") as stream:
+            return stream.read(_HEADER)
+    except (OSError, EOFError, zlib.error) as error:
+        raise ValueError(f"{path} is not a readable NIfTI file: {error}") from error
 
 
 def check_nifti(path: Path) -> tuple[str, ...]:
@@ -31,12 +61,7 @@ def check_nifti(path: Path) -> tuple[str, ...]:
     ValueError
         If it is shorter, or does not say where its voxels begin.
     """
-    packed = path.name.lower().endswith(".gz")
-    try:
-        with gzip.open(path) if packed else path.open("rb") as stream:
-            head = stream.read(_HEADER)
-    except (OSError, EOFError, zlib.error) as error:
-        raise ValueError(f"{path} is not a readable NIfTI file: {error}") from error
+    packed, head = _packed(path), _head(path)
     orders = {_HEADER.to_bytes(4, "little"): "<", _HEADER.to_bytes(4, "big"): ">"}
     order = orders.get(head[:4])
     # ITK says what else it is.
