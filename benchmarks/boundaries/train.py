@@ -1,20 +1,8 @@
 """Train the network of boundaries.
 
-1. `python -m benchmarks.boundaries.volumes DATA 100 234`
-2. `python -m benchmarks.boundaries.volumes DATA 0 260 --solids`, the same with `--coated`, and
-   `python -m benchmarks.boundaries.volumes DATA 1000 1260 --clad`
-3. `python -m benchmarks.boundaries.train DATA CHECKPOINT --steps 3000 --decay 800`
-4. `python -m benchmarks.boundaries.export CHECKPOINT
-   src/napari_unpack/segmentation/weights/boundary_network.onnx`
-
-The shipped network was trained without the coated and clad solids, in stages that each `--start`
-from the one before. With a quarter of solids among the patches: `--seed 0` 500 steps;
-`--ranks 2 --seed 1` 300; `--ranks 2 --seed 2` 1650; `--ranks 2 --seed 3 --steps 1100 --decay 1100`.
-With two fifths, as the code is now: `--ranks 2 --seed 7 --steps 1450 --decay 1000 --rate 1.2e-3`;
-1700 steps of `--seed 21 --rate 1.5e-3`; `--seed 31 --steps 750 --decay 650 --rate 1.2e-3`.
-It needs the dependency group `train`. One state of the code, one machine and one number of
-threads give the same weights; elsewhere sums are taken in another order, and how far the scores
-of benchmarks/segmentation then differ has not been measured.
+`python -m benchmarks.boundaries` runs it for every stage of the shipped network; by hand, of other
+volumes (`benchmarks.boundaries.volumes`), `python -m benchmarks.boundaries.train DATA CHECKPOINT`.
+It needs the dependency group `train`.
 """
 
 from __future__ import annotations

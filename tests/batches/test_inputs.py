@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import zarr
 
 import napari_unpack as nu
 from napari_unpack.batches.inputs import find_inputs
+from napari_unpack.batches.large_files import segment_zarr
 
 
 @pytest.fixture
@@ -91,3 +93,6 @@ def test_a_missing_package_is_named_with_what_to_install(
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ImportError, match=r"pip install distributed \(or 'napari-unpack\[batch\]'"):
         nu.batch(tmp_path, tmp_path / "out")
+    zarr.save_array(tmp_path / "a.zarr", np.zeros((4, 4, 4), np.uint16))
+    with pytest.raises(ImportError, match=r"pip install distributed \(or 'napari-unpack\[batch\]'"):
+        segment_zarr(tmp_path / "a.zarr", tmp_path / "out.zarr", workers=2)

@@ -231,7 +231,7 @@ def test_where_texts_are_longer_by_forty_percent_nothing_is_cut_off(
     qtbot.waitUntil(lambda: panel_faults(unfolded) == [], timeout=10000)
     assert stretch(unfolded) > 120
     qtbot.wait(200)
-    assert panel_faults(unfolded) == []
+    qtbot.waitUntil(lambda: panel_faults(unfolded) == [], timeout=10000)
     assert unfolded.width() == width
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.memory_needs import need_of
 from napari_unpack.batches.run_settings import RUN, installed_version
+from napari_unpack.io.optional import needed
 from napari_unpack.memory import free_memory
 from napari_unpack.thread_count import SETTING, thread_count
 
@@ -57,8 +58,7 @@ def cluster_client(
     OSError
         If no scheduler answers.
     """
-    import distributed
-
+    distributed = needed("distributed", "distributed", "work on several processes", "batch")
     if client is not None:
         yield client
     elif scheduler is not None:

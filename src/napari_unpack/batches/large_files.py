@@ -69,6 +69,8 @@ def segment_zarr(
 
     Raises
     ------
+    ImportError
+        If dask.distributed is missing, where a cluster is asked for.
     ValueError
         If the source is no such image, the output is there and no Zarr, or nothing is found.
     OSError
