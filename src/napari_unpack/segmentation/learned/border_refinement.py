@@ -161,10 +161,11 @@ def sharpen_borders(
     # 26 neighbours vote as well, but not before: they would hold back a flat border that has still
     # to move. About 343 reads a voxel of border and round.
     values = np.nan_to_num(density.astype(np.float32), nan=air) - np.float32(air)
-    flat = labels.reshape(-1)
     share()
+    matter = labels > 0
+    flat = labels[matter]
     counts = np.bincount(flat)
-    blurred = np.bincount(flat, values.reshape(-1), len(counts)) > dense * counts
+    blurred = np.bincount(flat, values[matter], len(counts)) > dense * counts
     turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
     for n, even in enumerate(turns):
         round_share = share.part(n / len(turns), (n + 1) / len(turns))

@@ -354,7 +354,8 @@ def _with_missed(
     deepest, depth = np.zeros(int(rest.max()) + 1), label_depths(rest)
     share(0.4)
     for a, b in share.part(0.4, 0.6).slabs(rest.shape):
-        np.maximum.at(deepest, rest[a:b].reshape(-1), depth[a:b].reshape(-1))
+        inside = rest[a:b] > 0
+        np.maximum.at(deepest, rest[a:b][inside], depth[a:b][inside])
     thick = deepest >= (LEAST_DEPTH_OF_MISSED if shell else 1)
     thick[0] = False
     top = int(parts.max())
@@ -383,9 +384,10 @@ def _above_mean(
     parts: NDArray[np.int32], values: NDArray[np.uint8], least: float, share: Share
 ) -> NDArray[np.int32]:
     """Drop parts whose mean value is below a limit."""
-    flat = parts.reshape(-1)
-    counts = np.bincount(flat)
+    inside = parts > 0
+    flat = parts[inside]
+    counts = np.bincount(flat, minlength=1)
     share(0.5)
-    sums = np.bincount(flat, values.reshape(-1), len(counts))
+    sums = np.bincount(flat, values[inside], len(counts))
     names = np.where(sums >= least * counts, np.arange(len(counts)), 0).astype(np.int32)
     return names[parts]
