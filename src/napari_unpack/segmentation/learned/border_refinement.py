@@ -164,7 +164,8 @@ def sharpen_borders(
     share()
     matter = labels > 0
     flat = labels[matter]
-    counts = np.bincount(flat)
+    # Not 0, of the background among others: nothing times infinity is no number.
+    counts = np.maximum(np.bincount(flat), 1)
     blurred = np.bincount(flat, values[matter], len(counts)) > dense * counts
     turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
     for n, even in enumerate(turns):
