@@ -91,6 +91,14 @@ def test_a_worker_goes_on_while_results_wait_for_the_main_thread(scheduler, qtbo
     assert not scheduler.busy
 
 
+def test_results_come_in_the_order_in_which_tasks_were_finished(scheduler, qtbot) -> None:
+    results: list[int] = []
+    for k in range(2000):
+        scheduler.submit(constant(k, k), Worker.QUERY, results.append)
+    qtbot.waitUntil(lambda: len(results) == 2000, timeout=60_000)
+    assert results == list(range(2000))
+
+
 def test_errors_go_to_the_task_s_own_handler_or_become_a_sentence(manual) -> None:
     told, errors = [], []
     inner = manual.scope(told.append)

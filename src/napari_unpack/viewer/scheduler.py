@@ -297,8 +297,9 @@ class ThreadWorkers:
             pool = self._pools[job.worker]
             pool.running.remove(job)
             pool.finished.append(job)
+            # Before the next one starts, which may be quicker than the way from here to there.
+            self._post.finished.emit(job, result)
             self._start(pool)
-        self._post.finished.emit(job, result)
 
     def _deliver(self, job: Job, result: TaskResult[Any]) -> None:
         with self._lock:
