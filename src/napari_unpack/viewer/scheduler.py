@@ -197,8 +197,7 @@ class ThreadWorkers:
 
     Notes
     -----
-    A worker goes on with what waits while the main thread is busy drawing; results come in the
-    order in which tasks were finished.
+    A worker goes on while the main thread draws; results come in the order of finishing.
     """
 
     def __init__(self) -> None:
