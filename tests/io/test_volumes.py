@@ -205,11 +205,11 @@ def test_units_are_known_or_told(tmp_path: Path) -> None:
     assert load_volume(tmp_path / "c.zarr").assumed == (NO_UNIT,)
 
 
-def save_nrrd(path: Path, *fields: str) -> None:
-    sizes = " ".join(map(str, VOLUME.shape[::-1]))
-    head = ["NRRD0005", "type: uint16", "dimension: 3", f"sizes: {sizes}", "encoding: raw"]
-    lines = [*head, "endian: little", *fields, "", ""]
-    path.write_bytes("\n".join(lines).encode() + VOLUME.astype("<u2").tobytes())
+def save_nrrd(path: Path, *fields: str, array: np.ndarray = VOLUME) -> None:
+    sizes = " ".join(map(str, array.shape[::-1]))
+    head = ["NRRD0005", "type: uint16", f"dimension: {array.ndim}", f"sizes: {sizes}"]
+    lines = [*head, "encoding: raw", "endian: little", *fields, "", ""]
+    path.write_bytes("\n".join(lines).encode() + array.astype("<u2").tobytes())
 
 
 def test_units_of_nrrd_are_known_or_told(tmp_path: Path) -> None:
@@ -233,6 +233,23 @@ def test_a_time_axis_of_nrrd_is_never_taken_for_z(tmp_path: Path) -> None:
     save_nrrd(tmp_path / "a.nrrd", "kinds: domain domain time")
     with pytest.raises(ValueError, match=r"must hold a volume with axes z, y, x, got axes t"):
         load_volume(tmp_path / "a.nrrd")
+
+
+@pytest.mark.parametrize(
+    ("array", "kinds", "spacings"),
+    [
+        (VOLUME[None], "domain domain domain time", "0.75 0.5 2.5 1"),
+        (VOLUME[:1, ..., None], "time domain domain domain", "1 0.75 0.5 2.5"),
+    ],
+)
+def test_a_time_axis_of_nrrd_may_be_of_one_time_point(
+    tmp_path: Path, array: np.ndarray, kinds: str, spacings: str
+) -> None:
+    path = tmp_path / "a.nrrd"
+    save_nrrd(path, f"kinds: {kinds}", f"spacings: {spacings}", array=array)
+    found = load_volume(path)
+    np.testing.assert_array_equal(found.volume, VOLUME[: array.size // VOLUME[0].size])
+    assert found.spacing == pytest.approx(SPACING)
 
 
 def test_what_a_header_does_not_say_of_voxels_is_told(tmp_path: Path) -> None:

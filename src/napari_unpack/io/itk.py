@@ -80,8 +80,9 @@ def read_itk(path: Path, large: bool = False) -> FileData:
         raise ValueError(
             f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
         )
-    # A fourth axis of length 1 is a time series of one, which many tools write.
-    while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
+    # A fourth axis of length 1 is a time series of one, which many tools write. Where axes are
+    # named, the name says which to drop.
+    while fields.axes is None and image.GetDimension() > 3 and image.GetSize()[-1] == 1:
         image = image[..., 0]
     unit = fields.millimetres
     letters = fields.axes or "tzyx"
