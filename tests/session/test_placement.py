@@ -100,6 +100,22 @@ def test_the_next_to_leave_keeps_clear_of_what_was_moved_to_an_empty_slot() -> N
     assert {placement.slot for placement in session.state.placements.values()} == set(range(5))
 
 
+def test_those_for_whom_new_slots_are_planned_keep_clear_of_what_was_moved_there() -> None:
+    session, after = session_of(rods(24)), session_of(rods(24))
+    session.canvas_size = after.canvas_size = SHAPES[0]
+    session.unpack(4)
+    moved = next(iter(session.state.placements))
+    after.unpack(5)
+    assert len(session.slots.centers) == 4
+    assert len(after.slots.centers) == 8
+    session.place(moved, replace(session.poses[moved], center=after.slots.centers[4]))
+    session.unpack(1)
+    landed(session)
+    moved_low, moved_high = rectangle(session, moved)
+    for low, high in (rectangle(session, i) for i in session.poses if i != moved):
+        assert ((high <= moved_low) | (moved_high <= low)).any()
+
+
 def test_a_turn_keeps_the_size_where_there_is_room_and_is_given_back(unpacked: Session) -> None:
     before = unpacked.poses[5]
     end_on = rotation_about((0.0, 1.0, 0.0), np.pi / 2)

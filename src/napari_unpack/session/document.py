@@ -215,7 +215,9 @@ class Document:
             event = "query run" if asked else "queue reuse"
             self.log.append(LogEntry(event, removal.group, removal.packed, removal.ratio, seconds))
         hold = partial(self.bag.placement, self.view_state.camera)
-        slots, stretch = self.queries.slots(), self.view_state.camera.stretch
+        # As they are planned once these are out: there may be more of them then.
+        slots = self.queries.slots(len(state.placements) + len(plan.ids))
+        stretch = self.view_state.camera.stretch
         over = (placement.beneath(slots, stretch) for placement in state.placements.values())
         covered: frozenset[int] = frozenset().union(*over)
         return commands.remove(state, plan, hold, self.label_data.most_objects, covered)

@@ -649,13 +649,19 @@ class Queries:
             self._cache.keep(key, known)
         return known
 
-    def slots(self) -> Slots:
-        """Return where unpacked objects wait: more slots, in steps, as more of them are out."""
+    def slots(self, out: int = 0) -> Slots:
+        """Return where unpacked objects wait: more slots, in steps, as more of them are out.
+
+        Parameters
+        ----------
+        out : int
+            For how many to plan at least.
+        """
         session, view = self._session, self._session.view_state
         radius = session.bag.radius_in(view.camera.stretch)
         taken = 1 + max((one.slot for one in session.state.placements.values()), default=-1)
         # Of all labels so far: slots stay where they are when two objects are merged.
-        count = room_for(taken, session.label_data.most_objects)
+        count = room_for(max(taken, out), session.label_data.most_objects)
         key = SlotsKey(count, radius, view.canvas_size, view.camera.fov)
         known = self._cache.find(key)
         if known is None:
