@@ -227,6 +227,38 @@ def test_units_of_nrrd_are_known_or_told(tmp_path: Path) -> None:
     save_nrrd(path, "spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "cm"')
     with pytest.raises(ValueError, match="must have one unit of length, got cm, mm"):
         load_volume(path)
+    save_nrrd(path, "spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "furlong"')
+    with pytest.raises(ValueError, match="must have one unit of length, got furlong, mm"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize(
+    ("array", "fields"),
+    [
+        (VOLUME[None], ["spacings: 0.75 0.5 2.5 nan", 'units: "mm" "mm" "mm" "s"']),
+        (VOLUME[..., None], ["kinds: list domain domain domain", "spacings: nan 0.75 0.5 2.5"]),
+        (VOLUME[None], ["kinds: domain domain domain stub", "spacings: 0.75 0.5 2.5 nan"]),
+        (VOLUME, ["spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "millimeter"']),
+        (VOLUME, ["kinds: ??? ??? ???", "spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "mm"']),
+        (
+            VOLUME[None],
+            [
+                "space: left-posterior-superior-time",
+                "space directions: (0.75,0,0,0) (0,0.5,0,0) (0,0,2.5,0) (0,0,0,1)",
+                'space units: "mm" "mm" "mm" "s"',
+            ],
+        ),
+    ],
+)
+def test_only_the_axes_of_space_of_nrrd_are_asked_for_lengths(
+    tmp_path: Path, array: np.ndarray, fields: list[str]
+) -> None:
+    path = tmp_path / "a.nrrd"
+    save_nrrd(path, *fields, array=array)
+    found = load_volume(path)
+    np.testing.assert_array_equal(found.volume, VOLUME)
+    assert found.spacing == pytest.approx(SPACING)
+    assert found.assumed == ()
 
 
 def test_a_time_axis_of_nrrd_is_never_taken_for_z(tmp_path: Path) -> None:

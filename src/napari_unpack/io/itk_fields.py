@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from napari_unpack.io.file_data import NO_VOXEL_SIZE, in_millimetres
+from napari_unpack.io.file_data import MILLIMETRES, NO_VOXEL_SIZE, in_millimetres
 from napari_unpack.io.itk_header import LONGEST_HEADER
 
 # MetaIO knows more names for it than its documents; without any of them it takes 1.
@@ -14,6 +14,8 @@ _META_SIZE = re.compile(rb"Element(Spacing|Size)\s*[=:]", re.I)
 # As NRRD writes them.
 _NO_NUMBERS = ("nan", "inf", "infinity")
 _QUOTED = re.compile(r'"([^"]*)"')
+# Kinds of axes that may be of space; two of them say that the kind is not known.
+_OF_SPACE = ("space", "domain", "???", "none")
 
 
 @dataclass(frozen=True)
@@ -71,20 +73,19 @@ def fields_of(path: Path) -> HeaderFields:
     if wrong:
         assumed.append(f"its voxel size holds {', '.join(wrong)}: 1 mm was assumed there")
     units = _QUOTED.findall(fields.get("spaceunits", fields.get("units", "")))
-    if "spaceunits" not in fields:
-        units = _of_space(units, kinds)
+    units = _of_space(units, [] if "spaceunits" in fields else kinds)
     named = {unit for unit in units if unit not in ("", "???", "none")}
-    if len(named) > 1:
+    if len({MILLIMETRES.get(unit, unit) for unit in named}) > 1:
         raise ValueError(f"{path} must have one unit of length, got {', '.join(sorted(named))}")
-    scale = in_millimetres(named.pop() if named else None, "mm", assumed)
+    scale = in_millimetres(min(named, default=None), "mm", assumed)
     return HeaderFields(scale, _axes(kinds), tuple(assumed))
 
 
 def _of_space(values: list[str], kinds: list[str]) -> list[str]:
-    """Return the values of a field, one for each axis, without that of time."""
+    """Return the values of a field for the axes of space: the first three, where none says more."""
     if len(values) != len(kinds):
-        return values
-    return [value for value, kind in zip(values, kinds, strict=True) if kind != "time"]
+        return values[:3]
+    return [value for value, kind in zip(values, kinds, strict=True) if kind in _OF_SPACE][:3]
 
 
 def _axes(kinds: list[str]) -> str | None:
