@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -131,6 +132,17 @@ def test_voxels_that_are_not_there_are_missed_before_memory_is_taken(
     (tmp_path / "a.raw").write_bytes(b"12345678")
     with pytest.raises(ValueError, match=rf"{name} is not whole: its header asks for 1,458,000"):
         load_volume(tmp_path / name)
+
+
+def test_a_nifti_file_that_is_cut_short_is_not_taken_for_a_large_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.nii"
+    _scan(path)
+    # By the standard the number of axes and their lengths begin at byte 40.
+    head = bytearray(path.read_bytes())
+    struct.pack_into("<4h", head, 40, 3, 9000, 9000, 9000)
+    path.write_bytes(head)
+    with pytest.raises(ValueError, match=r"a.nii is not whole: its header asks for"):
+        load_volume(path)
 
 
 OUTSIDE = ("../a.raw", "/etc/passwd", r"\\host\share\a.raw", "//host/share/a.raw", r"C:\a.raw")

@@ -56,23 +56,21 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     except UnicodeEncodeError:
         # ITK would end the process.
         raise ValueError(f"{path} has a name that is not UTF-8: rename it") from None
-    if kind == "NiftiImageIO":
+    nifti = kind == "NiftiImageIO"
+    if nifti:
         refuse_nifti_2(path)
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     # By name: of all that ITK knows, some formats follow links to other files.
     reader.SetImageIO(kind)
-    fields = None
     try:
         reader.ReadImageInformation()
-        if kind == "NiftiImageIO" and not packed:
-            # First, and as the header counts: what is rescaled takes more than on the disk.
-            fields = HeaderFields(assumed=check_nifti(path))
-            packed = True
-        check_size(path, _needed(sitk, reader), stored, packed, large)
-        if fields is None and kind == "NiftiImageIO":
-            fields = HeaderFields(assumed=check_nifti(path))
-        fields = fields or fields_of(path)
+        if nifti and not packed:
+            # First, or a file cut short would be taken for a large one.
+            check_nifti(path)
+        # What NIfTI rescales takes more in memory than on the disk.
+        check_size(path, _needed(sitk, reader), stored, packed or nifti, large)
+        fields = HeaderFields(assumed=check_nifti(path)) if nifti else fields_of(path)
         image = reader.Execute()
     except RuntimeError as error:
         raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
