@@ -195,6 +195,8 @@ def test_what_a_series_does_not_say_is_told(tmp_path: Path) -> None:
     [
         ({"RescaleSlope": "nan"}, "RescaleSlope"),
         ({"RescaleSlope": 0}, "RescaleSlope of 0"),
+        ({"RescaleSlope": [1, 1]}, "one number as its RescaleSlope, got"),
+        ({"RescaleIntercept": [-1024, -1024]}, "one number as its RescaleIntercept, got"),
         ({"PixelSpacing": [0, 0.7]}, "positive numbers"),
         ({"ImageOrientationPatient": [2, 0, 0, 0, 2, 0]}, "length 1"),
         ({"ImageOrientationPatient": [1, 0, 0, 0.5, 0.8, 0]}, "right angles"),

@@ -83,6 +83,16 @@ class _Slice:
             raise ValueError(f"{self.path} must give numbers as its {keyword}, got {numbers}")
         return numbers if len(numbers) == count else None
 
+    def number(self, keyword: str, default: float) -> float:
+        """Return a value of one number, or what it is where the file does not give it."""
+        if self.value(keyword) is None:
+            return default
+        found = self.numbers(keyword, 1)
+        if found is None:
+            given = self.value(keyword)
+            raise ValueError(f"{self.path} must give one number as its {keyword}, got {given}")
+        return found[0]
+
     @property
     def directions(self) -> NDArray[np.float64] | None:
         """(2, 3) unit vectors along which column and row number grow, x y z; None if not given."""
@@ -443,8 +453,8 @@ class _Pixels:
                 f"{part.path} must hold {part.frame + 1} images or more, got {len(self._planes)}"
             )
         # Every slice by its own slope: scanners may change it from slice to slice.
-        (slope,) = part.numbers("RescaleSlope", 1) or (1.0,)
-        (intercept,) = part.numbers("RescaleIntercept", 1) or (0.0,)
+        slope = part.number("RescaleSlope", 1.0)
+        intercept = part.number("RescaleIntercept", 0.0)
         if slope == 0:
             raise ValueError(f"{part.path} has a RescaleSlope of 0, which leaves no densities")
         return _density(
