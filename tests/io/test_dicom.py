@@ -262,6 +262,11 @@ def test_acquisitions_that_lie_between_each_other_are_told(tmp_path: Path) -> No
 
     write([0, 2, 4, 1, 3, 5])
     assert "2 acquisitions (AcquisitionNumber)" in load_volume(tmp_path).assumed[0]
+    # The third begins and ends within the first; in order it lies between the other two.
+    write([0, 10, 20, 1, 2, 3, 4.5, 14.5, 24.5])
+    assert "3 acquisitions (AcquisitionNumber)" in load_volume(tmp_path).assumed[0]
+    for i in range(6, 9):
+        (tmp_path / f"{i}.dcm").unlink()
     # One stretch after the other is how long scans are made.
     write([0, 1, 2, 3, 4, 5])
     assert load_volume(tmp_path).assumed == ()

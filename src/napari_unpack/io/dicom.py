@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -354,10 +354,10 @@ def _interleaved(slices: list[_Slice], heights: NDArray[np.float64]) -> list[str
         for part, height in zip(slices, heights, strict=True):
             groups[str(part.value(keyword))].append(float(height))
         # From low to high. Those of a body in several stretches overlap by a few slices at most.
-        ends = sorted((min(g), max(g)) for g in groups.values())
+        ends = sorted((min(g), max(g)) for g in groups.values() if len(g) > 1)
         if any(
-            min(high, top) - low > max(high - bottom, top - low) / 2 > 0
-            for (bottom, high), (low, top) in pairwise(ends)
+            min(high, top) - low > max(high - bottom, top - low) / 2
+            for (bottom, high), (low, top) in combinations(ends, 2)
         ):
             return [
                 f"it holds {len(groups)} acquisitions ({keyword}) whose slices lie between each "
