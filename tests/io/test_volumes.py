@@ -363,6 +363,13 @@ def test_the_voxel_size_of_tiff_tags_is_taken_where_it_was_measured(tmp_path: Pa
     found = load_volume(tmp_path / "a.ome.tif")
     assert found.spacing == pytest.approx((0.5, 0.5, 0.75))
     assert found.assumed == ("it gives no distance of slices: that of its rows was assumed",)
+    tifffile.imwrite(
+        tmp_path / "b.ome.tif",
+        VOLUME,
+        metadata={"axes": "ZYX", "PhysicalSizeX": 2, "PhysicalSizeXUnit": "pixel"},
+    )
+    # Nothing is said of a size that is not used.
+    assert load_volume(tmp_path / "b.ome.tif").assumed == (NO_VOXEL_SIZE,)
     notes = {"axes": "ZYX", "unit": "micron", "zunit": "mm", "spacing": 2.5}
     tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
     assert load_volume(path).spacing == pytest.approx(SPACING)

@@ -147,16 +147,17 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
 
 def _ome(file: Any, assumed: list[str]) -> Spacing | None:
     text = file.ome_metadata or ""
+    sizes = {axis: re.search(rf'PhysicalSize{axis}="([^"]+)"', text) for axis in "ZYX"}
+    # Before any unit is told of: other fields are asked then.
+    if sizes["Y"] is None or sizes["X"] is None:
+        return None
     sides: dict[str, float] = {}
-    for axis in "ZYX":
-        size = re.search(rf'PhysicalSize{axis}="([^"]+)"', text)
+    for axis, size in sizes.items():
         unit = re.search(rf'PhysicalSize{axis}Unit="([^"]+)"', text)
         if size is not None:
             # OME's default unit is the micrometre.
             scale = in_millimetres(html.unescape(unit[1]) if unit else None, "µm", assumed)
             sides[axis] = float(size[1]) * scale
-    if not {"Y", "X"} <= sides.keys():
-        return None
     if "Z" not in sides:
         assumed.append(_NO_DISTANCE)
     return sides.get("Z", sides["Y"]), sides["Y"], sides["X"]
