@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 BAGS, SOLIDS = (100, 234), (0, 260)
@@ -43,6 +43,10 @@ class Stage:
     rate: float = 2e-3
     ranks: int = 1
     share: float = 0.25
+
+    def shortened(self, by: int) -> Stage:
+        """Return it with its steps divided."""
+        return replace(self, steps=-(-self.steps // by), decay=self.decay // by)
 
 
 STAGES = (
@@ -77,10 +81,11 @@ def main() -> None:
             volumes = ["volumes", str(folder), str(missing), str(last)]
             _run([*volumes, *(["--solids"] if kind == "solids" else [])])
     before: Path | None = None
-    for stage in STAGES:
-        checkpoint = folder / f"seed{stage.seed}.pt"
+    for stage in (whole.shortened(shorter) for whole in STAGES):
+        # With its steps: a trial's are none of the training's.
+        checkpoint = folder / f"seed{stage.seed}-steps{stage.steps}.pt"
         if not checkpoint.exists():
-            train(stage, folder, checkpoint, before, shorter, (bags, solids))
+            train(stage, folder, checkpoint, before, (bags, solids))
         before = checkpoint
     _run(["export", str(before), str(options.file)])
 
@@ -90,7 +95,6 @@ def train(
     folder: Path,
     checkpoint: Path,
     before: Path | None,
-    shorter: int,
     seeds: tuple[tuple[int, int], tuple[int, int]],
 ) -> None:
     """Run the processes of one stage; its checkpoint is there once it has ended.
@@ -104,16 +108,14 @@ def train(
         Where its weights go.
     before : Path, optional
         The checkpoint to go on from.
-    shorter : int
-        Divides the steps.
     seeds : ((int, int), (int, int))
         First and last of the bags, and of the solids.
     """
     unfinished, meet = folder / "unfinished.pt", folder / "meet"
     meet.unlink(missing_ok=True)
     told = {
-        "steps": -(-stage.steps // shorter),
-        "decay": stage.decay // shorter,
+        "steps": stage.steps,
+        "decay": stage.decay,
         "rate": stage.rate,
         "seed": stage.seed,
         "share": stage.share,
@@ -126,7 +128,7 @@ def train(
         command += [f"--{name}", str(first), str(last)]
     if before is not None:
         command += ["--start", str(before)]
-    print(f"seed {stage.seed}: {told['steps']} steps", flush=True)
+    print(f"seed {stage.seed}: {stage.steps} steps", flush=True)
     others = [_begin([*command, f"--rank={n}"]) for n in range(1, stage.ranks)]
     try:
         _run(command)
