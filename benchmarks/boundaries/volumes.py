@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.boundaries.solids import coat, lay_flat, packed_solids
+from napari_unpack.atomic import written_atomically
 from napari_unpack.simulation import Scanner, simulate_bag
 
 SHAPES = (
@@ -71,7 +72,9 @@ def main() -> None:
             volume, labels = bag(seed)
             name = f"bag{seed}"
         np.save(options.folder / f"{name}-labels.npy", labels)
-        np.save(options.folder / f"{name}-density.npy", volume)
+        # Last and at once: a density that is there says that both are made.
+        with written_atomically(options.folder / f"{name}-density.npy") as temporary:
+            np.save(temporary, volume)
 
 
 if __name__ == "__main__":

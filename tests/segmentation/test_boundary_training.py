@@ -6,8 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from benchmarks.boundaries import __main__ as training
+from benchmarks.boundaries import volumes
 
 
 def test_a_trial_leaves_no_checkpoints_of_the_training(
@@ -33,3 +35,22 @@ def test_a_trial_leaves_no_checkpoints_of_the_training(
     assert run("--shorten", "130") == []
     assert run() == [500, 300, 1650, 1100, 1450, 1700, 750]
     assert run() == []
+
+
+def test_a_volume_that_was_cut_short_by_a_stop_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(path: Path, array: np.ndarray) -> None:
+        path.write_bytes(b"\x93NUMPY")
+        if "labels" not in path.name:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(volumes, "bag", lambda _: (np.ones((2, 2, 2), np.uint16),) * 2)
+    monkeypatch.setattr(sys, "argv", ["", str(tmp_path), "0", "1"])
+    with monkeypatch.context() as during:
+        during.setattr(np, "save", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            volumes.main()
+    assert [path.name for path in tmp_path.iterdir()] == ["bag0-labels.npy"]
+    volumes.main()
+    assert np.load(tmp_path / "bag0-density.npy").shape == (2, 2, 2)
