@@ -206,9 +206,13 @@ def matches(one: NDArray[np.int32], two: NDArray[np.int32]) -> NDArray[np.int64]
     (N, 2) ndarray of int64
         Pairs whose intersection is more than `LEAST_MATCH` of their union, so that none has two.
     """
-    both = np.stack([one.reshape(-1), two.reshape(-1)]).astype(np.int64)
-    pairs, common = np.unique(both[:, (both > 0).all(axis=0)], axis=1, return_counts=True)
-    sizes = [np.bincount(side) for side in both]
+    flat = [view.reshape(-1) for view in (one, two)]
+    first, second = (side[(flat[0] > 0) & (flat[1] > 0)].astype(np.int64) for side in flat)
+    # A number for each pair: they are sorted much faster than pairs are.
+    width = second.max(initial=0) + 1
+    keys, common = np.unique(first * width + second, return_counts=True)
+    pairs = np.stack(np.divmod(keys, width))
+    sizes = [np.bincount(side) for side in flat]
     union = sizes[0][pairs[0]] + sizes[1][pairs[1]] - common
     return pairs[:, common > LEAST_MATCH * union].T
 
