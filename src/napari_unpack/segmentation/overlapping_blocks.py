@@ -60,7 +60,8 @@ def overlapping_blocks(
     ----------
     shape : (int, int, int)
     most : int
-        Cells of a block, as far as its sides stay twice as long as the overlap.
+        Cells of a block: it is cut until it has no more, or until no side is longer than twice the
+        overlap.
     overlap : int
         Cells that two neighbours share along an axis, or more.
 
@@ -129,7 +130,9 @@ def find_in_blocks(
     Notes
     -----
     The result does not depend on the runner, but on where blocks are cut: a block has its own
-    surroundings only. What two blocks see differently ends where their own parts meet.
+    surroundings only. What two blocks see differently ends where their own parts meet: an object
+    that is whole in one block and in two pieces in the other, neither of which has more than half
+    of it in the overlap, is cut there.
     """
     places = overlapping_blocks(density.shape, most, overlap)  # type: ignore[arg-type]
     labels = np.zeros(density.shape, np.int32)
