@@ -49,8 +49,8 @@ _PHASES = (
 # Two slices are in one place where they are nearer than this, mm; positions have two decimals.
 _SAME_PLACE = 0.01
 
-# How far from 1 the length of a direction may be, and from 0 the cosine of a right angle: some
-# writers keep two decimals.
+# How far from 1 the square of a direction's length may be, and from 0 the cosine of a right angle:
+# some writers keep two decimals.
 _CROOKED = 0.02
 
 

@@ -92,7 +92,7 @@ class Placement:
         return replace(placed, center=placed.center * np.array([1.0, *share]), scale=scale)
 
     def beneath(self, slots: Slots, stretch: Matrix) -> frozenset[int]:
-        """Return the slots that it lies over where a person put it; its own is not told.
+        """Return the slots that it lies over where a person put it; nothing where it was not moved.
 
         Parameters
         ----------
