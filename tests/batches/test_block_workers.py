@@ -216,6 +216,7 @@ def test_a_block_that_ends_every_worker_is_told_in_a_sentence(
         )
     assert told.exit_code == 1
     assert "error: a block's workers ended again and again" in told.output
+    assert "fewer --workers" in told.output
     assert [path.name for path in tmp_path.iterdir()] == ["in.zarr"]
 
 

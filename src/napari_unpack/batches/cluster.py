@@ -87,7 +87,7 @@ def losses_told() -> Iterator[None]:
     except KilledWorker as error:
         raise MemoryError(
             "a block's workers ended again and again, most likely as their memory was used up: "
-            "give them more, or fewer threads each"
+            "give them more memory (fewer --workers)"
         ) from error
     except CancelledError as error:
         raise ConnectionError(
