@@ -326,7 +326,7 @@ def _objects(
 ) -> NDArray[np.int32]:
     """Find the objects of a volume or of a block of one, whose haze is gone where it is grainy."""
     if options.method == "cuts":
-        return _cut_objects(density, spacing, share, options.foreground, options)
+        return _cut_objects(density, spacing, share, options)
     # Haze removal leaves no densities to compare.
     clear = not options.grainy
     labels = find_objects(
@@ -399,7 +399,6 @@ def _cut_objects(
     density: NDArray[np.generic],
     spacing: Spacing,
     share: Share,
-    foreground: ForegroundOptions,
     options: SegmentOptions,
 ) -> NDArray[np.int32]:
     """Find objects by the paper's method: recursive cuts, then merges that the oracle prefers."""
@@ -407,7 +406,9 @@ def _cut_objects(
     # Parts are cut down to twice the least object, since every cut may halve the last one.
     rule = options.rule or SplitRule(smallest=2 * options.smallest)
     first = share.part(0.0, 0.9)
-    parts, scale = split_parts(density, spacing, first, oracle, foreground, options.step, rule)
+    parts, scale = split_parts(
+        density, spacing, first, oracle, options.foreground, options.step, rule
+    )
     # The knee is a quarter of the foreground's median density above air.
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
