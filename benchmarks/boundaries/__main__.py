@@ -18,22 +18,7 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.boundaries.volumes import KINDS
-
-WIDE = {
-    "bag": 0.27,
-    "solids": 0.13,
-    "clad": 0.07,
-    "metal": 0.1,
-    "bag-by-rays": 0.21,
-    "solids-by-rays": 0.09,
-    "large-by-rays": 0.06,
-    "metal-by-rays": 0.07,
-}
-"""Of the patches of the last stages, by kind of volumes: large things, metal, and its streaks."""
-
-WIDER = 0.5
-"""Of the last stages in the mean of weights that ships; the rest is of the stage before them."""
+BAGS, SOLIDS = (100, 234), (0, 260)
 
 
 @dataclass(frozen=True)
@@ -48,11 +33,8 @@ class Stage:
     rate : float
     ranks : int
         Processes that train together.
-    solids : float
-        Of the patches, from packed solids; the others are of bags.
-    wide : bool
-        Take patches of all kinds (`WIDE`) instead, some of them zoomed further, and leave the
-        statistics of normalisations as they are.
+    share : float
+        Of the patches from solids.
     """
 
     seed: int
@@ -60,13 +42,7 @@ class Stage:
     decay: int = 0
     rate: float = 2e-3
     ranks: int = 1
-    solids: float = 0.25
-    wide: bool = False
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """Return the share of the patches of each kind of volumes."""
-        return WIDE if self.wide else {"bag": 1 - self.solids, "solids": self.solids}
+    share: float = 0.25
 
     def shortened(self, by: int) -> Stage:
         """Return it with its steps divided."""
@@ -78,11 +54,9 @@ STAGES = (
     Stage(1, 300, ranks=2),
     Stage(2, 1650, ranks=2),
     Stage(3, 1100, decay=1100, ranks=2),
-    Stage(7, 1450, decay=1000, rate=1.2e-3, ranks=2, solids=0.4),
-    Stage(21, 1700, rate=1.5e-3, solids=0.4),
-    Stage(31, 750, decay=650, rate=1.2e-3, solids=0.4),
-    Stage(900, 1800, decay=1200, rate=6e-4, ranks=2, wide=True),
-    Stage(950, 4000, decay=3000, rate=8e-4, ranks=2, wide=True),
+    Stage(7, 1450, decay=1000, rate=1.2e-3, ranks=2, share=0.4),
+    Stage(21, 1700, rate=1.5e-3, share=0.4),
+    Stage(31, 750, decay=650, rate=1.2e-3, share=0.4),
 )
 """Those without decay were stopped before they came to it."""
 
@@ -95,25 +69,34 @@ def main() -> None:
     options = parser.parse_args()
     shorter, folder = options.shorten, options.folder
     folder.mkdir(parents=True, exist_ok=True)
-    for name, kind in KINDS.items():
-        seeds = kind.seeds[: -(-len(kind.seeds) // shorter)]
-        made = (folder / f"{name}{seed}-density.npy" for seed in seeds)
-        missing = next((n for n, path in zip(seeds, made, strict=True) if not path.exists()), None)
-        if missing is not None:
-            _run(["volumes", str(folder), name, str(missing), str(seeds.stop)])
+    bags, solids = (
+        (first, first + -(-(last - first) // shorter)) for first, last in (BAGS, SOLIDS)
+    )
+    for (first, last), kind in ((bags, "bag"), (solids, "solids")):
+        missing = next(
+            (n for n in range(first, last) if not (folder / f"{kind}{n}-density.npy").exists()),
+            last,
+        )
+        if missing < last:
+            volumes = ["volumes", str(folder), str(missing), str(last)]
+            _run([*volumes, *(["--solids"] if kind == "solids" else [])])
     before: Path | None = None
-    usual: Path | None = None
     for stage in (whole.shortened(shorter) for whole in STAGES):
         # With its steps: a trial's are none of the training's.
         checkpoint = folder / f"seed{stage.seed}-steps{stage.steps}.pt"
         if not checkpoint.exists():
-            train(stage, folder, checkpoint, before)
+            train(stage, folder, checkpoint, before, (bags, solids))
         before = checkpoint
-        usual = usual if stage.wide else checkpoint
-    _run(["export", f"{usual}:{1 - WIDER}", f"{before}:{WIDER}", str(options.file)])
+    _run(["export", str(before), str(options.file)])
 
 
-def train(stage: Stage, folder: Path, checkpoint: Path, before: Path | None) -> None:
+def train(
+    stage: Stage,
+    folder: Path,
+    checkpoint: Path,
+    before: Path | None,
+    seeds: tuple[tuple[int, int], tuple[int, int]],
+) -> None:
     """Run the processes of one stage; its checkpoint is there once it has ended.
 
     Parameters
@@ -125,6 +108,8 @@ def train(stage: Stage, folder: Path, checkpoint: Path, before: Path | None) -> 
         Where its weights go.
     before : Path, optional
         The checkpoint to go on from.
+    seeds : ((int, int), (int, int))
+        First and last of the bags, and of the solids.
     """
     unfinished, meet = folder / "unfinished.pt", folder / "meet"
     meet.unlink(missing_ok=True)
@@ -133,14 +118,14 @@ def train(stage: Stage, folder: Path, checkpoint: Path, before: Path | None) -> 
         "decay": stage.decay,
         "rate": stage.rate,
         "seed": stage.seed,
+        "share": stage.share,
         "ranks": stage.ranks,
         "meet": meet.absolute(),
     }
     command = ["train", str(folder), str(unfinished)]
     command += [f"--{name}={value}" for name, value in told.items()]
-    command += ["--shares", *(f"{kind}={share}" for kind, share in stage.shares.items())]
-    if stage.wide:
-        command += ["--far", "--still"]
+    for name, (first, last) in zip(("bags", "solids"), seeds, strict=True):
+        command += [f"--{name}", str(first), str(last)]
     if before is not None:
         command += ["--start", str(before)]
     print(f"seed {stage.seed}: {stage.steps} steps", flush=True)

@@ -2,82 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
+from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
 
-from benchmarks.boundaries.hollow import AIR, hollow
-from benchmarks.boundaries.volumes import KINDS, Kind
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.segmentation.learned.fragments import cells_of
 
 FAR = 9.0
 """No log density lies above."""
 
+AIR = 60.0
+"""No matter is as light."""
+
 USUAL = 600.0
 """Median density of the matter of a bag."""
 
 
-LEAST_ZOOM, MOST_ZOOM, FAR_ZOOM = 0.65, 1.6, 2.4
-"""Of patches; the last for objects as large as a coarse scan of small ones never has."""
-
-FAR_SHARE = 0.25
-"""Of patches that are zoomed up to the last, where far ones are wanted."""
-
-
-@dataclass(frozen=True)
-class Cube:
-    """A cube of a volume and what is known of it.
-
-    Parameters
-    ----------
-    density : (N, N, N) ndarray of float32
-    labels : (N, N, N) ndarray of int32
-    kind : Kind
-    """
-
-    density: NDArray[np.float32]
-    labels: NDArray[np.int32]
-    kind: Kind
-
-
-@dataclass(frozen=True)
 class Source:
-    """Volumes in files, cut open where they are asked for.
+    """Volumes in files, cut open where they are asked for."""
 
-    Parameters
-    ----------
-    folder : Path
-        Written by `benchmarks.boundaries.volumes`; of a kind, those are taken that are there.
-    shares : mapping of str to float
-        Of the patches, by kind.
-    far : bool
-        Zoom some of them further.
-    """
+    def __init__(self, folder: Path, bags: range, solids: range, share: float = 0.4) -> None:
+        self.folder, self.bags, self.solids = folder, bags, solids
+        self.share = share if len(solids) else 0.0
 
-    folder: Path
-    shares: Mapping[str, float]
-    far: bool = False
-
-    def cube(self, rng: np.random.Generator, size: int) -> Cube:
-        """Return density and labels of a cube cut at a random zoom and turned."""
-        names, shares = list(self.shares), np.array(list(self.shares.values()))
-        name = names[int(rng.choice(len(names), p=shares / shares.sum()))]
-        kind = KINDS[name]
+    def patch(
+        self, rng: np.random.Generator, size: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32], bool]:
+        """Return sharp density and labels of a cube cut at a random zoom and turned."""
+        solid = bool(rng.random() < self.share)
+        several = self.solids if solid else self.bags
         while True:
-            seed = kind.seeds[int(rng.integers(len(kind.seeds)))]
-            path = self.folder / f"{name}{seed}-density.npy"
+            seed = several[int(rng.integers(len(several)))]
+            path = self.folder / f"{'solids' if solid else 'bag'}{seed}-density.npy"
             if path.exists():
                 break
         density = np.load(path, mmap_mode="r")
         labels = np.load(str(path).replace("-density", "-labels"), mmap_mode="r")
-        most = FAR_ZOOM if self.far and rng.random() < FAR_SHARE else MOST_ZOOM
-        zoom = np.exp(rng.uniform(np.log(LEAST_ZOOM), np.log(most)))
+        zoom = np.exp(rng.uniform(np.log(0.65), np.log(1.6)))
         zoom = zoom * np.exp(rng.normal(0, 0.08, 3))
         reach = size / zoom
         room = np.array(density.shape) - reach
@@ -87,7 +53,7 @@ class Source:
         first = np.maximum(np.floor(low).astype(int), 0)
         last = np.minimum(np.ceil(low + reach).astype(int) + 2, density.shape)
         region = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
-        values, owners = _resample(
+        values, names = _resample(
             np.ascontiguousarray(density[region]),
             np.ascontiguousarray(labels[region]),
             low - first,
@@ -96,8 +62,8 @@ class Source:
         )
         axes = rng.permutation(3)
         flips = tuple(slice(None, None, int(s)) for s in rng.choice([-1, 1], 3))
-        values, owners = values.transpose(axes)[flips], owners.transpose(axes)[flips]
-        return Cube(np.ascontiguousarray(values), np.ascontiguousarray(owners), kind)
+        values, names = values.transpose(axes)[flips], names.transpose(axes)[flips]
+        return np.ascontiguousarray(values), np.ascontiguousarray(names), solid
 
 
 @njit(cache=True, nogil=True)
@@ -131,8 +97,17 @@ def _resample(density, labels, low, step, size):  # type: ignore[no-untyped-def]
     return values, names
 
 
+def hollow(density: NDArray[np.float32], labels: NDArray[np.int32]) -> None:
+    """Take the labels from the air inside objects, which filling gives back; in place.
+
+    The voids of cloth are smaller than 3 x 3 x 3 voxels and stay.
+    """
+    air = (density < AIR).view(np.uint8)
+    labels[maximum_filter(minimum_filter(air, 3), 3) > 0] = 0
+
+
 def repaint(
-    rng: np.random.Generator, density: NDArray[np.float32], labels: NDArray[np.int32], plain: bool
+    rng: np.random.Generator, density: NDArray[np.float32], labels: NDArray[np.int32], solid: bool
 ) -> None:
     """Give objects other densities, or one, or take them out; in place."""
     names = np.flatnonzero(np.bincount(labels.reshape(-1)))
@@ -146,7 +121,7 @@ def repaint(
     mood = rng.random()
     if mood < 0.35:
         gain[names] = np.exp(rng.normal(0, 0.35, len(names)))
-    if mood < 0.2 or (plain and mood < 0.5):
+    if mood < 0.2 or (solid and mood < 0.5):
         # Some become one plain material, often the same as their neighbours.
         few = np.exp(rng.uniform(np.log(180), np.log(3500), int(rng.integers(1, 4))))
         some = names[rng.random(len(names)) < rng.choice([0.3, 0.6, 1.0])]
@@ -274,28 +249,17 @@ def examples(
     """Yield (cells, wanted, weights) without end."""
     rng = np.random.default_rng(seed)
     while True:
-        cube = source.cube(rng, size)
-        density, labels, scanned = cube.density, cube.labels, cube.kind.scanned
-        if not scanned:
-            hollow(density, labels)
+        density, labels, solid = source.patch(rng, size)
+        hollow(density, labels)
         foreground = density[(labels > 0) & (density > AIR)]
         if foreground.size < 0.05 * labels.size:
             continue
-        if scanned:
-            # Streaks and blur go with the densities that made them.
-            density *= np.float32(np.exp(rng.normal(0, 0.1)))
-        else:
-            repaint(rng, density, labels, cube.kind.plain)
+        repaint(rng, density, labels, solid)
         foreground = density[density > AIR]
         # A volume's median is not its patch's: it is somewhere between that and the usual one.
         typical = float(np.median(foreground)) if foreground.size else USUAL
         share = rng.random()
         typical = max(float(np.exp(share * np.log(typical) + (1 - share) * np.log(USUAL))), 120.0)
-        if not scanned:
-            density = scan(rng, density)
-        elif rng.random() < 0.5:
-            noise = np.float32(np.exp(rng.uniform(np.log(3), np.log(25))))
-            density += noise * rng.standard_normal(density.shape, dtype=np.float32)
-        lifted = to_log(rng, density, typical)
+        lifted = to_log(rng, scan(rng, density), typical)
         wanted, weights = targets(labels, apart)
         yield packed(lifted), wanted, weights

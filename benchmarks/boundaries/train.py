@@ -63,17 +63,9 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=80)
     parser.add_argument("--batch", type=int, default=1)
     parser.add_argument("--apart", type=float, default=4.0)
-    parser.add_argument(
-        "--shares",
-        nargs="+",
-        default=["bag=0.6", "solids=0.4"],
-        metavar="KIND=SHARE",
-        help="of the patches, by kind of volumes",
-    )
-    parser.add_argument("--far", action="store_true", help="zoom some patches further")
-    parser.add_argument(
-        "--still", action="store_true", help="normalise by the statistics of the checkpoint"
-    )
+    parser.add_argument("--bags", type=int, nargs=2, default=(100, 300))
+    parser.add_argument("--solids", type=int, nargs=2, default=(0, 260))
+    parser.add_argument("--share", type=float, default=0.4, help="of the patches from solids")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=1e9)
     parser.add_argument("--threads", type=int, default=1)
@@ -93,8 +85,8 @@ def main() -> None:
         state = torch.load(options.start, weights_only=True)
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
-    shares = {k: float(v) for k, _, v in (one.partition("=") for one in options.shares)}
-    source = Source(options.data, shares, options.far)
+    bags, solids = range(*options.bags), range(*options.solids)
+    source = Source(options.data, bags, solids, options.share)
     patches = Patches(source, 1000 * options.seed + 100 * options.rank, options.size, options.apart)
     loader = iter(DataLoader(patches, options.batch, num_workers=1, prefetch_factor=4))
     begun, mean = time.time(), dict.fromkeys(GROUPS, 0.0)
@@ -104,7 +96,7 @@ def main() -> None:
         rate = options.rate * min(1, (step + 1) / 50, left / max(options.decay, 1))
         for group in optimizer.param_groups:
             group["lr"] = rate
-        if step == 0 if options.still else left == options.decay // 2:
+        if left == options.decay // 2:
             # Learn on with the statistics that will be used: patches differ from each other.
             for part in network.modules():
                 if isinstance(part, nn.BatchNorm3d):

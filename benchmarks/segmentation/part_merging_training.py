@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.classifier_training import Scan, ensembles, learn, train
-from benchmarks.segmentation.pair_examples import overlaps
+from benchmarks.segmentation.classifier_training import Scan, learn, train
+from benchmarks.segmentation.pair_examples import fit_classifier, overlaps
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_merging import FEATURES, PredictedParts
 
-BAGS, ROUNDS, RESTRAINT = 16, 2, 30.0
+BAGS, ROUNDS = 16, 2
 State = tuple[PredictedParts, NDArray[np.float64]]
 
 
@@ -29,7 +29,7 @@ def measured(scanned: Scan) -> State:
 
 def fit(states: list[State]) -> PairClassifier:
     """Return the classifier of such parts."""
-    return learn(states, ROUNDS, ensembles(FEATURES, RESTRAINT))
+    return learn(states, ROUNDS, lambda pairs, one: fit_classifier(pairs, one, features=FEATURES))
 
 
 if __name__ == "__main__":
