@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from napari_unpack.appearance.decorations import box_edges, draw_edges, draw_scale, round_length
+from napari_unpack.appearance.decorations import box_edges, draw_edges, round_length, scale_mark
+from napari_unpack.geometry.length_unit import MM
 from napari_unpack.geometry.view import Camera
 
 INK = (1.0, 1.0, 1.0, 1.0)
@@ -60,7 +61,7 @@ def test_lengths_are_round(longest, length, words):
 
 
 def test_the_scale_bar_is_as_long_as_it_says():
-    rgba = draw_scale(camera(), (400, 600), INK)
+    rgba, _, _ = scale_mark(camera(), (400, 600), INK, MM)
     rows = np.flatnonzero((rgba[..., 3] > 0.5).any(1))
     bar = rgba[rows[-1], :, 3] > 0.5
     # 40 mm are 400 pixels; a fifth of the width is 12 mm, so the bar says 10 mm.

@@ -167,22 +167,6 @@ def stroke_cover(
     return cover
 
 
-def draw_scale(
-    camera: Camera, size: tuple[int, int], ink: Color, unit: LengthUnit = MM
-) -> NDArray[np.float32]:
-    """Draw a scale bar with its length in the lower right corner: (H, W, 4), premultiplied.
-
-    Parameters
-    ----------
-    camera, size, ink, unit
-        As for `scale_mark`.
-    """
-    drawn = np.zeros((*size, 4), np.float32)
-    rgba, row, col = scale_mark(camera, size, ink, unit)
-    drawn[row:, col:] = rgba
-    return drawn
-
-
 def scale_mark(
     camera: Camera, size: tuple[int, int], ink: Color, unit: LengthUnit
 ) -> tuple[NDArray[np.float32], int, int]:

@@ -62,9 +62,6 @@ def test_camera_tint_transfer_function_light_and_labels_each_cast_once(caster, l
     caster.store.set_labels(np.ones(SHAPE, np.uint16))
     caster.cast(*changes[-1])
     assert caster.passes == len(changes) + 2
-    caster.mark_dirty()
-    caster.cast(*changes[-1])
-    assert caster.passes == len(changes) + 3
 
 
 def test_volumes_are_uploaded_once_however_many_casters_share_them(caster, look):
@@ -204,9 +201,9 @@ def test_an_object_that_leaves_recasts_its_own_pixels_and_the_picture_is_as_if_a
     assert caster.passes == 2
     assert caster.rays_cast == 20 * 24 + rows[1] * cols[1] < 2 * 20 * 24
     partly = read(caster)
-    caster.mark_dirty()
-    caster.cast(rays, fewer)
-    for found, wanted, before in zip(partly, read(caster), whole, strict=True):
+    afresh = TintedCaster(caster.store)
+    afresh.cast(rays, fewer)
+    for found, wanted, before in zip(partly, read(afresh), whole, strict=True):
         np.testing.assert_array_equal(found, wanted)
         assert (found != before).any()
 

@@ -111,10 +111,6 @@ class TintedCaster:
         """How often rays were cast."""
         return self._earlier + (0 if self.tinted_pass is None else self.tinted_pass.passes)
 
-    def mark_dirty(self) -> None:
-        """Cast at the next chance whatever the inputs."""
-        self._last = None
-
     def cast(
         self,
         rays: Rays,
