@@ -195,9 +195,13 @@ def test_what_a_series_does_not_say_is_told(tmp_path: Path) -> None:
     [
         ({"RescaleSlope": "nan"}, "RescaleSlope"),
         ({"RescaleSlope": 0}, "RescaleSlope of 0"),
-        ({"RescaleSlope": [1, 1]}, "one number as its RescaleSlope, got"),
-        ({"RescaleIntercept": [-1024, -1024]}, "one number as its RescaleIntercept, got"),
+        ({"RescaleSlope": [1, 1]}, "a number as its RescaleSlope, got 1, 1"),
+        (
+            {"RescaleIntercept": [-1024, -1024]},
+            "a number as its RescaleIntercept, got -1024, -1024",
+        ),
         ({"PixelSpacing": [0, 0.7]}, "positive numbers"),
+        ({"PixelSpacing": 0.7}, "2 numbers as its PixelSpacing, got 0.7"),
         ({"ImageOrientationPatient": [2, 0, 0, 0, 2, 0]}, "length 1"),
         ({"ImageOrientationPatient": [1, 0, 0, 0.5, 0.8, 0]}, "right angles"),
         ({"ImageOrientationPatient": [0, 0, 0, 0, 0, 0]}, "length 1"),

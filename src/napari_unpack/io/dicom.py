@@ -75,23 +75,15 @@ class _Slice:
         return None if found == "" else found
 
     def numbers(self, keyword: str, count: int) -> tuple[float, ...] | None:
-        """Return a value of so many numbers, or None."""
+        """Return a value of so many numbers, or None where the file does not give it."""
         found = self.value(keyword)
         values = () if found is None else np.atleast_1d(found)
         numbers = tuple(float(v) for v in values)
-        if not np.isfinite(numbers).all():
-            raise ValueError(f"{self.path} must give numbers as its {keyword}, got {numbers}")
-        return numbers if len(numbers) == count else None
-
-    def number(self, keyword: str, default: float) -> float:
-        """Return a value of one number, or what it is where the file does not give it."""
-        if self.value(keyword) is None:
-            return default
-        found = self.numbers(keyword, 1)
-        if found is None:
-            given = self.value(keyword)
-            raise ValueError(f"{self.path} must give one number as its {keyword}, got {given}")
-        return found[0]
+        if numbers and (len(numbers) != count or not np.isfinite(numbers).all()):
+            wanted = "a number" if count == 1 else f"{count} numbers"
+            given = ", ".join(f"{number:g}" for number in numbers)
+            raise ValueError(f"{self.path} must give {wanted} as its {keyword}, got {given}")
+        return numbers or None
 
     @property
     def directions(self) -> NDArray[np.float64] | None:
@@ -453,8 +445,8 @@ class _Pixels:
                 f"{part.path} must hold {part.frame + 1} images or more, got {len(self._planes)}"
             )
         # Every slice by its own slope: scanners may change it from slice to slice.
-        slope = part.number("RescaleSlope", 1.0)
-        intercept = part.number("RescaleIntercept", 0.0)
+        (slope,) = part.numbers("RescaleSlope", 1) or (1.0,)
+        (intercept,) = part.numbers("RescaleIntercept", 1) or (0.0,)
         if slope == 0:
             raise ValueError(f"{part.path} has a RescaleSlope of 0, which leaves no densities")
         return _density(

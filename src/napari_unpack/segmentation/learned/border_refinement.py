@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.tasks import SILENT, Share
 
 # Of a voxel and its six neighbours.
@@ -162,11 +163,7 @@ def sharpen_borders(
     # to move. About 343 reads a voxel of border and round.
     values = np.nan_to_num(density.astype(np.float32), nan=air) - np.float32(air)
     share()
-    matter = labels > 0
-    flat = labels[matter]
-    # Not 0, of the background among others: nothing times infinity is no number.
-    counts = np.maximum(np.bincount(flat), 1)
-    blurred = np.bincount(flat, values[matter], len(counts)) > dense * counts
+    blurred = label_means(labels, values) > dense
     turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
     for n, even in enumerate(turns):
         round_share = share.part(n / len(turns), (n + 1) / len(turns))

@@ -14,7 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
+from napari_unpack.segmentation.common.density_regions import (
+    DensityScale,
+    label_means,
+    log_density,
+)
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
@@ -263,10 +267,9 @@ def _metal(
     labels: NDArray[np.int32], density: NDArray[np.generic], scale: DensityScale, least: float
 ) -> NDArray[np.bool_]:
     """Return which labels of at least so many voxels are metal."""
-    lifted = log_density(density, labels > 0, scale).reshape(-1)
+    lifted = log_density(density, labels > 0, scale)
     counts = np.bincount(labels.reshape(-1))
-    sums = np.bincount(labels.reshape(-1), lifted, len(counts))
-    return np.asarray((counts >= least) & (sums >= np.log1p(METAL) * counts))
+    return (counts >= least) & (label_means(labels, lifted) >= np.log1p(METAL))
 
 
 def _touching(measured: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -384,10 +387,7 @@ def _above_mean(
     parts: NDArray[np.int32], values: NDArray[np.uint8], least: float, share: Share
 ) -> NDArray[np.int32]:
     """Drop parts whose mean value is below a limit."""
-    inside = parts > 0
-    flat = parts[inside]
-    counts = np.bincount(flat, minlength=1)
+    means = label_means(parts, values)
     share(0.5)
-    sums = np.bincount(flat, values[inside], len(counts))
-    names = np.where(sums >= least * counts, np.arange(len(counts)), 0).astype(np.int32)
+    names = np.where(means >= least, np.arange(len(means)), 0).astype(np.int32)
     return names[parts]
