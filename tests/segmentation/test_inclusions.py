@@ -125,3 +125,20 @@ def test_the_backpacks_buttons_are_objects(pocket):
         name = int(np.bincount(result[window].reshape(-1)).argmax())
         assert name > 1
         assert 60 < np.count_nonzero(result == name) < 250
+
+
+def test_half_the_density_of_a_piece_counts_and_not_of_its_brightest_layer_alone():
+    # Three layers of one plate: 3000, 1600 and 1300. The core is the first, of which 1300 is less
+    # than half; of both first layers together it is more. Two layers alone are as flat as a streak.
+    volume = np.where(block(1) > 0, 100.0, 0.0)
+    # So much of the host is denser that nothing of less than 2750 begins a core.
+    volume[box(SHAPE, (28, 8, 8), (40, 48, 56))] = 700.0
+    plate = box(SHAPE, (14, 20, 20), (17, 36, 36))
+    volume[14, 20:36, 20:36] = 1600.0
+    volume[15, 21:35, 21:35] = 3000.0
+    volume[16, 20:36, 20:36] = 1300.0
+    volume[15][plate[15] & (volume[15] < 3000)] = 1600.0
+    result = separate_inclusions(block(1).astype(np.int32), volume, SPACING, 100.0)
+    assert result.max() == 2
+    # Growth leaves out corners.
+    assert overlap(result == 2, plate) > 0.98

@@ -187,9 +187,12 @@ def _solid(
     edges: Spacing,
     limits: InclusionRule,
 ) -> NDArray[np.bool_] | None:
-    """Return a core grown to half its density; None if that is no step, or if it is flat."""
-    bright = values >= float(np.median(values[core])) / 2
-    solid = binary_dilation(core, iterations=2, mask=bright & allowed) | core
+    """Return a core grown to half the density of both; None if that is no step, or flat."""
+    solid = core
+    # A core may be the brightest part of its piece alone: half of the piece's own median counts.
+    for _ in range(2):
+        bright = values >= float(np.median(values[solid])) / 2
+        solid = binary_dilation(core, iterations=2, mask=bright & allowed) | core
     if edt.edt(solid, anisotropy=edges, black_border=False).max() < limits.thick:
         return None
     away = edt.edt(~solid, anisotropy=edges, black_border=False)
