@@ -166,6 +166,53 @@ def packed_solids(
     return density.astype(np.uint16), labels
 
 
+def alike_solids(
+    seed: int, shape: tuple[int, int, int] = (72, 72, 72)
+) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return the sharp density and the labels of a few solids that touch, alone in air.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random.
+    shape : (int, int, int)
+        Of the volume, z y x.
+
+    Notes
+    -----
+    Most have one density, and half are of one shape and size, so that only how they meet tells
+    that they are several.
+    """
+    rng = np.random.default_rng([seed, 9])
+    best = np.full(shape, 1e9, np.float32)
+    labels = np.zeros(shape, np.uint16)
+    density = np.zeros(shape, np.float32)
+    few = np.exp(rng.uniform(np.log(200), np.log(3500), 1 if rng.random() < 0.75 else 2))
+    wanted = int(rng.integers(2, 6))
+    usual = float(np.exp(rng.uniform(np.log(8), np.log(22))))
+    empty = rng.random() < 0.25
+    alike, shape_seed = rng.random() < 0.5, int(rng.integers(1 << 30))
+    name = 0
+    for _ in range(3 * wanted):
+        size = usual * float(np.exp(rng.normal(0, 0.1 if alike else 0.35)))
+        same = alike and rng.random() < 0.7
+        solid = any_solid(np.random.default_rng(shape_seed) if same else rng, size)
+        turn = Rotation.random(random_state=rng).as_matrix() if rng.random() < 0.5 else np.eye(3)
+        place = _place(rng, solid, turn.astype(np.float32), size, labels, name > 0)
+        if place is None:
+            continue
+        region, reach = place
+        name += 1
+        value = rng.choice(few)
+        inside = reach < np.minimum(best[region], 0)
+        labels[region][inside] = name
+        density[region][inside] = np.where(reach > -3, value, 0 if empty else value)[inside]
+        best[region] = np.minimum(best[region], reach)
+        if name == wanted:
+            break
+    return density.astype(np.uint16), labels
+
+
 def _place(
     rng: np.random.Generator,
     solid: Solid,

@@ -17,8 +17,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.classifier_training import Scan, train
+from benchmarks.segmentation.classifier_training import Scans, train
 from benchmarks.segmentation.pair_examples import fit_classifier
+from benchmarks.segmentation.training_scans import Scan
 from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
@@ -32,7 +33,8 @@ from napari_unpack.segmentation.learned.method import sharpened, split_at_densit
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import merge_pieces
 
-BAGS, WIDTH = 24, len(BORDER_FEATURES)
+SCANS = (Scans("bags", 24), Scans("solids", 40), Scans("clad solids", 40))
+WIDTH = len(BORDER_FEATURES)
 # Of the voxels at borders, and of all examples at most.
 SHARE, MOST = 0.12, 400_000
 # A label is an object's of which that has so much of it.
@@ -148,4 +150,4 @@ def fit(states: list[State]) -> PairClassifier:
 
 
 if __name__ == "__main__":
-    train(str(__doc__), measured, BAGS, ("", "clad"), fit)
+    train(str(__doc__), measured, SCANS, fit)

@@ -20,11 +20,9 @@ from napari_unpack.segmentation.learned.pair_classifier import (
 def fit_classifier(
     rows: NDArray[np.float64],
     same: NDArray[np.bool_],
-    seed: int = 0,
     features: tuple[str, ...] = PAIR_FEATURES,
-    restraint: float = 1.0,
 ) -> PairClassifier:
-    """Train a classifier of pairs.
+    """Train one small classifier; `pair_training.fit_ensemble` makes quieter ones.
 
     Parameters
     ----------
@@ -32,24 +30,14 @@ def fit_classifier(
         Pairs.
     same : (N,) ndarray of bool
         Whether they are one object.
-    seed : int
-        Of the initial weights.
     features : tuple of str
         Names of the columns.
-    restraint : float
-        Weight of the squared weights: the more, the less sure the classifier is of what it has
-        not seen.
     """
     from sklearn.neural_network import MLPClassifier
 
     center, scale = np.median(rows, axis=0), rows.std(axis=0) + 1e-6
     network = MLPClassifier(
-        (24, 12),
-        activation="tanh",
-        solver="lbfgs",
-        alpha=restraint,
-        max_iter=800,
-        random_state=seed,
+        (24, 12), activation="tanh", solver="lbfgs", alpha=1.0, max_iter=800, random_state=0
     )
     network.fit(np.clip((rows - center) / scale, -6, 6), same)
     weights = tuple(w.astype(np.float32) for w in network.coefs_)

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 from benchmarks.segmentation import part_merging_training, part_splitting_training
 from benchmarks.segmentation.border_training import border_examples, measured, owners
-from benchmarks.segmentation.classifier_training import Scan
+from benchmarks.segmentation.training_scans import Scan
 from phantoms import box, scanned
 
 from napari_unpack.segmentation.common.density_regions import DensityScale

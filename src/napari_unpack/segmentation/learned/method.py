@@ -95,7 +95,7 @@ class PredictionThresholds:
     foreground: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.4, 0.1))
+    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.45, 0.1))
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
 
 
