@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
     print()
     path = folder / "oracle.npz"
     oracle.save(path)
-    unseen = nu.simulate_bag(seed=1, shape=(64, 72, 96), count=10)
+    unseen = nu.simulate_bag(seed=6, shape=(64, 72, 96), count=10)
     shipped = nu.segment(unseen.volume, unseen.spacing).objects
     own = nu.segment(unseen.volume, unseen.spacing, oracle=nu.Oracle.load(path)).objects
     for object_id in own.index:
