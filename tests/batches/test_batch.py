@@ -209,7 +209,13 @@ def test_ctrl_c_ends_a_run_in_a_sentence(bags: Path, tmp_path: Path) -> None:
     more = ["--workers", "1", "--no-pictures"]
     # As a terminal does it: a group of processes that gets the signal as a whole.
     run = subprocess.Popen(
-        [*words, *more], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+        [*words, *more],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Tests that were begun in the background inherit that the signal is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert run.stderr is not None
     said = iter(run.stderr.readline, "")
