@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +115,77 @@ def any_solid(rng: np.random.Generator, size: float) -> Solid:
     return PLAIN[int(rng.integers(len(PLAIN)))](rng, size)
 
 
+Place = tuple[tuple[slice, ...], NDArray[np.float32]]
+"""Where a solid goes, and its distances there."""
+
+
+@dataclass
+class _Packing:
+    """Solids packed so far; where two overlap the voxel is the one's it is deeper in.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of uint16
+    density, depths : (Z, Y, X) ndarray of float32
+        Depths are distances to the surface of the deepest solid there, negative inside.
+    count : int
+    """
+
+    labels: NDArray[np.uint16]
+    density: NDArray[np.float32]
+    depths: NDArray[np.float32]
+    count: int = 0
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int, int]) -> _Packing:
+        far = np.full(shape, 1e9, np.float32)
+        return cls(np.zeros(shape, np.uint16), np.zeros(shape, np.float32), far)
+
+    def place_for(
+        self, rng: np.random.Generator, solid: Solid, turn: NDArray[np.float32], size: float
+    ) -> Place | None:
+        """Return a place where a solid touches another: it may flatten itself a little."""
+        reach = int(np.ceil(2.6 * size)) + 2
+        axis = np.arange(-reach, reach + 1, 2, dtype=np.float32)
+        grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+        cloud = grid[solid(grid @ turn) < 0]
+        if len(cloud) < 12:
+            return None
+        lowest, highest = cloud.min(axis=0), cloud.max(axis=0)
+        limit = np.array(self.labels.shape)
+        if len(cloud) > 600:
+            cloud = cloud[rng.choice(len(cloud), 600, replace=False)]
+        for _ in range(80):
+            center = rng.uniform(0, limit).astype(np.float32)
+            cells = np.rint(cloud + center).astype(int)
+            kept = ((cells >= 0) & (cells < limit)).all(axis=1)
+            if kept.mean() < 0.5:
+                continue
+            taken = (self.labels[tuple(cells[kept].T)] > 0).mean()
+            if taken < 0.16 and (taken > 0.002 or not self.count):
+                break
+        else:
+            return None
+        low = np.maximum(np.floor(center + lowest).astype(int) - 3, 0)
+        high = np.minimum(np.ceil(center + highest).astype(int) + 4, limit)
+        region = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        axes = [
+            np.arange(a, b, dtype=np.float32) - c for a, b, c in zip(low, high, center, strict=True)
+        ]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return region, solid(points @ turn).reshape([len(a) for a in axes]).astype(np.float32)
+
+    def fill(self, place: Place, value: float, wall: float, filling: float) -> int:
+        """Put a solid there, its wall and what is in it of such densities; return how many are."""
+        region, reach = place
+        self.count += 1
+        inside = reach < np.minimum(self.depths[region], 0)
+        self.labels[region][inside] = self.count
+        self.density[region][inside] = np.where(reach > -wall, value, filling)[inside]
+        self.depths[region] = np.minimum(self.depths[region], reach)
+        return self.count
+
+
 def packed_solids(
     seed: int, shape: tuple[int, int, int] = (104, 104, 104)
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
@@ -134,12 +206,9 @@ def packed_solids(
         A shell and what it is filled with are one.
     """
     rng = np.random.default_rng(seed)
-    best = np.full(shape, 1e9, np.float32)
-    labels = np.zeros(shape, np.uint16)
-    density = np.zeros(shape, np.float32)
+    packing = _Packing.empty(shape)
     few = np.exp(rng.uniform(np.log(150), np.log(4000), int(rng.integers(1, 6))))
     wanted = int(rng.integers(10, 50))
-    name = 0
     for attempt in range(2 * wanted):
         size = float(np.exp(rng.uniform(np.log(7), np.log(32)))) * (1 if attempt < wanted else 0.6)
         kind = rng.random()
@@ -147,23 +216,17 @@ def packed_solids(
         solid, turn = make(rng, size), Rotation.random(random_state=rng).as_matrix()
         if rng.random() < 0.4:
             turn = np.eye(3)
-        place = _place(rng, solid, turn.astype(np.float32), size, labels, name > 0)
+        place = packing.place_for(rng, solid, turn.astype(np.float32), size)
         if place is None:
             continue
-        region, reach = place
-        name += 1
         value = rng.choice(few) * (1 if rng.random() < 0.6 else np.exp(rng.normal(0, 0.3)))
-        inside = reach < np.minimum(best[region], 0)
         wall = rng.uniform(1.5, 4)
         filling = value
         if rng.random() < 0.3 and make is not sheet:
             filling = 0.0 if rng.random() < 0.4 else rng.choice(few)
-        labels[region][inside] = name
-        density[region][inside] = np.where(reach > -wall, value, filling)[inside]
-        best[region] = np.minimum(best[region], reach)
-        if name == wanted:
+        if packing.fill(place, value, wall, filling) == wanted:
             break
-    return density.astype(np.uint16), labels
+    return packing.density.astype(np.uint16), packing.labels
 
 
 def alike_solids(
@@ -184,73 +247,24 @@ def alike_solids(
     that they are several.
     """
     rng = np.random.default_rng([seed, 9])
-    best = np.full(shape, 1e9, np.float32)
-    labels = np.zeros(shape, np.uint16)
-    density = np.zeros(shape, np.float32)
+    packing = _Packing.empty(shape)
     few = np.exp(rng.uniform(np.log(200), np.log(3500), 1 if rng.random() < 0.75 else 2))
     wanted = int(rng.integers(2, 6))
     usual = float(np.exp(rng.uniform(np.log(8), np.log(22))))
     empty = rng.random() < 0.25
     alike, shape_seed = rng.random() < 0.5, int(rng.integers(1 << 30))
-    name = 0
     for _ in range(3 * wanted):
         size = usual * float(np.exp(rng.normal(0, 0.1 if alike else 0.35)))
         same = alike and rng.random() < 0.7
         solid = any_solid(np.random.default_rng(shape_seed) if same else rng, size)
         turn = Rotation.random(random_state=rng).as_matrix() if rng.random() < 0.5 else np.eye(3)
-        place = _place(rng, solid, turn.astype(np.float32), size, labels, name > 0)
+        place = packing.place_for(rng, solid, turn.astype(np.float32), size)
         if place is None:
             continue
-        region, reach = place
-        name += 1
         value = rng.choice(few)
-        inside = reach < np.minimum(best[region], 0)
-        labels[region][inside] = name
-        density[region][inside] = np.where(reach > -3, value, 0 if empty else value)[inside]
-        best[region] = np.minimum(best[region], reach)
-        if name == wanted:
+        if packing.fill(place, value, 3, 0 if empty else value) == wanted:
             break
-    return density.astype(np.uint16), labels
-
-
-def _place(
-    rng: np.random.Generator,
-    solid: Solid,
-    turn: NDArray[np.float32],
-    size: float,
-    labels: NDArray[np.uint16],
-    touch: bool,
-) -> tuple[tuple[slice, ...], NDArray[np.float32]] | None:
-    """Return where a solid goes and its distances there: it may flatten itself a little."""
-    reach = int(np.ceil(2.6 * size)) + 2
-    axis = np.arange(-reach, reach + 1, 2, dtype=np.float32)
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    cloud = grid[solid(grid @ turn) < 0]
-    if len(cloud) < 12:
-        return None
-    lowest, highest = cloud.min(axis=0), cloud.max(axis=0)
-    limit = np.array(labels.shape)
-    if len(cloud) > 600:
-        cloud = cloud[rng.choice(len(cloud), 600, replace=False)]
-    for _ in range(80):
-        center = rng.uniform(0, limit).astype(np.float32)
-        cells = np.rint(cloud + center).astype(int)
-        kept = ((cells >= 0) & (cells < limit)).all(axis=1)
-        if kept.mean() < 0.5:
-            continue
-        taken = (labels[tuple(cells[kept].T)] > 0).mean()
-        if taken < 0.16 and (taken > 0.002 or not touch):
-            break
-    else:
-        return None
-    low = np.maximum(np.floor(center + lowest).astype(int) - 3, 0)
-    high = np.minimum(np.ceil(center + highest).astype(int) + 4, limit)
-    region = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-    axes = [
-        np.arange(a, b, dtype=np.float32) - c for a, b, c in zip(low, high, center, strict=True)
-    ]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return region, solid(points @ turn).reshape([len(a) for a in axes]).astype(np.float32)
+    return packing.density.astype(np.uint16), packing.labels
 
 
 def coat(

@@ -44,6 +44,16 @@ class Scans:
     times: int = 1
 
 
+METAL_AND_RAYS = (
+    Scans("metal among cloth", 30),
+    Scans("bags by rays", 30),
+    Scans("solids by rays", 13),
+    Scans("large solids by rays", 8),
+    Scans("metal by rays", 10),
+)
+"""What the network has not seen, for the classifiers that decide after it."""
+
+
 def learn(
     states: list[tuple[Regions, NDArray[np.float64]]], rounds: int, fit: Fit
 ) -> PairClassifier:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.segmentation.classifier_training import Scans, learn, train
+from benchmarks.segmentation.classifier_training import METAL_AND_RAYS, Scans, learn, train
 from benchmarks.segmentation.pair_examples import overlaps
 from benchmarks.segmentation.training_scans import Scan
 from napari_unpack.segmentation.learned.method import split_at_density_steps
@@ -26,12 +26,8 @@ SCANS = (
     Scans("solids", 30),
     Scans("clad solids", 40),
     Scans("coated solids", 40),
-    Scans("metal among cloth", 30),
     Scans("alike solids", 30, times=4),
-    Scans("bags by rays", 30),
-    Scans("solids by rays", 13),
-    Scans("large solids by rays", 8),
-    Scans("metal by rays", 10),
+    *METAL_AND_RAYS,
 )
 ROUNDS = 1
 # Share of a piece that must be an object's for it to be a piece of that.

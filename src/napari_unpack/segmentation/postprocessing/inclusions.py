@@ -187,9 +187,9 @@ def _solid(
     edges: Spacing,
     limits: InclusionRule,
 ) -> NDArray[np.bool_] | None:
-    """Return a core grown to half the density of both; None if that is no step, or flat."""
+    """Return a core grown to half the density of the piece; None if that is no step, or flat."""
     solid = core
-    # A core may be the brightest part of its piece alone: half of the piece's own median counts.
+    # The core may be the brightest part alone: what it grows to says how dense the piece is.
     for _ in range(2):
         bright = values >= float(np.median(values[solid])) / 2
         solid = binary_dilation(core, iterations=2, mask=bright & allowed) | core
