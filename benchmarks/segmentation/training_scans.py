@@ -18,13 +18,16 @@ from benchmarks.boundaries.metal_among_cloth import metal_among_cloth
 from benchmarks.boundaries.solids import alike_solids, coat, packed_solids
 from benchmarks.boundaries.volumes import solids
 from napari_unpack.segmentation.learned.method import Oversegmentation, oversegment
-from napari_unpack.simulation import ProjectionScanner, Scanner, simulate_bag
+from napari_unpack.simulation import Bag, ProjectionScanner, Scanner, simulate_bag
 
 Volumes = tuple[NDArray[np.uint16], NDArray[np.uint16]]
 ONE_MM = (1.0, 1.0, 1.0)
 
 SHAPES_BY_RAYS = ((96, 160, 160), (112, 128, 160), (128, 144, 176), (96, 144, 144))
 """Smaller than a bag: rays take several times as long."""
+
+SMALL_BAGS = (((64, 72, 96), 10), ((48, 56, 80), 9), ((96, 112, 144), 15), ((80, 80, 112), 12))
+"""Voxels, and how many objects are asked for."""
 
 MAGNIFIED = 1.6
 """Voxels to one as drawn: objects of up to 140 voxels."""
@@ -60,9 +63,17 @@ class Family:
 
 
 def _bag(seed: int) -> Scan:
-    bag = simulate_bag(seed=seed)
+    return _as_scan(simulate_bag(seed=seed))
+
+
+def _as_scan(bag: Bag) -> Scan:
     a, b, c = (float(mm) for mm in bag.spacing)
     return Scan(bag.volume, bag.labels, (a, b, c))
+
+
+def _small_bag(seed: int) -> Scan:
+    shape, count = SMALL_BAGS[seed // 2 % len(SMALL_BAGS)]
+    return _as_scan(simulate_bag(seed=seed, shape=shape, count=count))
 
 
 def _scanned(seed: int, density: NDArray[np.uint16], labels: NDArray[np.uint16]) -> Scan:
@@ -110,6 +121,7 @@ def magnified(density: NDArray[np.uint16], labels: NDArray[np.uint16]) -> Volume
 
 FAMILIES = {
     "bags": Family(_bag),
+    "small bags": Family(_small_bag, 7000),
     "solids": Family(lambda seed: _scanned(seed, *packed_solids(seed))),
     "coated solids": Family(lambda seed: _scanned(seed, *_coated(seed))),
     "clad solids": Family(lambda seed: _scanned(seed, *solids(seed, clad=True))),

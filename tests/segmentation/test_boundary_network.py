@@ -7,13 +7,19 @@ from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import score, segment
 from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions
 from napari_unpack.segmentation.learned import boundary_network
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
     mean_affinity_linkage,
 )
-from napari_unpack.segmentation.learned.boundary_network import BoundaryNetwork, default_boundaries
+from napari_unpack.segmentation.learned.boundary_network import (
+    BoundaryNetwork,
+    Prediction,
+    default_boundaries,
+)
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities, measure_affinities
+from napari_unpack.segmentation.learned.method import find_objects
 from napari_unpack.simulation import simulate_bag
 
 SCALE = DensityScale(0.0, 200.0)
@@ -177,6 +183,37 @@ def test_the_bar_rises_with_size():
     assert LinkageThreshold().at(10_000) == pytest.approx(0.40)
     assert LinkageThreshold().at(1) == pytest.approx(0.05)
     assert LinkageThreshold().at(1e9) == pytest.approx(0.6)
+
+
+class Says(BoundaryNetwork):
+    """Predict that all voxels belong together, and of each how likely it is an object's."""
+
+    def __init__(self, foreground):
+        self.foreground = foreground
+
+    def predict(self, density, scale, progress, tile=0):
+        cells = tuple((n + 1) // 2 for n in density.shape)
+        together = 3 * len(boundary_network.REACHES)
+        return Prediction(
+            np.rint(255 * self.foreground).astype(np.uint8),
+            np.full((3, *density.shape), 255, np.uint8),
+            np.full((together, *cells), 255, np.uint8),
+        )
+
+
+@pytest.mark.parametrize(("shell", "objects"), [(True, 1), (False, 2)])
+def test_a_part_that_takes_in_what_the_network_doubts_is_the_bag_if_thin(shell, objects):
+    shape = (40, 48, 56)
+    block, sheet = box(shape, (6, 8, 8), (24, 40, 48)), box(shape, (31, 4, 4), (36, 44, 52))
+    foreground = block.astype(float)
+    # By its three middle layers 0.52, as a part; with the two beside them 0.31.
+    foreground[32:35, 4:44, 4:52] = np.array([0.4, 0.75, 0.4])[:, None, None]
+    density = np.where(block | sheet, 1000.0, 0.0)
+    options = ForegroundOptions(shell=shell)
+    labels = find_objects(density, (1.0,) * 3, silent, options, network=Says(foreground))
+    assert labels[sheet].any() == (not shell)
+    assert (labels[block] > 0).mean() > 0.9
+    assert len(np.unique(labels)) == 1 + objects
 
 
 def test_small_bags_are_found_well():

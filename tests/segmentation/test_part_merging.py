@@ -5,7 +5,11 @@ from phantoms import box
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned import part_merging
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities
-from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
+from napari_unpack.segmentation.learned.pair_classifier import (
+    PairClassifier,
+    agglomerate,
+    measure_parts,
+)
 from napari_unpack.segmentation.learned.part_merging import (
     FEATURES,
     default_merging_classifier,
@@ -99,6 +103,25 @@ def test_where_the_network_is_sure_the_classifier_is_not_asked(monkeypatch, sure
     # 0.9 lies by more than 0.5 and less than 0.8 above the bar for so few cells, about 0.2.
     assert (joined[10, 10, 25] == joined[10, 10, 40]) == together
     assert joined[10, 10, 8] not in (joined[10, 10, 25], joined[10, 10, 40])
+
+
+@pytest.mark.parametrize(("side", "asked"), [(1, False), (2, True)])
+def test_parts_that_touch_over_little_are_asked_about_and_a_corner_is_not(side, asked):
+    # Of 864 faces of a cube of 12 three thousandths are 2.6: one face is less, four are more.
+    labels = np.zeros((16, 16, 40), np.int32)
+    labels[box(labels.shape, (2, 2, 2), (14, 14, 14))] = 1
+    labels[box(labels.shape, (2, 2, 15), (14, 14, 27))] = 2
+    labels[2 : 2 + side, 2 : 2 + side, 14] = 2
+    pairs = []
+
+    def answer(one, two, features):
+        pairs.append((one, two))
+        return 1.0
+
+    lifted = (labels > 0).astype(np.float32)
+    owners = agglomerate(measure_parts(labels, lifted, (1.0, 1.0, 1.0)), answer)
+    assert pairs == [(1, 2)] * asked
+    assert (owners[1] == owners[2]) == asked
 
 
 def test_the_classifier_that_ships_knows_these_features():

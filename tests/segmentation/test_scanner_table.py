@@ -1,9 +1,10 @@
 """What surrounds the packed things: field of view, pad, shell; and folds that are one bundle."""
 
 import numpy as np
+import pytest
 from phantoms import ball, box
 
-from napari_unpack.segmentation.foreground.bag_shell import find_shell
+from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_shell
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 
@@ -51,6 +52,19 @@ def test_the_skin_around_many_things_is_a_shell_and_a_box_around_nothing_is_not(
     assert found.tolist() == [False, True, False, False, False, False]
     labels[labels > 1] = 0
     assert not find_shell(labels, (1.0, 1.0, 1.0)).any()
+
+
+@pytest.mark.parametrize(("millimetres", "skin"), [(1.0, [3]), (0.5, [3, 4]), (5.0, [])])
+def test_of_what_is_doubted_only_what_is_as_thin_as_skin_goes(millimetres, skin):
+    shape = (40, 40, 40)
+    labels = np.zeros(shape, np.int32)
+    labels[box(shape, (2, 2, 2), (5, 38, 38))] = 3
+    labels[box(shape, (9, 2, 2), (21, 38, 38))] = 4
+    labels[box(shape, (30, 2, 2), (33, 38, 38))] = 7
+    doubted = np.array([False, False, True, True, True, False, False, False])
+    kept = drop_skin(labels, doubted, (millimetres,) * 3)
+    assert kept.dtype == np.int32
+    np.testing.assert_array_equal(kept, np.where(np.isin(labels, skin), 0, labels))
 
 
 def test_light_folds_a_voxel_apart_are_one_bundle_and_a_solid_among_them_is_not():

@@ -42,7 +42,9 @@ def test_magnified_objects_have_the_cube_of_the_factor_as_many_voxels():
     assert np.count_nonzero(names) == 16**3
 
 
-@pytest.mark.parametrize("name", ["alike solids", "metal among cloth", "metal by rays"])
+@pytest.mark.parametrize(
+    "name", ["alike solids", "small bags", "metal among cloth", "metal by rays"]
+)
 def test_a_scan_of_a_family_has_noise_and_is_the_same_for_one_seed(name):
     family = FAMILIES[name]
     one, two = (family.make(family.first) for _ in range(2))

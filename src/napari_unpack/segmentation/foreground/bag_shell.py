@@ -11,11 +11,14 @@ from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
 
+SKIN_THICKNESS = 8.0
+"""Fabric, piping and zips are at most this thick on average, mm."""
+
 
 def find_shell(
     labels: NDArray[np.int32],
     spacing: Spacing,
-    thickness: float = 8.0,
+    thickness: float = SKIN_THICKNESS,
     extent: float = 0.94,
     outermost: float = 0.6,
     fewest: int = 3,
@@ -29,7 +32,7 @@ def find_shell(
         Parts 1, 2, ..., 0 background.
     spacing : (float, float, float) of mm, z y x
     thickness : float
-        Fabric, piping and zips are at most this thick on average, mm.
+        Of the skin at most, on average.
     extent : float
         The skin reaches over this share of the extent of all parts, along two axes at least.
     outermost : float
@@ -63,6 +66,29 @@ def find_shell(
     if skin.any() and len(boxes.ids) - int(skin.sum()) >= fewest:
         shell[boxes.ids[skin | (thin & (first >= 0.8))]] = True
     return shell
+
+
+def drop_skin(
+    labels: NDArray[np.int32], doubted: NDArray[np.bool_], spacing: Spacing
+) -> NDArray[np.int32]:
+    """Drop those of the doubted objects that are no thicker than a bag's skin.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects 1, 2, ..., 0 background.
+    doubted : (M,) ndarray of bool
+        By label, whether it may be the bag's.
+    spacing : (float, float, float) of mm, z y x
+    """
+    boxes = label_boxes(labels)
+    dropped = np.zeros(len(doubted), np.bool_)
+    for label in boxes.ids[doubted[boxes.ids]].tolist():
+        inside = labels[boxes.slices(label)] == label
+        depths = label_depths(inside.astype(np.int32), spacing)[inside]
+        # A plate of thickness t has mean depth t / 4.
+        dropped[label] = 4 * depths.mean() <= SKIN_THICKNESS
+    return np.where(dropped, 0, np.arange(len(dropped), dtype=np.int32))[labels]
 
 
 @njit(cache=True, nogil=True)

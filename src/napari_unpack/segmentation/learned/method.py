@@ -25,7 +25,7 @@ from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.bag_shell import find_shell
+from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_shell
 from napari_unpack.segmentation.foreground.methods import (
     ForegroundOptions,
     find_foreground,
@@ -95,8 +95,12 @@ class PredictionThresholds:
     foreground: float = 0.3
     dense: float = 0.1
     object: float = 0.5
-    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.45, 0.1))
+    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.55, 0.1))
     weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
+
+
+LINKAGE_ALONE = PredictionThresholds(together=LinkageThreshold(0.45, 0.1))
+"""Where no classifier merges after it, linkage goes on further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +240,9 @@ def find_objects(
     """
     share = Share(progress)
     # Of the time, at any size: the network half, the classifier of borders a quarter.
-    found = oversegment(density, spacing, share.part(0.0, 0.6), foreground, network, noted=noted)
+    limits = PredictionThresholds() if steps else LINKAGE_ALONE
+    finding = share.part(0.0, 0.6)
+    found = oversegment(density, spacing, finding, foreground, network, limits, noted)
     if not found.parts.any():
         return found.parts
     voxel = float(np.prod(spacing))
@@ -259,6 +265,12 @@ def find_objects(
     # Coins and keys are smaller than anything else that is worth its own label.
     few = max(smallest / 4, MIN_OBJECT_VOXELS * voxel) / voxel
     metal = _metal(labels, density, found.scale, few)
+    if foreground is None or foreground.shell:
+        # Parts were asked the same when they were found; what they took in since may be skin.
+        predicted = label_means(labels, found.prediction.foreground) / 255
+        doubted = predicted < limits.object
+        labels = drop_skin(labels, doubted & ~metal, spacing)
+        metal = metal[: int(labels.max()) + 1]
     drawing(1.0)
     return absorb_small(labels, spacing, least, metal)
 

@@ -302,12 +302,19 @@ class PairClassifier:
 
 PairProbability = Callable[[int, int, NDArray[np.float64]], float]
 
+TOUCHING = 0.003
+"""Share of the smaller surface from which two parts touch.
+
+A corner against a corner merges nothing; the blades and handles of scissors, and the folds of
+cloth, touch over less than a hundredth.
+"""
+
 
 def agglomerate(
     parts: Parts,
     classifier: PairProbability,
     least: float = 0.5,
-    touching: float = 0.015,
+    touching: float = TOUCHING,
     log: JoinLog | None = None,
     share: Share = SILENT,
 ) -> NDArray[np.int64]:
@@ -322,8 +329,7 @@ def agglomerate(
     least : float
         Probability below which nothing is merged.
     touching : float
-        Pairs that touch over a smaller share of the smaller surface are not classified: a corner
-        against a corner merges nothing, and most pairs are such.
+        Pairs that touch over a smaller share of the smaller surface are not classified.
     log : JoinLog, optional
         Where merges are noted, and what was not merged.
     share : Share
