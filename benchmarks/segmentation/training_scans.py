@@ -72,7 +72,7 @@ def _as_scan(bag: Bag) -> Scan:
 
 
 def _small_bag(seed: int) -> Scan:
-    shape, count = SMALL_BAGS[seed // 2 % len(SMALL_BAGS)]
+    shape, count = SMALL_BAGS[seed % len(SMALL_BAGS)]
     return _as_scan(simulate_bag(seed=seed, shape=shape, count=count))
 
 

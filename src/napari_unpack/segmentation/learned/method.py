@@ -270,6 +270,7 @@ def find_objects(
         predicted = label_means(labels, found.prediction.foreground) / 255
         doubted = predicted < limits.object
         labels = drop_skin(labels, doubted & ~metal, spacing)
+        # What went may have been the last of the labels.
         metal = metal[: int(labels.max()) + 1]
     drawing(1.0)
     return absorb_small(labels, spacing, least, metal)
