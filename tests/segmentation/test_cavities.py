@@ -34,18 +34,47 @@ def test_a_wall_with_narrow_gaps_keeps_its_air_and_one_with_a_window_does_not():
     labels = hollow_box()
     labels[5:7, 10:20, 14:16] = 0
     assert not fill_cavities(labels, EVEN)[7:23, 7:23, 7:23].any()
-    filled = fill_cavities(labels, EVEN, leaky=True)
+    filled = fill_cavities(labels, EVEN, labels > 0)
     assert (filled[8:23, 7:23, 7:23] == 1).all()
     assert not filled[:5].any()
     labels[5:7, 10:20, 11:18] = 0
-    assert not fill_cavities(labels, EVEN, leaky=True)[7:23, 7:23, 7:23].any()
+    assert not fill_cavities(labels, EVEN, labels > 0)[7:23, 7:23, 7:23].any()
+
+
+def test_a_wall_that_is_seen_and_no_objects_encloses_air_and_goes_to_its_box():
+    labels = hollow_box()
+    seen = labels > 0
+    labels[5:7, 5:25, 5:25] = 0
+    assert not fill_cavities(labels, EVEN)[7:23, 7:23, 7:23].any()
+    assert (fill_cavities(labels, EVEN, seen)[5:25, 5:25, 5:25] == 1).all()
+    # Without a wall nothing is given; nor is the air of a bag, whose skin is no object.
+    assert np.array_equal(fill_cavities(labels, EVEN, labels > 0), labels)
+    bag = np.zeros_like(seen)
+    bag[2:28, 2:28, 2:28] = True
+    bag[4:26, 4:26, 4:26] = False
+    boxed = np.where(seen, 1, 0).astype(np.int32)
+    assert not fill_cavities(boxed, EVEN, bag)[2:5].any()
+
+
+def test_a_rough_wall_is_no_leaky_one():
+    rng = np.random.default_rng(0)
+    labels = np.zeros((40, 40, 40), np.int32)
+    labels[5:35, 5:35, 5:35] = 1
+    labels[9:31, 9:31, 9:31] = 0
+    # Pits on the inner side, and one narrow gap.
+    labels[7:9, 9:31, 9:31] = rng.random((2, 22, 22)) < 0.5
+    labels[5:9, 15:25, 20:22] = 0
+    filled = fill_cavities(labels, EVEN, labels > 0)
+    assert (filled[9:31, 9:31, 9:31] == 1).all()
+    # All but what lies under the gap.
+    assert not (filled[7:9, 9:31, 9:14] == 0).any()
 
 
 def test_a_narrow_gap_between_two_boxes_is_no_cavity():
     labels = np.zeros((30, 30, 30), np.int32)
     labels[5:25, 5:25, 5:13] = 1
     labels[5:25, 5:25, 17:25] = 2
-    assert np.array_equal(fill_cavities(labels, EVEN, leaky=True), labels)
+    assert np.array_equal(fill_cavities(labels, EVEN, labels > 0), labels)
 
 
 def test_what_hangs_in_a_box_is_part_of_it_and_what_lies_on_its_floor_is_not():

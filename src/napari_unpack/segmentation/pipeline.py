@@ -304,7 +304,9 @@ def _segment_grid(
         growing = share.part(0.9, 0.95, "Drawing borders")
         labels = grow_to_half_height(labels, given, spacing, growing)
     closing = share.part(0.95, 0.99, "Filling cavities")
-    filled = fill_cavities(labels, spacing, leaky=not noisy, share=closing)
+    # Haze is foreground too.
+    dense = None if noisy else find_foreground(density, spacing, foreground.method)[0]
+    filled = fill_cavities(labels, spacing, dense, closing)
     closing(1.0)
     labels = filled if noisy else join_suspended(labels, filled, spacing)
     share(1.0)
