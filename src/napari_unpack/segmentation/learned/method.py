@@ -25,7 +25,7 @@ from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_shell
+from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_case, find_shell
 from napari_unpack.segmentation.foreground.methods import (
     ForegroundOptions,
     find_foreground,
@@ -36,6 +36,8 @@ from napari_unpack.segmentation.foreground.scanner_table import (
     find_supports,
     measured_section,
 )
+from napari_unpack.segmentation.foreground.streaks import find_streaks
+from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
     mean_affinity_linkage,
@@ -117,6 +119,8 @@ class Oversegmentation:
         Of every voxel and cell.
     scale : DensityScale
         How densities are compared.
+    levels : Levels
+        Of air and foreground.
     weights : (K,) ndarray of float64
         Of pairs of cells in a mean, by reach.
     noise : float
@@ -127,6 +131,7 @@ class Oversegmentation:
     measured: PredictedParts
     prediction: Prediction
     scale: DensityScale
+    levels: Levels
     weights: NDArray[np.float64]
     noise: float
 
@@ -207,7 +212,7 @@ def oversegment(
     parts, measured = measure_predicted_parts(
         parts, density, spacing, scale, affinities, owner, weights, missing.part(0.5, 1.0)
     )
-    return Oversegmentation(parts, measured, prediction, scale, weights, noise)
+    return Oversegmentation(parts, measured, prediction, scale, levels, weights, noise)
 
 
 def find_objects(
@@ -270,8 +275,10 @@ def find_objects(
         predicted = label_means(labels, found.prediction.foreground) / 255
         doubted = predicted < limits.object
         labels = drop_skin(labels, doubted & ~metal, spacing)
-        # What went may have been the last of the labels.
-        metal = metal[: int(labels.max()) + 1]
+    streaks = find_streaks(labels, density, found.levels)
+    labels = np.where(streaks, 0, np.arange(len(streaks), dtype=np.int32))[labels]
+    # What went may have been the last of the labels.
+    metal = metal[: int(labels.max()) + 1]
     drawing(1.0)
     return absorb_small(labels, spacing, least, metal)
 
@@ -381,6 +388,8 @@ def _with_missed(
         skin = find_shell(together, spacing, share=share.part(0.6, 1.0))
         # Only what the network missed may be the bag: its own parts it has told from it.
         skin[: top + 1] = False
+        # But for a hard case, whose plates look like things.
+        skin |= find_case(together)
         together[skin[together]] = 0
     return together
 
