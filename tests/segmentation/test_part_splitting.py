@@ -120,6 +120,18 @@ def test_a_small_piece_stays_with_its_host_unless_it_is_metal():
         assert (parted[10, 11, 28] != parted[2, 2, 2]) == stays
 
 
+def test_a_piece_that_touches_nothing_is_not_lost():
+    # The handles of scissors lie beside blades that they do not touch.
+    objects = np.zeros(SHAPE, np.int32)
+    objects[box(SHAPE, (4, 4, 4), (20, 20, 30))] = 1
+    handle = box(SHAPE, (8, 8, 40), (16, 16, 50))
+    objects[handle] = 1
+    density = scanned((objects > 0).astype(np.int32), {1: 900.0})
+    labels = merge_pieces(*measured(objects, density), SCALE, judge_of("belonging", 0.0, 9.0))
+    assert len(names_in(labels, handle) - {0}) == 1
+    assert (labels[handle] > 0).all()
+
+
 def test_a_committee_says_the_mean_of_its_members_before_the_logistic():
     rng = np.random.default_rng(3)
     width = len(PAIR_FEATURES)

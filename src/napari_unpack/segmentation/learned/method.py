@@ -275,12 +275,12 @@ def find_objects(
         predicted = label_means(labels, found.prediction.foreground) / 255
         doubted = predicted < limits.object
         labels = drop_skin(labels, doubted & ~metal, spacing)
-    streaks = find_streaks(labels, density, found.levels)
-    labels = np.where(streaks, 0, np.arange(len(streaks), dtype=np.int32))[labels]
-    # What went may have been the last of the labels.
+    # What goes may be the last of the labels.
     metal = metal[: int(labels.max()) + 1]
+    streaks = find_streaks(labels, density, found.levels) & ~metal
+    labels = np.where(streaks, 0, np.arange(len(streaks), dtype=np.int32))[labels]
     drawing(1.0)
-    return absorb_small(labels, spacing, least, metal)
+    return absorb_small(labels, spacing, least, metal[: int(labels.max()) + 1])
 
 
 def _metal(

@@ -224,7 +224,9 @@ def merge_pieces(
     main = 2 * measured.sums[:, 0] >= measured.whole
     dense = measured.sums[:, 1] / voxels >= np.log1p(METAL)
     joined = own.astype(np.int32)[pieces]
-    kept = (main | dense)[: int(joined.max(initial=0)) + 1]
+    # The handles of scissors touch nothing but the blades, or not even these.
+    alone = measured.area.sum(axis=1) == 0
+    kept = (main | dense | alone)[: int(joined.max(initial=0)) + 1]
     return absorb_small(joined, (1.0, 1.0, 1.0), LEAST_PIECE, kept)
 
 
