@@ -9,7 +9,7 @@ from time import sleep
 import pytest
 
 from napari_unpack import tasks
-from napari_unpack.tasks import Cancelled, Progress, Share, awaited, relayed
+from napari_unpack.tasks import Cancelled, Progress, Share, awaited, beside, relayed
 
 
 def test_a_part_of_a_share_tells_of_the_whole_work() -> None:
@@ -143,3 +143,39 @@ def test_what_fails_on_the_other_thread_fails_here() -> None:
 
     with pytest.raises(ValueError, match="no objects"):
         relayed(work, lambda *_: None)
+
+
+@pytest.mark.parametrize(("threads", "apart"), [("1", False), ("2", True)])
+def test_work_beside_a_block_has_a_thread_of_its_own_and_ends_with_it(
+    threads: str, apart: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NAPARI_UNPACK_THREADS", threads)
+    begun = Event()
+
+    def work() -> int:
+        # Alone, it is done before the block, which could not begin it.
+        assert not apart or begun.wait(10)
+        return get_ident()
+
+    with beside(work) as found:
+        begun.set()
+    assert found.done()
+    assert (found.result() != get_ident()) == apart
+
+
+def test_a_block_that_fails_waits_for_what_is_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAPARI_UNPACK_THREADS", "2")
+    go, ended = Event(), Event()
+
+    def work() -> None:
+        go.wait(10)
+        ended.set()
+
+    def fails() -> None:
+        with beside(work):
+            go.set()
+            raise ValueError("in the block")
+
+    with pytest.raises(ValueError, match="in the block"):
+        fails()
+    assert ended.is_set()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from contextvars import copy_context
 from dataclasses import dataclass
 from math import prod
@@ -170,6 +171,29 @@ def attended(work: Callable[[], T], share: Share) -> T:
         return awaited(thread.submit(work), share)
     finally:
         thread.shutdown(wait=False)
+
+
+@contextmanager
+def beside(work: Callable[[], T]) -> Iterator[Future[T]]:
+    """Do work that tells nothing on a thread of its own, beside what the block does.
+
+    Parameters
+    ----------
+    work : callable
+        The block ends once it has; where there is one thread, it is done before the block.
+
+    Yields
+    ------
+    Future
+        Of what it gives.
+    """
+    if thread_count() < 2:
+        done: Future[T] = Future()
+        done.set_result(work())
+        yield done
+        return
+    with ThreadPoolExecutor(1, "unpack-beside") as pool:
+        yield pool.submit(work)
 
 
 # What a bar moves on in a beat without news, of what is left.

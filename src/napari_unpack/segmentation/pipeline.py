@@ -62,7 +62,7 @@ from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_fold
 from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
 from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
-from napari_unpack.tasks import Progress, Share, relayed
+from napari_unpack.tasks import Progress, Share, beside, relayed
 
 METHODS = ("learned", "cuts")
 # Folds of cloth are at most this many times as dense as the median of the foreground.
@@ -266,13 +266,13 @@ def _segmented(
     finding = share.part(0.0, 0.95, "Reading the volume")
     labels = _segment_grid(density, size, finding, wanted, noted)
     measuring = share.part(0.95, 1.0, "Measuring objects")
-    evidence = gather(labels, noted, measuring.part(0.0, 0.5))
-    table = object_table(labels, density, size, oracle, measuring.part(0.5, 1.0))
+    with beside(partial(gather, labels, noted)) as gathered:
+        table = object_table(labels, density, size, oracle, measuring)
     if out is not None:
         out[...] = labels
         labels = out
     share(1.0, f"{len(table)} objects")
-    return Segmentation(labels, table, evidence)
+    return Segmentation(labels, table, gathered.result())
 
 
 def _segment_grid(
@@ -296,16 +296,19 @@ def _segment_grid(
         foreground = ForegroundOptions(supports=False, shell=False)
     cleared = replace(options, foreground=foreground, grainy=noisy)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
+    walls = partial(find_foreground, density, spacing, foreground.method)
     if density.size > WORKING_VOXELS:
         labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
+        dense = None if noisy else walls()[0]
     else:
-        labels = _objects(density, spacing, looking, cleared, noted)
+        with beside(walls) as found:
+            labels = _objects(density, spacing, looking, cleared, noted)
+        # Haze is foreground too.
+        dense = None if noisy else found.result()[0]
     if noisy:
         growing = share.part(0.9, 0.95, "Drawing borders")
         labels = grow_to_half_height(labels, given, spacing, growing)
     closing = share.part(0.95, 0.99, "Filling cavities")
-    # Haze is foreground too.
-    dense = None if noisy else find_foreground(density, spacing, foreground.method)[0]
     filled = fill_cavities(labels, spacing, dense, closing)
     closing(1.0)
     labels = filled if noisy else join_suspended(labels, filled, spacing)

@@ -298,10 +298,13 @@ def _merge_basins(
     # The most alike first, so that a region does not creep across a slow ramp.
     for limit in (step / 4, step / 2, step):
         share(0.7)
-        _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise)
+        means = sums / np.maximum(sizes, 1)
+        # The order is that of the start: sorting again after every merge would cost its square.
+        order = np.argsort(np.abs(means[pairs[:, 0]] - means[pairs[:, 1]]) + slopes, kind="stable")
+        _merge(pairs[order], owner, sizes, sums, limit, noise)
     _absorb_small(pairs, faces, owner, sizes, sums, smallest)
     share(0.9)
-    roots = np.array([_find(owner, k) for k in range(count + 1)])
+    roots = _roots(owner)
     present = np.zeros(count + 1, np.bool_)
     present[roots[1:]] = True
     names = np.where(present, np.cumsum(present), 0)[roots].astype(np.int32)
@@ -351,12 +354,15 @@ def _find(owner, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _merge(pairs, faces, slopes, owner, sizes, sums, limit, noise):  # type: ignore[no-untyped-def]
-    """Merge pairs, flattest first, whose means differ by less than a limit and their noise."""
-    # The order is that of the start: sorting again after every merge would cost its square.
-    means = sums / np.maximum(sizes, 1)
-    difference = np.abs(means[pairs[:, 0]] - means[pairs[:, 1]])
-    for k in np.argsort(difference + slopes):
+def _roots(owner):  # type: ignore[no-untyped-def]
+    """Return the root of every basin."""
+    return np.array([_find(owner, k) for k in range(len(owner))])
+
+
+@njit(cache=True, nogil=True)
+def _merge(pairs, owner, sizes, sums, limit, noise):  # type: ignore[no-untyped-def]
+    """Merge pairs in turn whose means differ by less than a limit and their noise."""
+    for k in range(len(pairs)):
         a, b = _find(owner, pairs[k, 0]), _find(owner, pairs[k, 1])
         if a == b:
             continue
