@@ -7,7 +7,8 @@ from phantoms import box, packed, scanned, two_balls
 
 from napari_unpack.segmentation import score, segment
 from napari_unpack.segmentation.common.density_regions import DensityScale
-from napari_unpack.segmentation.foreground.methods import ForegroundOptions
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, KnownScale
+from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.learned import boundary_network
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
@@ -19,7 +20,7 @@ from napari_unpack.segmentation.learned.boundary_network import (
     default_boundaries,
 )
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities, measure_affinities
-from napari_unpack.segmentation.learned.method import find_objects
+from napari_unpack.segmentation.learned.method import find_objects, oversegment
 from napari_unpack.simulation import simulate_bag
 
 SCALE = DensityScale(0.0, 200.0)
@@ -214,6 +215,20 @@ def test_a_part_that_takes_in_what_the_network_doubts_is_the_bag_if_thin(shell, 
     assert labels[sheet].any() == (not shell)
     assert (labels[block] > 0).mean() > 0.9
     assert len(np.unique(labels)) == 1 + objects
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_hard_case_is_no_object_but_in_a_block_it_may_be_a_carton(whole):
+    shape = (64, 72, 80)
+    case = box(shape, (4, 4, 4), (60, 68, 76)) & ~box(shape, (6, 6, 6), (58, 66, 74))
+    things = [box(shape, (16, 12 + k, 20), (40, 20 + k, 60)) for k in (0, 14, 28, 40)]
+    every = np.logical_or.reduce([case, *things])
+    density = np.where(every, 1000.0, 0.0)
+    known = None if whole else KnownScale(Levels(0.0, 1.0, 200.0, 300.0), 250.0)
+    options = ForegroundOptions(known=known)
+    found = oversegment(density, (1.0,) * 3, silent, options, Says(every.astype(float)))
+    assert (found.parts[case] > 0).any() == (not whole)
+    assert all((found.parts[thing] > 0).all() for thing in things)
 
 
 def test_small_bags_are_found_well():

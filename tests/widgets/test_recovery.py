@@ -48,7 +48,14 @@ def another_napari(does: str, errors: int | None = None) -> subprocess.Popen[str
     """Start a process that does what a function of `killed_napari` does."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     call = does if "(" in does else f"{does}()"
-    command = [sys.executable, "-c", f"import killed_napari; killed_napari.{call}"]
+    # A crash that comes once in a hundred runs says where it was.
+    command = [
+        sys.executable,
+        "-X",
+        "faulthandler",
+        "-c",
+        f"import killed_napari; killed_napari.{call}",
+    ]
     pipes = {"stdout": subprocess.PIPE, "stderr": errors}
     return subprocess.Popen(command, env=environment, text=True, **pipes)
 
@@ -207,6 +214,6 @@ def test_a_script_that_fails_ends_with_its_own_traceback_and_no_other(with_panel
     finally:
         other.kill()
         other.wait()
-    assert other.returncode == 1
+    assert other.returncode == 1, said
     assert said.count("Traceback") == 1
     assert said.endswith("RuntimeError: of the script\n")

@@ -209,6 +209,9 @@ def oversegment(
     parts = flood(parts, around, share=drawing.part(0.7, 1.0))
     missing = share.part(0.9, 1.0, "Looking for what the network missed")
     parts = _with_missed(parts, dense, options.shell, spacing, missing.part(0.0, 0.5))
+    if options.shell and known is None:
+        # In a block of a volume a large carton looks like a case.
+        parts[find_case(parts)[parts]] = 0
     parts, measured = measure_predicted_parts(
         parts, density, spacing, scale, affinities, owner, weights, missing.part(0.5, 1.0)
     )
@@ -388,8 +391,6 @@ def _with_missed(
         skin = find_shell(together, spacing, share=share.part(0.6, 1.0))
         # Only what the network missed may be the bag: its own parts it has told from it.
         skin[: top + 1] = False
-        # But for a hard case, whose plates look like things.
-        skin |= find_case(together)
         together[skin[together]] = 0
     return together
 
