@@ -56,6 +56,24 @@ def test_a_wall_that_is_seen_and_no_objects_encloses_air_and_goes_to_its_box():
     assert not fill_cavities(boxed, EVEN, bag)[2:5].any()
 
 
+def test_the_air_between_things_in_a_box_is_not_the_boxs():
+    labels = np.zeros((44, 44, 44), np.int32)
+    labels[3:41, 3:41, 3:41] = 1
+    labels[5:39, 5:39, 5:39] = 0
+    # Three things close on air, of which none makes up half of the walls.
+    labels[20:34, 14:28, 14:28] = 2
+    labels[20:34, 14:28, 14:18] = 3
+    labels[20:34, 14:18, 14:28] = 4
+    labels[24:30, 18:24, 18:24] = 0
+    labels[20:24, 14:28, 14:28] = 3
+    labels[30:34, 14:28, 14:28] = 4
+    seen = labels > 0
+    labels[3:5] = 0
+    filled = fill_cavities(labels, EVEN, seen)
+    assert (filled[6:19, 6:38, 6:38] == 1).all()
+    assert not filled[24:30, 18:24, 18:24].any()
+
+
 def test_a_rough_wall_is_no_leaky_one():
     rng = np.random.default_rng(0)
     labels = np.zeros((40, 40, 40), np.int32)

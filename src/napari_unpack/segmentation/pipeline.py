@@ -166,7 +166,7 @@ def segment(
     supports : bool
         Leave out the scanner's table.
     shell : bool
-        Leave out the bag itself.
+        Leave out the bag itself, and a hard case around everything.
     grainy : bool, optional
         Noise or haze hide the objects, as under a microscope: they are removed first, and there is
         no table and no bag. By default that is measured where `foreground` is the name of a method.
@@ -296,15 +296,18 @@ def _segment_grid(
         foreground = ForegroundOptions(supports=False, shell=False)
     cleared = replace(options, foreground=foreground, grainy=noisy)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
-    walls = partial(find_foreground, density, spacing, foreground.method)
+
+    def walls() -> NDArray[np.bool_] | None:
+        # Haze is foreground too.
+        return None if noisy else find_foreground(density, spacing, foreground.method)[0]
+
     if density.size > WORKING_VOXELS:
         labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
-        dense = None if noisy else walls()[0]
+        dense = walls()
     else:
         with beside(walls) as found:
             labels = _objects(density, spacing, looking, cleared, noted)
-        # Haze is foreground too.
-        dense = None if noisy else found.result()[0]
+        dense = found.result()
     if noisy:
         growing = share.part(0.9, 0.95, "Drawing borders")
         labels = grow_to_half_height(labels, given, spacing, growing)

@@ -281,7 +281,7 @@ def find_objects(
     # What goes may be the last of the labels.
     metal = metal[: int(labels.max()) + 1]
     streaks = find_streaks(labels, density, found.levels) & ~metal
-    labels = np.where(streaks, 0, np.arange(len(streaks), dtype=np.int32))[labels]
+    labels[streaks[labels]] = 0
     drawing(1.0)
     return absorb_small(labels, spacing, least, metal[: int(labels.max()) + 1])
 

@@ -141,9 +141,14 @@ def _fill_leaky(
 
     `core` is the cavity less one voxel; the arrays are of its box and what is around it.
     """
+    wall = wall | (labels > 0)
     hole = binary_dilation(core, generate_binary_structure(3, 2)) & ~wall
-    # Pits of a rough wall are no gaps in it.
-    hole |= _closed(~wall & ~hole) > 0
+    # Pits of a rough wall are no gaps in it; the air of what lies in the cavity is no pit.
+    pits = _closed(~wall & ~hole)
+    beside = np.zeros(int(pits.max()) + 1, np.bool_)
+    beside[pits[binary_dilation(hole)]] = True
+    beside[0] = False
+    hole |= beside[pits]
     top = int(labels.max(initial=0))
     unnamed, name = top + 1, top + 2
     parted = np.where(hole, name, np.where(wall & (labels == 0), unnamed, labels))
