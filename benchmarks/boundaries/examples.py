@@ -2,48 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
+from scipy.ndimage import correlate1d
 
+from benchmarks.boundaries.volumes import AIR, KINDS, files, hollow
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.segmentation.learned.fragments import cells_of
 
 FAR = 9.0
 """No log density lies above."""
 
-AIR = 60.0
-"""No matter is as light."""
-
 USUAL = 600.0
 """Median density of the matter of a bag."""
 
 
-class Source:
-    """Volumes in files, cut open where they are asked for."""
+SMALLEST_ZOOM, LARGEST_ZOOM = 0.5, 2.2
+"""A thing is to be known at any size, and a scan is sampled as its scanner does."""
 
-    def __init__(self, folder: Path, bags: range, solids: range, share: float = 0.4) -> None:
-        self.folder, self.bags, self.solids = folder, bags, solids
-        self.share = share if len(solids) else 0.0
+
+class Source:
+    """Volumes in files, cut open where they are asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        See `volumes.main`; those that are not there yet are left out.
+    seeds : mapping of str to range
+        Of the volumes of each kind.
+    """
+
+    def __init__(self, folder: Path, seeds: Mapping[str, range]) -> None:
+        self.folder, self.seeds = folder, seeds
+        self.kinds = list(seeds)
+        shares = np.array([KINDS[kind].share for kind in self.kinds])
+        self.shares = shares / shares.sum()
 
     def patch(
         self, rng: np.random.Generator, size: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.int32], bool]:
-        """Return sharp density and labels of a cube cut at a random zoom and turned."""
-        solid = bool(rng.random() < self.share)
-        several = self.solids if solid else self.bags
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32], str]:
+        """Return density and labels of a cube cut at a random zoom and turned, and its kind."""
         while True:
-            seed = several[int(rng.integers(len(several)))]
-            path = self.folder / f"{'solids' if solid else 'bag'}{seed}-density.npy"
-            if path.exists():
+            kind = self.kinds[int(rng.choice(len(self.kinds), p=self.shares))]
+            several = self.seeds[kind]
+            stored = files(self.folder, kind, several[int(rng.integers(len(several)))])
+            if stored[0].exists():
                 break
-        density = np.load(path, mmap_mode="r")
-        labels = np.load(str(path).replace("-density", "-labels"), mmap_mode="r")
-        zoom = np.exp(rng.uniform(np.log(0.65), np.log(1.6)))
+        density, labels = (np.load(path, mmap_mode="r") for path in stored)
+        zoom = np.exp(rng.uniform(np.log(SMALLEST_ZOOM), np.log(LARGEST_ZOOM)))
         zoom = zoom * np.exp(rng.normal(0, 0.08, 3))
         reach = size / zoom
         room = np.array(density.shape) - reach
@@ -63,7 +73,7 @@ class Source:
         axes = rng.permutation(3)
         flips = tuple(slice(None, None, int(s)) for s in rng.choice([-1, 1], 3))
         values, names = values.transpose(axes)[flips], names.transpose(axes)[flips]
-        return np.ascontiguousarray(values), np.ascontiguousarray(names), solid
+        return np.ascontiguousarray(values), np.ascontiguousarray(names), kind
 
 
 @njit(cache=True, nogil=True)
@@ -95,15 +105,6 @@ def _resample(density, labels, low, step, size):  # type: ignore[no-untyped-def]
                             total += w * density[pz, py, px]
                 values[k, j, i] = total
     return values, names
-
-
-def hollow(density: NDArray[np.float32], labels: NDArray[np.int32]) -> None:
-    """Take the labels from the air inside objects, which filling gives back; in place.
-
-    The voids of cloth are smaller than 3 x 3 x 3 voxels and stay.
-    """
-    air = (density < AIR).view(np.uint8)
-    labels[maximum_filter(minimum_filter(air, 3), 3) > 0] = 0
 
 
 def repaint(
@@ -182,7 +183,7 @@ def scan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np.f
 def to_log(
     rng: np.random.Generator, density: NDArray[np.float32], foreground: float
 ) -> NDArray[np.float32]:
-    """Compress as `boundaries.normalised` does, with its errors of air and of matter."""
+    """Compress as the network's input is, with its errors of air and of matter."""
     knee = foreground / 4 * np.exp(rng.normal(0, 0.3))
     air = rng.normal(0, 6)
     gamma = np.exp(rng.normal(0, 0.05))
@@ -211,7 +212,7 @@ def targets(
     Returns
     -------
     wanted, weights : (CHANNELS, Z/2, Y/2, X/2) ndarray of float32
-        In the order of `boundaries.CHANNELS`.
+        In the order of `boundary_network.CHANNELS`.
     """
     wanted = [packed((labels > 0).astype(np.float32))]
     weights = [np.ones_like(wanted[0])]
@@ -243,23 +244,34 @@ def _pairs(
     return same, weight
 
 
+def rescan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Add some noise at times to what a scanner has made already; in place."""
+    if rng.random() < 0.3:
+        noise = np.float32(np.exp(rng.uniform(np.log(4), np.log(40))))
+        density += noise * rng.standard_normal(density.shape, dtype=np.float32)
+    return density
+
+
 def examples(
     source: Source, seed: int, size: int, apart: float
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]]:
     """Yield (cells, wanted, weights) without end."""
     rng = np.random.default_rng(seed)
     while True:
-        density, labels, solid = source.patch(rng, size)
-        hollow(density, labels)
+        density, labels, kind = source.patch(rng, size)
+        scanned = KINDS[kind].scanned
+        if not scanned:
+            hollow(density, labels)
         foreground = density[(labels > 0) & (density > AIR)]
         if foreground.size < 0.05 * labels.size:
             continue
-        repaint(rng, density, labels, solid)
-        foreground = density[density > AIR]
+        if not scanned:
+            repaint(rng, density, labels, "solids" in kind)
+            foreground = density[density > AIR]
         # A volume's median is not its patch's: it is somewhere between that and the usual one.
         typical = float(np.median(foreground)) if foreground.size else USUAL
         share = rng.random()
         typical = max(float(np.exp(share * np.log(typical) + (1 - share) * np.log(USUAL))), 120.0)
-        lifted = to_log(rng, scan(rng, density), typical)
+        seen = rescan(rng, density) if scanned else scan(rng, density)
         wanted, weights = targets(labels, apart)
-        yield packed(lifted), wanted, weights
+        yield packed(to_log(rng, seen, typical)), wanted, weights

@@ -1,14 +1,13 @@
 """Write a trained network as the ONNX file that the package runs.
 
 `python -m benchmarks.boundaries.export CHECKPOINT
-src/napari_unpack/segmentation/weights/boundary_network.onnx`;
-of several checkpoints, each with its weight after a colon, it writes the mean (a network and one
-trained on from it lie close enough: Wortsman et al., Model soups, ICML 2022).
+src/napari_unpack/segmentation/weights/boundary_network.onnx`
 """
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import onnx
@@ -20,7 +19,7 @@ from benchmarks.boundaries.network import BoundaryNetwork
 
 
 class Shipped(nn.Module):
-    """The network with normalised weights and probabilities as bytes."""
+    """The network, and its probabilities as bytes."""
 
     def __init__(self, network: BoundaryNetwork) -> None:
         super().__init__()
@@ -31,65 +30,67 @@ class Shipped(nn.Module):
         return (torch.sigmoid(self.network(cells)) * 255 + 0.5).to(torch.uint8)
 
 
-def fold(network: nn.Module) -> None:
-    """Put every normalisation into the convolution before it."""
-    for part in network.modules():
-        if isinstance(part, nn.Sequential) and isinstance(part[1], nn.BatchNorm3d):
-            part[0] = nn.utils.fuse_conv_bn_eval(part[0], part[1])
-            part[1] = nn.Identity()
+def store_in_bytes(model: onnx.ModelProto) -> None:
+    """Store weights as bytes and a scale for each channel; they are widened when it is opened.
 
-
-def halve(model: onnx.ModelProto) -> None:
-    """Store the weights in half precision; they are widened when the file is opened."""
-    casts = []
+    Parameters
+    ----------
+    model : onnx.ModelProto
+        Changed.
+    """
+    widened = []
+    transposed = {node.input[1] for node in model.graph.node if node.op_type == "ConvTranspose"}
     for tensor in list(model.graph.initializer):
         values = numpy_helper.to_array(tensor)
-        if values.dtype != np.float32 or values.size < 64:
+        if values.dtype != np.float32 or values.ndim < 2:
             continue
         name = tensor.name
-        tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}_half"))
-        casts.append(helper.make_node("Cast", [f"{name}_half"], [name], to=TensorProto.FLOAT))
-    for k, node in enumerate(casts):
+        # Channels that come out are the second axis of what enlarges.
+        own = 1 if name in transposed else 0
+        others = tuple(axis for axis in range(values.ndim) if axis != own)
+        scale = np.maximum(np.abs(values).max(axis=others, keepdims=True) / 127, 1e-12)
+        rounded = np.rint(values / scale).astype(np.int8)
+        tensor.CopyFrom(numpy_helper.from_array(rounded, f"{name}_bytes"))
+        model.graph.initializer.append(
+            numpy_helper.from_array(scale.astype(np.float32), f"{name}_scale")
+        )
+        widened += [
+            helper.make_node("Cast", [f"{name}_bytes"], [f"{name}_wide"], to=TensorProto.FLOAT),
+            helper.make_node("Mul", [f"{name}_wide", f"{name}_scale"], [name]),
+        ]
+    for k, node in enumerate(widened):
         model.graph.node.insert(k, node)
 
 
-def mean(checkpoints: list[str]) -> dict[str, Tensor]:
-    """Return the mean of the weights in files, each named as PATH or PATH:WEIGHT."""
-    found = []
-    for named in checkpoints:
-        path, _, weight = named.partition(":")
-        found.append((torch.load(path, weights_only=True)["network"], float(weight or 1)))
-    one, total = found[0][0], sum(weight for _, weight in found)
-    return {
-        k: sum(state[k] * (weight / total) for state, weight in found)
-        if v.is_floating_point()
-        else v
-        for k, v in one.items()
-    }
+def export(checkpoint: Path, path: Path) -> None:
+    """Write the mean weights of a checkpoint as the file that the package runs.
 
-
-def main() -> None:
-    *checkpoints, path = sys.argv[1:]
+    Parameters
+    ----------
+    checkpoint : Path
+        See `train.train`.
+    path : Path
+        Of the ONNX file.
+    """
     network = BoundaryNetwork()
-    network.load_state_dict(mean(checkpoints))
-    network.eval()
-    fold(network)
+    network.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
+    sizes = {2: "z", 3: "y", 4: "x"}
     torch.onnx.export(
-        Shipped(network),
+        Shipped(network.eval()),
         (torch.zeros(1, 8, 16, 16, 16),),
-        path,
+        str(path),
         dynamo=False,
         input_names=["cells"],
         output_names=["said"],
-        dynamic_axes={"cells": {2: "z", 3: "y", 4: "x"}, "said": {2: "z", 3: "y", 4: "x"}},
+        dynamic_axes={"cells": sizes, "said": sizes},
         opset_version=17,
     )
     model = onnx.load(path)
-    halve(model)
+    store_in_bytes(model)
     model.producer_version = model.doc_string = ""
     onnx.checker.check_model(model)
     onnx.save(model, path)
 
 
 if __name__ == "__main__":
-    main()
+    export(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,130 +1,155 @@
 """Train the network of boundaries.
 
-`python -m benchmarks.boundaries` runs it for every stage of the shipped network; by hand, of other
-volumes (`benchmarks.boundaries.volumes`), `python -m benchmarks.boundaries.train DATA CHECKPOINT`.
-It needs the dependency group `train`.
+`python -m benchmarks.boundaries` runs it after the volumes are written; by hand,
+`python -m benchmarks.boundaries.train FOLDER`. It goes on where it was stopped, and needs the
+dependency group `train`.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import distributed, nn
+from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 from torch.utils.data import DataLoader, IterableDataset
 
 from benchmarks.boundaries.examples import Source, examples
 from benchmarks.boundaries.network import BoundaryNetwork
+from benchmarks.boundaries.volumes import KINDS, seeds
 
 GROUPS = {"matter": slice(0, 8), "next": slice(8, 32), "near": slice(32, 38), "far": slice(38, 44)}
+"""Channels whose losses count alike."""
+
+KEPT_EVERY, TOLD_EVERY = 250, 50
+"""Steps from one checkpoint to the next, and from one line of losses to the next."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How the network is trained.
+
+    Parameters
+    ----------
+    steps : int
+        Of two patches each.
+    rate : float
+        Of learning, until it falls.
+    falling : float
+        Share of the steps, the last ones, in which the rate falls to nothing.
+    rising : int
+        First steps, in which it rises.
+    size : int
+        Voxels of a patch along each axis.
+    batch : int
+        Patches of a step. One alone takes twice its time: PyTorch leaves small convolutions of
+        one to a slower library.
+    apart : float
+        Weight of two voxels of two objects, against two of one.
+    memory : float
+        Of the mean over steps that is what is kept: so much of it stays at each.
+    """
+
+    steps: int = 24000
+    rate: float = 1.2e-3
+    falling: float = 0.3
+    rising: int = 300
+    size: int = 80
+    batch: int = 2
+    apart: float = 4.0
+    memory: float = 0.999
+
+    def rate_at(self, step: int) -> float:
+        """Return the rate of a step."""
+        left = (self.steps - step) / max(self.falling * self.steps, 1)
+        return self.rate * min(1.0, (step + 1) / self.rising, left)
 
 
 class Patches(IterableDataset[Any]):
-    """Patches by seed; every loading process has its own seeds."""
+    """Patches without end, from a seed."""
 
-    def __init__(self, source: Source, seed: int, size: int, apart: float) -> None:
-        self.source, self.seed, self.size, self.apart = source, seed, size, apart
+    def __init__(self, source: Source, seed: int, schedule: Schedule) -> None:
+        self.source, self.seed, self.schedule = source, seed, schedule
 
     def __iter__(self) -> Iterator[Any]:
-        worker = torch.utils.data.get_worker_info()
         torch.set_num_threads(1)
-        return examples(
-            self.source, self.seed + (worker.id if worker else 0), self.size, self.apart
-        )
+        return examples(self.source, self.seed, self.schedule.size, self.schedule.apart)
 
 
-def losses(said: torch.Tensor, wanted: torch.Tensor, weights: torch.Tensor) -> dict[str, Any]:
+def losses(said: Tensor, wanted: Tensor, weights: Tensor) -> dict[str, Tensor]:
     """Return the weighted cross entropy of every group of channels."""
     each = binary_cross_entropy_with_logits(said, wanted, weights, reduction="none")
     return {k: each[:, s].sum() / weights[:, s].sum().clamp(min=1) for k, s in GROUPS.items()}
 
 
-def share(tensors: list[torch.Tensor], ranks: int) -> None:
-    """Replace tensors by their means over all processes."""
-    flat = torch.cat([t.reshape(-1) for t in tensors])
-    distributed.all_reduce(flat)
-    for tensor, part in zip(tensors, flat.split([t.numel() for t in tensors]), strict=True):
-        tensor.copy_((part / ranks).view_as(tensor))
+def train(folder: Path, volumes: Mapping[str, range], schedule: Schedule, checkpoint: Path) -> None:
+    """Train, or go on from the checkpoint; it holds the weights as `mean` when this returns.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the volumes.
+    volumes : mapping of str to range
+        Seeds of each kind.
+    schedule : Schedule
+    checkpoint : Path
+    """
+    torch.manual_seed(0)
+    network = BoundaryNetwork().to(memory_format=torch.channels_last_3d)
+    optimizer = torch.optim.AdamW(network.parameters(), schedule.rate, weight_decay=1e-2)
+    mean = {k: v.clone() for k, v in network.state_dict().items()}
+    begun = 0
+    if checkpoint.exists():
+        state = torch.load(checkpoint, weights_only=True)
+        network.load_state_dict(state["network"])
+        optimizer.load_state_dict(state["optimizer"])
+        mean, begun = state["mean"], state["steps"]
+    # Of other patches than those before a stop.
+    patches = Patches(Source(folder, volumes), begun, schedule)
+    loader = iter(DataLoader(patches, schedule.batch, num_workers=1, prefetch_factor=4))
+    since, told = time.time(), dict.fromkeys(GROUPS, 0.0)
+    for step in range(begun, schedule.steps):
+        for group in optimizer.param_groups:
+            group["lr"] = schedule.rate_at(step)
+        cells, wanted, weights = next(loader)
+        each = losses(network(cells.to(memory_format=torch.channels_last_3d)), wanted, weights)
+        optimizer.zero_grad()
+        torch.stack(list(each.values())).sum().backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimizer.step()
+        # At first the mean is that of the steps so far.
+        new = max(1 - schedule.memory, 1 / (step + 1))
+        for name, value in network.state_dict().items():
+            mean[name].lerp_(value, new)
+        for k, v in each.items():
+            told[k] += (float(v.detach()) - told[k]) * max(0.01, 1 / (step - begun + 1))
+        last = step + 1 == schedule.steps
+        if (step + 1) % TOLD_EVERY == 0 or last:
+            text = " ".join(f"{k} {v:.4f}" for k, v in told.items())
+            print(f"{step + 1} {time.time() - since:.0f} s {text}", flush=True)
+        if (step + 1) % KEPT_EVERY == 0 or last:
+            state = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
+            part = checkpoint.with_suffix(".part")
+            torch.save({**state, "mean": mean, "steps": step + 1}, part)
+            part.rename(checkpoint)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("checkpoint", type=Path)
-    parser.add_argument("--start", type=Path, help="a checkpoint to go on from")
-    parser.add_argument("--steps", type=int, default=3000)
-    parser.add_argument("--decay", type=int, default=800, help="last steps, of a falling rate")
-    parser.add_argument("--rate", type=float, default=2e-3)
-    parser.add_argument("--size", type=int, default=80)
-    parser.add_argument("--batch", type=int, default=1)
-    parser.add_argument("--apart", type=float, default=4.0)
-    parser.add_argument("--bags", type=int, nargs=2, default=(100, 300))
-    parser.add_argument("--solids", type=int, nargs=2, default=(0, 260))
-    parser.add_argument("--share", type=float, default=0.4, help="of the patches from solids")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=1e9)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--ranks", type=int, default=1, help="processes that train together")
-    parser.add_argument("--rank", type=int, default=0, help="which of them this one is")
-    parser.add_argument("--meet", default="", help="a new file's path through which they meet")
+    parser.add_argument("folder", type=Path, help="of the volumes")
+    parser.add_argument("--checkpoint", type=Path, help="by default checkpoint.pt in the folder")
+    parser.add_argument("--steps", type=int, default=Schedule.steps)
+    parser.add_argument("--rate", type=float, default=Schedule.rate)
+    parser.add_argument("--shorten", type=int, default=1, help="as the volumes were")
     options = parser.parse_args()
-    if options.ranks > 1:
-        distributed.init_process_group(
-            "gloo", f"file://{options.meet}", rank=options.rank, world_size=options.ranks
-        )
-    torch.set_num_threads(options.threads)
-    torch.manual_seed(options.seed)
-    network = BoundaryNetwork().to(memory_format=torch.channels_last_3d)
-    optimizer = torch.optim.AdamW(network.parameters(), options.rate, weight_decay=1e-3)
-    if options.start:
-        state = torch.load(options.start, weights_only=True)
-        network.load_state_dict(state["network"])
-        optimizer.load_state_dict(state["optimizer"])
-    bags, solids = range(*options.bags), range(*options.solids)
-    source = Source(options.data, bags, solids, options.share)
-    patches = Patches(source, 1000 * options.seed + 100 * options.rank, options.size, options.apart)
-    loader = iter(DataLoader(patches, options.batch, num_workers=1, prefetch_factor=4))
-    begun, mean = time.time(), dict.fromkeys(GROUPS, 0.0)
-    network.train()
-    for step in range(options.steps):
-        left = options.steps - step
-        rate = options.rate * min(1, (step + 1) / 50, left / max(options.decay, 1))
-        for group in optimizer.param_groups:
-            group["lr"] = rate
-        if left == options.decay // 2:
-            # Learn on with the statistics that will be used: patches differ from each other.
-            for part in network.modules():
-                if isinstance(part, nn.BatchNorm3d):
-                    part.eval()
-        cells, wanted, weights = next(loader)
-        with torch.autocast("cpu", torch.bfloat16):
-            said = network(cells.to(memory_format=torch.channels_last_3d))
-        each = losses(said.float(), wanted, weights)
-        loss = sum(each.values())
-        optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-        optimizer.step()
-        # Seldom, so that no process waits for the other's every step (local SGD).
-        if options.ranks > 1 and (step % 20 == 19 or left == 1):
-            share([p.data for p in network.parameters()], options.ranks)
-            share([b for b in network.buffers() if b.is_floating_point()], options.ranks)
-        for k, v in each.items():
-            mean[k] += (float(v.detach()) - mean[k]) * max(0.02, 1 / (step + 1))
-        if step % 25 == 0 or left == 1:
-            told = " ".join(f"{k} {v:.4f}" for k, v in mean.items())
-            print(f"{step} {time.time() - begun:.0f} s {told}", flush=True)
-        if (step % 100 == 99 or left == 1) and options.rank == 0:
-            state = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
-            torch.save(state, options.checkpoint.with_suffix(".part"))
-            options.checkpoint.with_suffix(".part").rename(options.checkpoint)
-        if time.time() - begun > 60 * options.minutes:
-            break
+    volumes = {name: seeds(kind, options.shorten) for name, kind in KINDS.items()}
+    schedule = Schedule(options.steps, options.rate)
+    train(options.folder, volumes, schedule, options.checkpoint or options.folder / "checkpoint.pt")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from benchmarks.boundaries.metal_among_cloth import metal_among_cloth
 from benchmarks.boundaries.solids import alike_solids
-from benchmarks.segmentation.training_scans import FAMILIES, magnified
+from benchmarks.boundaries.volumes import magnified
+from benchmarks.segmentation.training_scans import FAMILIES
 from scipy.ndimage import binary_dilation, label
 
 
