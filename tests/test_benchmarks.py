@@ -14,8 +14,9 @@ from benchmarks.__main__ import main
 from benchmarks.packing import pack
 from benchmarks.row import Row, ms
 from benchmarks.rows import ORDER, chosen
-from benchmarks.segmentation import keeping
+from benchmarks.segmentation import keeping, ours
 from benchmarks.segmentation.bags import Case
+from benchmarks.segmentation.goals import ablations, against_goals
 from benchmarks.segmentation.report import Report, markdown, scored
 
 
@@ -79,6 +80,53 @@ def test_the_segmentation_report_takes_each_method_at_its_best_setting() -> None
     assert by_kind.loc["rod"].tolist() == [2, 0.0, 1.0]
     assert by_kind.loc["box"].tolist() == [2, 1.0, 1.0]
     assert "| rod | 2 | 0.00 | 1.00 |" in markdown(by_kind, "kind")
+
+
+def test_every_goal_stands_beside_what_is_reached() -> None:
+    labels = np.repeat([1, 2, 3, 4], 4).reshape(1, 1, -1)
+    groups = pd.Series(["metal", "metal", "bulk", "bulk"], index=[1, 2, 3, 4])
+    case = Case("one", labels, labels, (1.0, 1.0, 1.0), groups, groups)
+    # Both of metal and one of the others as one: one of two found is right, of four that there are.
+    found = scored("ours", "ours", case, np.maximum(labels, 3), 3.0)
+    less = scored("without borders", "without borders", case, np.ones_like(labels), 2.0)
+    report = Report()
+    report.add(found)
+    report.add(less)
+    row = against_goals({"projection": report}, "ours").loc["Bags scanned by rays"]
+    assert row["F1"] == "0.33 (goal 0.85, missed)"
+    assert row["VOI"] == "1.19 (goal 0.30, missed)"
+    assert row["metal found"] == "0.00 (goal 0.70, missed)"
+    assert row["volumes"] == 1
+    table = ablations({"projection": report}, "ours")
+    assert table.index.tolist() == ["without borders"]
+    assert table["Bags scanned by rays"].tolist() == ["-0.333 / +0.811"]
+    assert "| 1 | 0.33 (goal" in markdown(against_goals({"projection": report}, "ours"), "family")
+
+
+def test_what_is_to_be_ignored_costs_nothing() -> None:
+    truth = np.repeat([1, 0, 0], 4).reshape(1, 1, -1)
+    kinds = pd.Series(["box"], index=[1])
+    found = np.repeat([1, 2, 0], 4).reshape(1, 1, -1)
+    case = Case("one", truth, truth, (1.0, 1.0, 1.0), kinds, kinds, found == 2)
+    assert scored("a", "a", case, found, 1.0).totals[0]["f1"] == 1.0
+
+
+def test_a_stage_is_out_while_it_is_measured_and_back_after(monkeypatch) -> None:
+    seen = []
+    monkeypatch.setattr(ours, "segment", lambda volume, spacing: pytest.fail("nothing asked"))
+    for name, stage in ours.STAGES.items():
+        before = getattr(stage.module, stage.name)
+
+        def segmented(volume, spacing, stage=stage):
+            seen.append(getattr(stage.module, stage.name) is stage.instead)
+            return ours.pipeline.Segmentation(volume, pd.DataFrame())
+
+        monkeypatch.setattr(ours, "segment", segmented)
+        assert [setting for setting, _ in ours.without(name, np.ones(3), None)] == [
+            f"without {name}"
+        ]
+        assert getattr(stage.module, stage.name) is before
+    assert seen == [True] * len(ours.STAGES)
 
 
 def test_scores_are_kept_and_not_measured_again(monkeypatch, tmp_path) -> None:

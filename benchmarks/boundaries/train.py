@@ -146,7 +146,9 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=Schedule.steps)
     parser.add_argument("--rate", type=float, default=Schedule.rate)
     parser.add_argument("--shorten", type=int, default=1, help="as the volumes were")
+    parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     volumes = {name: seeds(kind, options.shorten) for name, kind in KINDS.items()}
     schedule = Schedule(options.steps, options.rate)
     train(options.folder, volumes, schedule, options.checkpoint or options.folder / "checkpoint.pt")

@@ -1,8 +1,9 @@
-"""Measure segmentations of bags nobody has tuned on, beside the plain peers.
+"""Measure segmentations of volumes nobody has tuned on: goals, ablations, and plain peers.
 
-`python -m benchmarks.segmentation` takes ten bags of each generator (seeds from 9001 on), five
-scanned by rays, and the nuclei where they are here. Scores are kept among the temporary files, by
-volume, method and state of the code, so that a run that was stopped goes on where it was.
+`python -m benchmarks.segmentation` takes twenty bags of each generator and as many scanned by rays
+(seeds from 9001 on), and what is in files where they are here; peers and ablations stand for the
+first five of each. Scores are kept among the temporary files, by volume, method and state of the
+code, so that a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations
@@ -12,26 +13,26 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from benchmarks.segmentation.bags import HELD_OUT
+from benchmarks.segmentation import ours
+from benchmarks.segmentation.bags import HELD_OUT, STORED
+from benchmarks.segmentation.goals import FAMILIES, ablations, against_goals
 from benchmarks.segmentation.keeping import FINDERS, Task, measured
-from benchmarks.segmentation.ours import CUTS
 from benchmarks.segmentation.report import Report, Scored, markdown
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
-FAMILIES = {"first": 10, "second": 10, "projection": 5, "cells": 1}
-TITLES = {
-    "first": "Bags of the package's generator",
-    "second": "Bags of the second generator",
-    "projection": "Bags scanned by rays",
-    "cells": "Nuclei",
-}
+
+COMPARED = 5
+"""Volumes of a family that peers and ablations are measured on."""
+
+ALIKE = {"components", "watershed", "random walker", ours.CUTS, ours.OURS}
+"""Methods that stand beside each other; the others are ours less one stage."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.segmentation", description=__doc__)
     parser.add_argument("families", nargs="*", help=f"of {', '.join(FAMILIES)}; by default all")
-    parser.add_argument("--count", type=int, help="bags of each family")
+    parser.add_argument("--count", type=int, help="volumes of each family")
     parser.add_argument("--first", type=int, default=HELD_OUT, help="seed of the first bag")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of methods' names")
     parser.add_argument("--workers", type=int, default=2, help="volumes measured at once")
@@ -41,12 +42,13 @@ def main(arguments: list[str] | None = None) -> int:
     for family in families:
         if family not in FAMILIES:
             parser.error(f"no family is called {family!r}; there are {', '.join(FAMILIES)}")
-    methods = tuple(m for m in FINDERS if any(part in m for part in options.only))
-    seeds = {f: 1 if f == "cells" else options.count or FAMILIES[f] for f in families}
+    methods = [m for m in FINDERS if any(part in m for part in options.only)]
     tasks = [
-        Task(family, options.first + k, tuple(m for m in methods if fits(m, family)))
+        Task(family, (0 if family in STORED else options.first) + k, wanted)
         for family in families
-        for k in range(seeds[family])
+        for k in range(options.count or FAMILIES[family].count)
+        for wanted in (tuple(m for m in methods if _fits(m, family, k)),)
+        if wanted
     ]
     reports = {family: Report() for family in families}
     # Processes of their own: threads would wait for one another in Python.
@@ -54,29 +56,42 @@ def main(arguments: list[str] | None = None) -> int:
         jobs = [(task, processes.submit(measured, task)) for task in tasks]
         for task, job in jobs:
             _take(reports[task.family], task, job)
-    parts = [_text(family, report) for family, report in reports.items() if report.totals]
+    measured_ones = {family: report for family, report in reports.items() if report.totals}
+    parts = _overview(measured_ones)
+    parts += [_text(family, report) for family, report in measured_ones.items()]
     print("\n".join(parts))
     if options.write:
         DOCUMENT.write_text("\n".join([HEAD, _explained(), *parts]))
     return 0
 
 
-def fits(method: str, family: str) -> bool:
+def _fits(method: str, family: str, place: int) -> bool:
     """Return whether a method is worth its time: cuts take minutes a volume."""
-    return method != CUTS or family == "first"
+    if method == ours.OURS:
+        return True
+    return place < COMPARED and (method != ours.CUTS or family == "first")
 
 
 def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]]) -> None:
     try:
         found = job.result()
     except FileNotFoundError as error:
-        print(f"{TITLES[task.family]}: skipped, {error}\n")
+        print(f"{FAMILIES[task.family].title}: skipped, {error}\n")
         return
     for method, scores, kept in found:
         report.add(scores)
         for row in scores.totals if not kept else []:
             numbers = f"F1 {row['f1']:.2f} VOI {row['voi']:.2f} {row['seconds']:.0f} s"
             print(f"{task.family} {task.seed} {method}: {row['setting']} {numbers}", flush=True)
+
+
+def _overview(reports: dict[str, Report]) -> list[str]:
+    parts = ["## Goals", "", markdown(against_goals(reports, ours.OURS), "volumes of"), ""]
+    compared = {name: report.first(COMPARED) for name, report in reports.items()}
+    less = ablations(compared, ours.OURS)
+    if len(less):
+        parts += ["## Ablations", "", markdown(less, "F1 / VOI"), ""]
+    return parts
 
 
 def _explained() -> str:
@@ -98,10 +113,12 @@ of objects detected with precision and recall of 50 %, sheets 20 %.
 
 
 def _text(family: str, report: Report) -> str:
-    count = len({row["case"] for row in report.totals})
-    parts = [f"## {TITLES[family]} ({count})", "", markdown(report.metrics(), "method"), ""]
-    if family != "cells":
-        parts += [markdown(report.by("group"), "class"), "", markdown(report.by("kind"), "kind")]
+    beside = report.first(COMPARED).of(ALIKE)
+    title = f"## {FAMILIES[family].title}"
+    parts = [title, "", markdown(beside.metrics(), "method"), ""]
+    if family not in STORED:
+        whole = report.of({ours.OURS})
+        parts += [markdown(whole.by("group"), "class"), "", markdown(whole.by("kind"), "kind")]
     return "\n".join([*parts, ""])
 
 

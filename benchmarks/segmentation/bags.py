@@ -18,6 +18,14 @@ from napari_unpack.simulation import simulate_bag
 HELD_OUT = 9001
 """First of the seeds that nobody may tune anything on."""
 
+STORED = {
+    "dense": ("dense_a", "dense_b"),
+    "pelvis": ("pelvis_a", "pelvis_b"),
+    "cells": ("cells",),
+}
+"""Volumes in files: bags of a public simulator of scanners with two energies, metals up to 60 mm
+among them; broken pelves, scanned; and nuclei under a microscope (PlantSeg)."""
+
 LIQUIDS = frozenset({"water", "ethanol", "cosmetic"})
 METALS = frozenset({"steel", "steel sheet", "brass", "aluminium", "copper strands"})
 SHEETS = frozenset({"sweater", "trousers", "scarf", "belt"})
@@ -39,6 +47,8 @@ class Case:
         mm, z y x.
     kinds, groups : pandas.Series
         By ID: kind of object; bulk, sheet, liquid or metal.
+    ignored : (Z, Y, X) ndarray of bool, optional
+        What is neither an object nor nothing, such as a tray: what is found there does not count.
     """
 
     name: str
@@ -47,6 +57,7 @@ class Case:
     spacing: tuple[float, float, float]
     kinds: pd.Series
     groups: pd.Series
+    ignored: NDArray[np.bool_] | None = None
 
 
 def cases(family: str, count: int, first: int = HELD_OUT) -> Iterator[Case]:
@@ -54,21 +65,22 @@ def cases(family: str, count: int, first: int = HELD_OUT) -> Iterator[Case]:
 
     Parameters
     ----------
-    family : {"first", "second", "projection", "cells"}
+    family : {"first", "second", "projection"} or one of `STORED`
         The package's own generator; the second, which shares no code with it; the first scanned
-        by rays; and nuclei under a microscope.
+        by rays; and volumes in files.
     count : int
         How many volumes.
     first : int
-        Seed of the first.
+        Seed of the first; of those in files its place.
 
     Raises
     ------
     FileNotFoundError
-        If the nuclei are not here.
+        If the files are not here.
     """
-    if family == "cells":
-        yield _cells()
+    if family in STORED:
+        for name in STORED[family][first : first + count]:
+            yield _stored(name)
         return
     for seed in range(first, first + count):
         if family == "second":
@@ -98,17 +110,18 @@ def _scanned_by_rays(seed: int) -> Any:
     return simulate_bag(seed=seed, shape=(96, 160, 160), count=22, fidelity="projection")
 
 
-def _cells() -> Case:
-    path = Path(os.environ.get("UNPACK_DATA", "data")) / "cells.npz"
+def _stored(name: str) -> Case:
+    path = Path(os.environ.get("UNPACK_DATA", "data")) / f"{name}.npz"
     if not path.exists():
         raise FileNotFoundError(
-            f"no {path}: set UNPACK_DATA to a folder with PlantSeg's nuclei as cells.npz "
-            "(volume, labels, spacing)"
+            f"no {path}: set UNPACK_DATA to a folder that has {path.name} (volume, labels, "
+            "spacing, and ignore where there is what does not count)"
         )
     with np.load(path) as data:
         labels = np.asarray(data["labels"])
         ids = np.unique(labels)[1:]
-        kinds = pd.Series("nucleus", index=ids)
         z, y, x = (float(v) for v in data["spacing"])
+        ignored = np.asarray(data["ignore"]) > 0 if "ignore" in data.files else None
+        kinds = pd.Series(name.partition("_")[0], index=ids)
         bulk = pd.Series("bulk", index=ids)
-        return Case("cells", np.asarray(data["volume"]), labels, (z, y, x), kinds, bulk)
+        return Case(name, np.asarray(data["volume"]), labels, (z, y, x), kinds, bulk, ignored)

@@ -14,13 +14,13 @@ from pathlib import Path
 import pandas as pd
 
 import napari_unpack.segmentation
+from benchmarks.segmentation import ours
 from benchmarks.segmentation.bags import Case, cases
-from benchmarks.segmentation.ours import OURS
 from benchmarks.segmentation.peers import PEERS
 from benchmarks.segmentation.report import Scored, scored
 
 KEPT = Path(tempfile.gettempdir()) / "napari-unpack-segmentation"
-FINDERS = dict((*PEERS, *OURS))
+FINDERS = dict(PEERS) | ours.FINDERS
 
 
 @dataclass(frozen=True)

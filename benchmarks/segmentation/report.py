@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,13 +48,15 @@ def scored(
     method: str, setting: str, case: Case, found: NDArray[np.integer], seconds: float
 ) -> Scored:
     """Score one segmentation."""
+    if case.ignored is not None:
+        found = np.where(case.ignored, 0, found)
     totals = score(case.labels, found)
     row: dict[str, float | str] = {"method": method, "setting": setting, "case": case.name}
     row |= {name: totals[name] for name in METRICS}
     sheets = case.groups.index[case.groups == "sheet"].tolist()
     each = score_objects(case.labels, found, case.spacing, sheets=sheets)
     each["kind"], each["group"] = case.kinds, case.groups
-    each["method"], each["setting"] = method, setting
+    each["method"], each["setting"], each["case"] = method, setting, case.name
     return Scored([row | {"seconds": seconds}], each)
 
 
@@ -69,6 +72,17 @@ class Report:
         self.totals.extend(found.totals)
         if len(found.objects):
             self.objects.append(found.objects)
+
+    def first(self, count: int) -> Report:
+        """Return the scores of the first so many volumes."""
+        wanted = list(dict.fromkeys(row["case"] for row in self.totals))[:count]
+        totals = [row for row in self.totals if row["case"] in wanted]
+        return Report(totals, [each for each in self.objects if each["case"].iloc[0] in wanted])
+
+    def of(self, methods: Collection[str]) -> Report:
+        """Return the scores of some methods."""
+        totals = [row for row in self.totals if row["method"] in methods]
+        return Report(totals, [each for each in self.objects if each["method"].iloc[0] in methods])
 
     def best(self) -> dict[str, str]:
         """Return the setting of each method with the best mean F1."""
@@ -100,13 +114,17 @@ class Report:
         return table[table["setting"].isin(self.best().values())].copy()
 
 
+WHOLE = frozenset({"objects", "volumes"})
+"""Columns of whole numbers."""
+
+
 def markdown(table: pd.DataFrame, title: str) -> str:
     """Return a table as Markdown, numbers with two digits."""
     names = [title, *map(str, table.columns)]
     lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     for name, row in zip(table.index, table.itertuples(index=False), strict=True):
         cells = [
-            str(int(v)) if column == "objects" else f"{v:.2f}"
+            v if isinstance(v, str) else str(int(v)) if column in WHOLE else f"{v:.2f}"
             for column, v in zip(table.columns, row, strict=True)
         ]
         lines.append("| " + " | ".join([str(name), *cells]) + " |")

@@ -208,7 +208,7 @@ def oversegment(
     around = inside | (dense & binary_dilation(inside))
     parts = flood(parts, around, share=drawing.part(0.7, 1.0))
     missing = share.part(0.9, 1.0, "Looking for what the network missed")
-    parts = _with_missed(parts, dense, options.shell, spacing, missing.part(0.0, 0.5))
+    parts = with_missed(parts, dense, options.shell, spacing, missing.part(0.0, 0.5))
     if options.shell and known is None:
         # In a block of a volume a large carton looks like a case.
         parts[find_case(parts)[parts]] = 0
@@ -367,7 +367,7 @@ def sharpened(
     )
 
 
-def _with_missed(
+def with_missed(
     parts: NDArray[np.int32],
     dense: NDArray[np.bool_],
     shell: bool,
