@@ -3,7 +3,8 @@
 `python -m benchmarks.segmentation` takes twenty bags of each generator and as many scanned by rays
 (seeds from 9001 on), and what is in files where they are here; peers and ablations stand for the
 first five of each. Scores are kept among the temporary files, by volume, method and state of the
-code, so that a run that was stopped goes on where it was.
+code, so that a run that was stopped goes on where it was. Peers on our affinities need the
+dependency group `bench`.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.segmentation import ours
+from benchmarks.segmentation.affinity_peers import AFFINITY_PEERS
 from benchmarks.segmentation.bags import HELD_OUT, STORED
 from benchmarks.segmentation.goals import FAMILIES, ablations, against_goals
 from benchmarks.segmentation.keeping import FINDERS, Task, measured
+from benchmarks.segmentation.peers import PEERS
 from benchmarks.segmentation.report import Report, Scored, markdown
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
@@ -24,7 +27,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
 COMPARED = 5
 """Volumes of a family that peers and ablations are measured on."""
 
-ALIKE = {"components", "watershed", "random walker", ours.CUTS, ours.OURS}
+ALIKE = {*dict(PEERS), *AFFINITY_PEERS, ours.CUTS, ours.OURS}
 """Methods that stand beside each other; the others are ours less one stage."""
 
 

@@ -15,12 +15,13 @@ import pandas as pd
 
 import napari_unpack.segmentation
 from benchmarks.segmentation import ours
+from benchmarks.segmentation.affinity_peers import AFFINITY_PEERS
 from benchmarks.segmentation.bags import Case, cases
 from benchmarks.segmentation.peers import PEERS
 from benchmarks.segmentation.report import Scored, scored
 
 KEPT = Path(tempfile.gettempdir()) / "napari-unpack-segmentation"
-FINDERS = dict(PEERS) | ours.FINDERS
+FINDERS = dict(PEERS) | AFFINITY_PEERS | ours.FINDERS
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def _state(method: str) -> str:
     if method in dict(PEERS):
         paths += [*(package / "foreground").glob("*.py"), package / "evaluation.py"]
     else:
-        paths += [here / "ours.py"]
+        paths += [here / "ours.py", here / "affinity_peers.py"]
         paths += [p for p in package.rglob("*") if p.suffix in (".py", ".npz", ".onnx")]
     digest = hashlib.sha256()
     for path in sorted(paths):
