@@ -66,30 +66,10 @@ def test_tiles_agree_with_the_whole():
     truth = two_boxes()
     volume = scanned(truth, {1: 1000, 2: 400})
     whole = default_boundaries().predict(volume, SCALE, silent)
-    tiled = default_boundaries().predict(volume, SCALE, silent, tile_cells=20_000)
+    tiled = default_boundaries().predict(volume, SCALE, silent, tile=24)
     assert np.abs(whole.foreground.astype(int) - tiled.foreground).mean() < 5
     inside = truth > 0
     assert np.abs(whole.next.astype(int) - tiled.next)[:, inside].mean() < 5
-
-
-@pytest.mark.parametrize(
-    ("shape", "tiles"), [((40, 44, 64), 2), ((3, 200, 9), 1), ((45, 45, 45), 2), ((1, 1, 1), 1)]
-)
-def test_tiles_are_few_and_hold_no_more_than_they_may(shape, tiles):
-    seen = []
-
-    class Counting:
-        """A network that notes how many cells it is shown, and sees nothing in them."""
-
-        def run(self, names, feed, options):
-            cells = feed["cells"].shape[2:]
-            seen.append(np.prod(cells))
-            return [np.zeros((1, boundary_network.CHANNELS, *cells), np.uint8)]
-
-    volume = np.zeros([2 * n for n in shape], np.uint8)
-    BoundaryNetwork(Counting()).predict(volume, SCALE, silent, tile_cells=85_000)
-    assert max(seen) <= 85_000
-    assert len(seen) == tiles
 
 
 def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
@@ -103,9 +83,7 @@ def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
             return [said[None]]
 
     volume = np.random.default_rng(0).integers(0, 250, (37, 50, 21)).astype(np.uint8)
-    said = BoundaryNetwork(Echo()).predict(
-        volume, DensityScale(0.0, 100.0), silent, tile_cells=14_000
-    )
+    said = BoundaryNetwork(Echo()).predict(volume, DensityScale(0.0, 100.0), silent, tile=8)
     np.testing.assert_array_equal(said.foreground, volume)
 
 

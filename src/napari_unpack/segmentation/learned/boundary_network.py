@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -32,8 +31,8 @@ CHANNELS = 8 + 3 * 8 + 3 * len(REACHES)
 HIGHEST_LOG_DENSITY = 9.0
 # Cells: the network halves its grid three times.
 STRIDE = 8
-# Cells that a tile sees at most, which takes 0.7 GB, and what it sees beyond its edge.
-TILE_CELLS, MARGIN = 700_000, 8
+# Cells of a tile along an axis at most, which takes 0.7 GB, and what it sees beyond its edge.
+TILE, MARGIN = 72, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,7 @@ class BoundaryNetwork:
         density: NDArray[np.generic],
         scale: DensityScale,
         progress: Progress,
-        tile_cells: int = TILE_CELLS,
+        tile: int = TILE,
     ) -> Prediction:
         """Predict a volume, tile by tile.
 
@@ -124,8 +123,8 @@ class BoundaryNetwork:
             How it is compressed.
         progress : callable
             Called with (fraction, text) before and during every tile; raising cancels.
-        tile_cells : int
-            Cells that a tile sees at most, but that none sees fewer than 24 along an axis.
+        tile : int
+            Cells along an axis at most.
         """
         # About 15 kMAC and 7 bytes of result a voxel; a tile takes about 1 kB a cell. Tiles see 16
         # voxels beyond their edges.
@@ -134,7 +133,7 @@ class BoundaryNetwork:
         foreground = np.zeros(density.shape, np.uint8)
         following = np.zeros((3, *density.shape), np.uint8)
         far = np.zeros((3 * len(REACHES), *cells), np.uint8)
-        tiles = list(_tiles(cells, tile_cells))
+        tiles = list(_tiles(cells, tile))
         share = Share(progress, text="Predicting boundaries")
         packed = (_packed(density, seen, scale) for seen, _ in tiles)
         predicted = self.all_channels(packed, len(tiles), share)
@@ -200,33 +199,24 @@ def _tiles(
     cells: tuple[int, ...], most: int
 ) -> Iterator[tuple[tuple[slice, ...], tuple[slice, ...]]]:
     """Yield what a tile sees, a multiple of the stride long, and what of it is kept."""
-    # Margins are seen twice, so that few divisions are best, of the longest axis.
-    ways = [[_divided(n, parts) for parts in range(1, -(-n // STRIDE) + 1)] for n in cells]
-
-    def cost(axes: tuple[list[tuple[slice, slice]], ...]) -> tuple[int, int]:
-        seen = [[part.stop - part.start for part, _ in axis] for axis in axes]
-        return max(math.prod(map(max, seen)), most), math.prod(map(sum, seen))
-
-    axes = min(itertools.product(*ways), key=cost)
+    axes = []
+    for count in cells:
+        number = -(-count // most)
+        # Tiles of even length: a narrow last one would cost a margin of its own.
+        core = -(-count // number)
+        core = -(-core // STRIDE) * STRIDE
+        axis = []
+        for first in range(0, count, core):
+            last = min(first + core, count)
+            low = max(first - MARGIN, 0)
+            high = min(last + MARGIN, count)
+            # A multiple of the stride, or halving would lose the last cells.
+            high = low + -(-(high - low) // STRIDE) * STRIDE
+            axis.append((slice(low, high), slice(first, last)))
+        axes.append(axis)
     for choice in itertools.product(*axes):
         seen, kept = zip(*choice, strict=True)
         yield seen, kept
-
-
-def _divided(count: int, parts: int) -> list[tuple[slice, slice]]:
-    """Divide an axis; return what each part sees and what of it is kept."""
-    # Parts of even length: a narrow last one would cost a margin of its own.
-    core = -(-count // parts)
-    core = -(-core // STRIDE) * STRIDE
-    divided = []
-    for first in range(0, count, core):
-        last = min(first + core, count)
-        low = max(first - MARGIN, 0)
-        high = min(last + MARGIN, count)
-        # A multiple of the stride, or halving would lose the last cells.
-        high = low + -(-(high - low) // STRIDE) * STRIDE
-        divided.append((slice(low, high), slice(first, last)))
-    return divided
 
 
 def _packed(

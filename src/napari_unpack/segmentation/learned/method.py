@@ -374,7 +374,24 @@ def with_missed(
     spacing: Spacing,
     share: Share,
 ) -> NDArray[np.int32]:
-    """Add thick foreground that the network took for none: it was not trained on everything."""
+    """Add thick foreground that the network took for none: it was not trained on everything.
+
+    Parameters
+    ----------
+    parts : (Z, Y, X) ndarray of int32
+        1, 2, ...; 0 is none.
+    dense : (Z, Y, X) ndarray of bool
+        The foreground.
+    shell : bool
+        Leave out what is the bag itself, and want more depth of the rest.
+    spacing : (float, float, float) of mm, z y x
+    share : Share
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of int32
+        The parts under their names, and further ones.
+    """
     rest = cc3d.connected_components(dense & (parts == 0), connectivity=6).astype(np.int32)
     share(0.1)
     deepest, depth = np.zeros(int(rest.max()) + 1), label_depths(rest)
