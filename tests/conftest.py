@@ -13,9 +13,12 @@ FRESH_KERNELS = Path(__file__).parents[1] / "tools" / "fresh_kernels.py"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let no test run code compiled before its last edit, and give each worker its own screen."""
+    """Let no test run old compiled code; give each worker its own screen and no idle threads."""
     if not hasattr(config, "workerinput"):
         subprocess.run([sys.executable, FRESH_KERNELS], check=True)
+        # Workers inherit it. Each product of matrices wakes a thread on every core, which then
+        # spins for the next: beside other tests that took a seventh of the processor's time.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     elif os.environ.get("UNPACK_VIRTUAL_SCREEN"):
         # On one screen they would take the focus from each other.
         from screens import Screen

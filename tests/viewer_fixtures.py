@@ -15,6 +15,13 @@ from opened_panel import SMALL, add_bag, controller_with, open_panel
 
 SHAPE = (40, 48, 60)
 
+MOVEMENTS = {
+    "viewer.animation": ("FADE_SECONDS", "FRAMING_SECONDS", "GLIDE_SECONDS"),
+    "viewer.ghost": ("FADE_SECONDS",),
+    "geometry.camera_glide": ("GLIDE_SECONDS",),
+}
+"""How long what moves by itself is on its way, by module."""
+
 
 @pytest.fixture(scope="session", autouse=True)
 def modules_and_manifests_read_once() -> Iterator[None]:
@@ -82,6 +89,19 @@ def driver_that_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     from napari_unpack.viewer import driver_probe
 
     monkeypatch.setattr(driver_probe, "tried", lambda: "")
+
+
+@pytest.fixture(autouse=True)
+def movements_cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what fades and glides arrive in a fifth of its time, which is still a few frames.
+
+    Frames follow each other as fast as they can be drawn, so a movement costs the processor as
+    long as it takes. What is seen on the way is tested with clocks that are moved by hand.
+    """
+    for module, names in MOVEMENTS.items():
+        holder = importlib.import_module(f"napari_unpack.{module}")
+        for name in names:
+            monkeypatch.setattr(holder, name, getattr(holder, name) / 5)
 
 
 @pytest.fixture(autouse=True)
@@ -162,7 +182,7 @@ def staged(make_napari_viewer_proxy, session, qtbot):
     viewer = make_napari_viewer_proxy(show=True)
     viewer.window.resize(760, 560)
     controller = SessionController(viewer, session)
-    controller.seconds = 0.3
+    controller.seconds = 0.1
     controller.open()
     assert controller.settle(60)
     yield viewer, controller

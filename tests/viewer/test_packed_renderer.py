@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import napari_unpack as nu
 from manual_scheduler import ManualScheduler
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.viewer.packed_renderer import PackedRenderer, cast_packed
-from napari_unpack.viewer.scheduler import IdlePhase, Worker
+from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
 SIZE = (220, 260)
 
@@ -109,6 +110,29 @@ def test_changes_and_pictures_in_any_order(still, session, seed) -> None:
         assert screen.image is None
     else:
         np.testing.assert_allclose(screen.image.patch.rgba, wanted.patch.rgba, atol=1 / 255)
+
+
+def test_colours_that_come_while_others_are_cast_are_cast_once(session, qtbot, monkeypatch) -> None:
+    scheduler, began, go_on = Scheduler(), threading.Event(), threading.Event()
+    renderer = PackedRenderer(session, scheduler, Screen(), NoCanvasBackend())
+    renderer.fade.allowed = False
+    renderer.set_view(Frame(session.overview(), SIZE, np.eye(4)))
+    qtbot.waitUntil(lambda: renderer.settled and not scheduler.busy, timeout=20000)
+    passes = renderer.passes
+
+    def held_up(*given: Any) -> Any:
+        began.set()
+        assert go_on.wait(20)
+        return cast_packed(*given)
+
+    monkeypatch.setattr("napari_unpack.viewer.packed_renderer.cast_packed", held_up)
+    renderer.refine()
+    assert began.wait(20)
+    renderer.refine()
+    go_on.set()
+    qtbot.waitUntil(lambda: renderer.settled and not scheduler.busy, timeout=20000)
+    assert renderer.passes == passes + 2
+    scheduler.close()
 
 
 def test_while_slow_previews_of_a_turn_are_cast_nothing_is_refined(

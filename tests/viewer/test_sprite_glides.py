@@ -15,6 +15,11 @@ EYE = np.eye(3)
 
 
 @pytest.fixture
+def movements_cut_short() -> None:
+    """Leave glides as long as they are: their clock is moved by hand here."""
+
+
+@pytest.fixture
 def glides(qapp):
     """Return (Glides, its scheduler)."""
     scheduler = ManualScheduler()

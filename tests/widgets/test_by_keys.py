@@ -282,10 +282,16 @@ def test_a_direction_is_drawn_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> 
     assert viewer.scene.camera.angles == angles
 
 
-def test_the_view_is_zoomed_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
+def test_the_view_is_zoomed_and_moved_by_keys(story: Any, qtbot: QtBot) -> None:
     keys, panel = story
-    session, framing = panel.workspace.session, panel.workspace.controller.framing
     keys.press(KEY.Key_F6, SHIFT)
+    # Each ends with all in view, as it began.
+    the_view_is_zoomed_by_keys(keys, panel, qtbot)
+    the_view_is_moved_by_keys(keys, panel, qtbot)
+
+
+def the_view_is_zoomed_by_keys(keys: Keys, panel: UnpackingWidget, qtbot: QtBot) -> None:
+    session, framing = panel.workspace.session, panel.workspace.controller.framing
     height = session.camera.height
     plus, equal = KEY.Key_Plus, KEY.Key_Equal
     for k, (key, held) in enumerate([(plus, PLAIN), (plus, SHIFT), (equal, PLAIN)]):
@@ -302,10 +308,8 @@ def test_the_view_is_zoomed_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> No
     assert session.camera.height == pytest.approx(height)
 
 
-def test_the_view_is_moved_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:
-    keys, panel = story
+def the_view_is_moved_by_keys(keys: Keys, panel: UnpackingWidget, qtbot: QtBot) -> None:
     session, framing = panel.workspace.session, panel.workspace.controller.framing
-    keys.press(KEY.Key_F6, SHIFT)
     before = session.camera
     for key, down, right in (
         (KEY.Key_Left, 0.0, -0.1),

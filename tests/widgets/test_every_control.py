@@ -69,14 +69,23 @@ def everything_open(panel: UnpackingWidget) -> None:
         more.toggle.setChecked(True)
 
 
-def test_every_control_has_a_name_a_sentence_of_help_and_the_keyboard(
-    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+@pytest.mark.usefixtures("piled")
+def test_every_control_is_named_explained_and_reached_by_the_keyboard(
+    panel: UnpackingWidget, qtbot: QtBot
 ) -> None:
+    # Looked at alone, in one panel: opening it takes most of the time.
     everything_open(panel)
+    QApplication.processEvents()
+    tab_goes_through_the_panel_from_top_to_bottom(panel)
     press(qtbot, panel.objects.table_button.button)
-    dock = panel.objects.table_button.dock
+    every_control_has_a_name_a_sentence_of_help_and_the_keyboard(panel)
+    press(qtbot, panel.slices.button)
+    no_two_controls_have_one_name(panel)
+
+
+def every_control_has_a_name_a_sentence_of_help_and_the_keyboard(panel: UnpackingWidget) -> None:
     lacking = []
-    found = [*controls(panel), *controls(dock)]
+    found = [*controls(panel), *controls(panel.objects.table_button.dock)]
     assert len(found) > 60
     for widget in found:
         name = name_of(widget, panel)
@@ -91,10 +100,7 @@ def test_every_control_has_a_name_a_sentence_of_help_and_the_keyboard(
     assert not lacking, "\n".join(lacking)
 
 
-def test_no_two_controls_have_one_name(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> None:
-    everything_open(panel)
-    press(qtbot, panel.objects.table_button.button)
-    press(qtbot, panel.slices.button)
+def no_two_controls_have_one_name(panel: UnpackingWidget) -> None:
     # Windows of their own or not, one Tab goes through all of them.
     whole = (panel, panel.objects.table_button.dock, panel.slices.dock)
     names: dict[str, list[str]] = {}
@@ -131,11 +137,7 @@ def contrast(ink: str, ground: str) -> float:
     return float(lights.max() / lights.min())
 
 
-def test_tab_goes_through_the_panel_from_top_to_bottom(
-    panel: UnpackingWidget, piled: Any, qtbot: QtBot
-) -> None:
-    everything_open(panel)
-    QApplication.processEvents()
+def tab_goes_through_the_panel_from_top_to_bottom(panel: UnpackingWidget) -> None:
     inside = panel.segment.parentWidget()
     order, widget = [], inside
     while (widget := widget.nextInFocusChain()) is not inside:

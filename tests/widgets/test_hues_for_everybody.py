@@ -16,10 +16,8 @@ def _choose_safe(panel: UnpackingWidget) -> None:
 
 
 def test_on_first_use_hues_for_the_colour_blind_are_one_of_the_choices_and_change_the_picture(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:
-    add_bag(viewer)
-    controller_with(panel, qtbot)
     rest(panel, qtbot)
     modes = panel.color.mode
     assert modes.isVisible()
@@ -34,7 +32,7 @@ def test_on_first_use_hues_for_the_colour_blind_are_one_of_the_choices_and_chang
     _choose_safe(panel)
     rest(panel, qtbot)
     assert modes.currentText() == "Colour-blind safe"
-    assert panel.workspace.session.tint_mode == "safe"
+    assert piled.tint_mode == "safe"
     assert panel.objects.table.grab().toImage() != before
 
 
@@ -43,8 +41,7 @@ def test_who_chose_them_once_has_them_in_the_next_panel(
 ) -> None:
     viewer = make_napari_viewer_proxy()
     first = open_panel(viewer, qtbot)
-    add_bag(viewer)
-    controller_with(first, qtbot)
+    controller_with(first, qtbot, add_bag(viewer)[1])
     assert first.color.mode.currentText() == "Even"
     _choose_safe(first)
     rest(first, qtbot)
@@ -52,15 +49,13 @@ def test_who_chose_them_once_has_them_in_the_next_panel(
     viewer = make_napari_viewer_proxy()
     second = open_panel(viewer, qtbot)
     assert second.color.mode.currentText() == "Colour-blind safe"
-    add_bag(viewer)
-    assert controller_with(second, qtbot).tint_mode == "safe"
+    assert controller_with(second, qtbot, add_bag(viewer)[1]).tint_mode == "safe"
 
 
 def test_a_saved_session_keeps_its_hues_in_a_panel_with_others(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot, tmp_path: Path
 ) -> None:
-    add_bag(viewer)
-    session = controller_with(panel, qtbot)
+    session = piled
     rest(panel, qtbot)
     session.tint_mode = "safe"
     save_session(session, tmp_path / "safe.unpack")

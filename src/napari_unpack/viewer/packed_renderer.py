@@ -316,7 +316,9 @@ class PackedRenderer:
         if frame is not self._frame:
             return
         if revision != self._revision:
-            self._cast_full()
+            # Colours that came meanwhile have asked for their image, which may be under way.
+            if not self._scheduler.has("packed", Worker.REFINE):
+                self._cast_full()
             return
         before, recolored = self._image, self._recolored
         self._image, self._full_for, self._recolored = image, (frame, revision), False

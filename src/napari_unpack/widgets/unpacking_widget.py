@@ -135,7 +135,6 @@ class UnpackingWidget(QWidget):
             shortcut.activated.connect(partial(self._go_to_pane, step))
         QApplication.instance().focusChanged.connect(self._show_focused)
         WheelGuard(self)
-        self._dress()
         napari_viewer.events.theme.connect(self._dress)
         scheduler, release = self.workspace.scheduler, self.keeper.release
         # `Viewer.close` deletes the panel before it could end; long work would run on.
@@ -323,7 +322,10 @@ class UnpackingWidget(QWidget):
             self.end()
 
     def event(self, event: QEvent) -> bool:
-        """Follow napari, which puts the panel into docks and takes it out of them."""
+        """Dress when first shown; follow napari, which puts the panel into docks and out again."""
+        if event.type() == QEvent.Type.Polish:
+            # Not before: each change of parents applies a style sheet to everything anew.
+            self._dress()
         if event.type() == QEvent.Type.ParentAboutToChange and isinstance(self.parent(), QWidget):
             # Only after: Qt has not done with this change of parents.
             follow = partial(self._leave_dock, self.parent(), outermost(self))
