@@ -13,12 +13,14 @@ WORKERS ?= -n 2 --dist worksteal
 PLUGIN_WORKERS ?= $(subst -n 2,-n 4,$(WORKERS))
 
 export UNPACK_REQUIRE_GL ?= 1
+# Where it is set, every process of the tests would compile a thousand modules anew.
+export PYTHONDONTWRITEBYTECODE :=
 export NAPARI_CONFIG ?=
 
 # Nothing but what the file names, and only if its hash is right.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r
 
-.PHONY: setup kernels demo test test-plain test-plugin test-web lint licences requirements audit bench soak fuzz reliability screenshots docs wheel dist workflows clean
+.PHONY: setup kernels demo test test-plain test-plugin test-web lint licences requirements audit bench soak fuzz reliability screenshots weights docs wheel dist workflows clean
 
 setup: $(READY)
 
@@ -84,6 +86,20 @@ requirements: $(READY)
 	@$(LOCK) --group tools -c requirements/dev.txt -o requirements/tools.txt
 	@$(LOCK) --group docs -c requirements/dev.txt -c requirements/tools.txt -o requirements/docs.txt
 	@$(LOCK) --group web -c requirements/dev.txt -o requirements/web.txt
+
+# All that ships trained, in place and in the order in which one learns from the other: nine hours on
+# two cores, 12 GB of memory, 8 GB of disk for the volumes. make weights SHORTEN=130 tries it;
+# `git checkout` of the folder brings back what shipped.
+WEIGHTS := src/napari_unpack/segmentation/weights
+SHORTEN ?= 1
+weights: $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --group train
+	@$(BIN)/python -m benchmarks.boundaries $(WEIGHTS)/boundary_network.onnx --shorten $(SHORTEN)
+	@$(BIN)/python -m benchmarks.segmentation.part_merging_training $(WEIGHTS)/part_merging.npz --workers 2 --shorten $(SHORTEN)
+	@$(BIN)/python -m benchmarks.segmentation.part_splitting_training $(WEIGHTS)/part_splitting.npz --workers 2 --shorten $(SHORTEN)
+	@$(BIN)/python -m benchmarks.segmentation.border_training $(WEIGHTS)/border_classifier.npz --workers 2 --shorten $(SHORTEN)
+	@$(BIN)/python benchmarks/train_oracle.py $(WEIGHTS)/oracle.npz
 
 # The documentation site in site/: open site/index.html. Pages need no network, nor does the build.
 docs: $(READY)

@@ -1,24 +1,30 @@
-"""A picture of what segmentation does, step by step, on one slice of a simulated bag."""
+"""A picture of what segmentation does, stage by stage, on one slice of a simulated bag."""
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gallery_pictures import SIDE, captioned, save
+from gallery_pictures import CAPTION, CAPTIONS, save
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from napari_unpack import segment
 from napari_unpack.appearance import golden_hue, tints_of
 from napari_unpack.rendering.slice_image import ALONG_Z, object_window, slice_image
 from napari_unpack.segmentation.foreground.methods import find_foreground
-from napari_unpack.segmentation.learned.method import oversegment
+from napari_unpack.segmentation.learned.method import oversegment, split_at_density_steps
+from napari_unpack.segmentation.learned.part_merging import merge_parts
+from napari_unpack.segmentation.learned.part_splitting import merge_pieces
+
+WIDE, COLUMNS = 640, 3
+"""Pixels of a panel, and how many stand side by side."""
 
 
 def draw_segmentation(bag: Any, path: Path) -> None:
-    """Write the scan, its foreground, fragments, found and true objects, side by side.
+    """Write one slice of a scan, of every stage of its segmentation, and of what was packed.
 
     Parameters
     ----------
@@ -27,30 +33,70 @@ def draw_segmentation(bag: Any, path: Path) -> None:
     path : Path
         PNG.
     """
-    dense, _ = find_foreground(bag.volume, bag.spacing, "hysteresis", _silent)
-    steps = (
-        ("scan", np.zeros_like(bag.labels)),
-        ("matter", dense.astype(np.int32)),
-        ("fragments", oversegment(bag.volume, bag.spacing, _silent).parts),
-        ("found", segment(bag.volume, bag.spacing).labels),
-        ("packed", bag.labels),
+    volume, truth, nothing = bag.volume, bag.labels, np.zeros_like(bag.labels)
+    dense, _ = find_foreground(volume, bag.spacing, "hysteresis", _silent)
+    found = oversegment(volume, bag.spacing, _silent)
+    merged = merge_parts(found.parts, deepcopy(found.measured))
+    pieces, measured = split_at_density_steps(volume, bag.spacing, found)
+    together = merge_pieces(pieces.copy(), measured, found.scale)
+    # The least affinity of a voxel with one beside it: dark where the network sees an end.
+    affinity = np.where(dense, found.prediction.next.min(axis=0), 0).astype(np.uint16)
+    window = object_window(volume, truth)
+    stages = [
+        ("1  the scan", volume, nothing, window),
+        ("2  foreground", volume, dense.astype(np.int32), window),
+        ("3  affinities", affinity, nothing, (0.0, 255.0)),
+        ("4  linked fragments: parts", volume, found.parts, window),
+        ("5  parts merged", volume, merged, window),
+        ("6  split at density steps", volume, pieces, window),
+        ("7  pieces merged", volume, together, window),
+        ("8  borders and cavities: found", volume, segment(volume, bag.spacing).labels, window),
+        ("what was packed", volume, truth, window),
+    ]
+    panels = [
+        _captioned(_slice(values, labels, truth, levels), words)
+        for words, values, labels, levels in stages
+    ]
+    rows = [np.hstack(panels[k : k + COLUMNS]) for k in range(0, len(panels), COLUMNS)]
+    save(np.vstack(rows), path)
+
+
+def _slice(
+    values: NDArray[Any], labels: NDArray[Any], truth: NDArray[Any], levels: Any
+) -> Image.Image:
+    image = slice_image(
+        values, labels, _tints(labels, truth), ALONG_Z, values.shape[0] // 2, levels
     )
-    window = object_window(bag.volume, bag.labels)
-    panels = [captioned(_slice(bag.volume, labels, window), words) for words, labels in steps]
-    save(np.hstack(panels), path)
-
-
-def _slice(volume: Any, labels: Any, window: Any) -> NDArray[np.float32]:
-    last = max(int(labels.max()), 1)
-    tints = tints_of({i: golden_hue(i) for i in range(1, last + 1)}, last).copy()
-    tints[1:, 3] = 0.6
-    image = slice_image(volume, labels, tints, ALONG_Z, volume.shape[0] // 2, window)
     high, wide = image.shape[:2]
-    scale = SIDE / max(high, wide)
-    small = Image.fromarray(image[..., :3]).resize((round(wide * scale), round(high * scale)))
-    square = Image.new("RGB", (SIDE, SIDE), (14, 16, 20))
-    square.paste(small, ((SIDE - small.width) // 2, (SIDE - small.height) // 2))
-    return np.asarray(square, np.float32) / 255
+    small = Image.fromarray(image[..., :3])
+    return small.resize((WIDE, round(WIDE * high / wide)), Image.Resampling.LANCZOS)
+
+
+def _tints(labels: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float32]:
+    """Return tints that follow the true objects, so that a split or a join shows as one."""
+    last, things = max(int(labels.max()), 1), int(truth.max())
+    shared = np.zeros((last + 1, things + 1), np.int64)
+    np.add.at(shared, (labels.reshape(-1), truth.reshape(-1)), 1)
+    shared[0], shared[:, 0] = 0, 0
+    # The largest piece of a thing has its hue; others have hues that no thing has.
+    hues = {i: golden_hue(things + i) for i in range(1, last + 1)}
+    for thing in range(1, things + 1):
+        largest = int(shared[:, thing].argmax())
+        if shared[largest].argmax() == thing:
+            hues[largest] = golden_hue(thing)
+    tints = tints_of(hues, last).copy()
+    tints[1:, 3] = 0.6
+    return tints
+
+
+def _captioned(picture: Image.Image, words: str) -> NDArray[np.uint8]:
+    whole = Image.new("RGB", (WIDE + 8, picture.height + CAPTION + 8), (14, 16, 20))
+    whole.paste(picture, (4, 4))
+    color = tuple(round(255 * c) for c in CAPTIONS)
+    place = (whole.width / 2, picture.height + 4 + CAPTION / 2)
+    font = ImageFont.load_default(19)
+    ImageDraw.Draw(whole).text(place, words, fill=color, font=font, anchor="mm")
+    return np.asarray(whole)
 
 
 def _silent(fraction: float, text: str = "") -> None:

@@ -108,6 +108,10 @@ def _explained() -> str:
 WHY = "## What fails and why"
 HEAD = """# How well segmentation does
 
+![One slice at every stage of segmentation](gallery/bag-segmentation.png)
+
+*The stages, which [How segmentation works](explanation/segmentation.md) explains one by one.*
+
 `python -m benchmarks.segmentation --write` renews this page. Every peer is given our foreground and
 stands with the setting that suits a family best; ours has one setting for all. Seconds are of
 processor time, of one setting. Shares by kind are of objects matched at IoU > 0.5; shares by class

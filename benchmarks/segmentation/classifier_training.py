@@ -84,6 +84,39 @@ def learn(
     return classifier
 
 
+def fitted(
+    measure: Callable[[Scan], State],
+    scans: Sequence[Scans],
+    fit: Callable[[list[State]], PairClassifier],
+    shorten: int = 1,
+    workers: int = 1,
+) -> PairClassifier:
+    """Measure scans and fit a classifier to them.
+
+    Parameters
+    ----------
+    measure : callable
+        `measure(scan) -> state`; it goes to other processes.
+    scans : sequence of Scans
+    fit : callable
+        `fit(states) -> classifier`.
+    shorten : int
+        Divides the numbers of scans.
+    workers : int
+        Processes.
+    """
+    states: list[State] = []
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
+        for some in scans:
+            first = FAMILIES[some.family].first
+            seeds = range(first, first + -(-some.count // shorten))
+            found = list(processes.map(partial(_measured, measure, some.family), seeds))
+            states += found * some.times
+    # Many threads on small matrices wait for one another, and add up in any order.
+    with threadpool_limits(1):
+        return fit(states)
+
+
 def train(
     description: str,
     measure: Callable[[Scan], State],
@@ -91,17 +124,14 @@ def train(
     fit: Callable[[list[State]], PairClassifier],
     argv: list[str] | None = None,
 ) -> None:
-    """Measure scans, fit a classifier to them, and save it.
+    """Fit a classifier as the command line says, and save it.
 
     Parameters
     ----------
     description : str
         For the command's help.
-    measure : callable
-        `measure(scan) -> state`.
-    scans : sequence of Scans
-    fit : callable
-        `fit(states) -> classifier`.
+    measure, scans, fit : callable, sequence of Scans, callable
+        See `fitted`.
     argv : list of str, optional
         By default the command line.
     """
@@ -110,16 +140,7 @@ def train(
     parser.add_argument("--shorten", type=int, default=1, help="divide the numbers of scans")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args(argv)
-    states: list[State] = []
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as processes:
-        for some in scans:
-            first = FAMILIES[some.family].first
-            seeds = range(first, first + -(-some.count // options.shorten))
-            found = list(processes.map(partial(_measured, measure, some.family), seeds))
-            states += found * some.times
-    # Many threads on small matrices wait for one another, and add up in any order.
-    with threadpool_limits(1):
-        fit(states).save(options.file)
+    fitted(measure, scans, fit, options.shorten, options.workers).save(options.file)
 
 
 def _measured(measure: Callable[[Scan], State], family: str, seed: int) -> State:
