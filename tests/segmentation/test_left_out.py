@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from benchmarks.segmentation import left_out, part_merging_training, part_splitting_training
 from benchmarks.segmentation.left_out import ALIKE, Pair, trained_without, without
 from benchmarks.segmentation.training_scans import FAMILIES
+
 from napari_unpack.segmentation.learned import part_merging, part_splitting
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
