@@ -98,7 +98,7 @@ def test_every_goal_stands_beside_what_is_reached() -> None:
     assert row["metal found"] == "0.00 (goal 0.70, missed)"
     assert row["volumes"] == 1
     table = ablations({"projection": report}, "ours")
-    assert table.index.tolist() == ["without borders"]
+    assert table.index.tolist() == ["borders"]
     assert table["Bags scanned by rays"].tolist() == ["-0.333 / +0.811"]
     assert "| 1 | 0.33 (goal" in markdown(against_goals({"projection": report}, "ours"), "family")
 

@@ -1,8 +1,9 @@
 """Measure segmentations of volumes nobody has tuned on: goals, ablations, and plain peers.
 
 `python -m benchmarks.segmentation` takes twenty bags of each generator and as many scanned by rays
-(seeds from 9001 on), and what is in files where they are here; peers and ablations stand for the
-first five of each. Scores are kept among the temporary files, by volume, method and state of the
+(seeds from 9001 on), and what is in files where they are here; peers stand for the first five of
+each. Ablations choose what stays, and so are measured on volumes that are for choosing. Scores are
+kept among the temporary files, by volume, method and state of the
 code, so that a run that was stopped goes on where it was. Peers on our affinities need the
 dependency group `bench`.
 """
@@ -10,6 +11,7 @@ dependency group `bench`.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -27,8 +29,14 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
 COMPARED = 5
 """Volumes of a family that peers and ablations are measured on."""
 
-ALIKE = {*dict(PEERS), *AFFINITY_PEERS, ours.CUTS, ours.OURS}
-"""Methods that stand beside each other; the others are ours less one stage."""
+ABLATED = {"first": 1600, "second": 8600, "projection": 1600}
+"""Seeds of the first volumes that ablations are measured on; of those in files their place is 0."""
+
+ALIKE = (*dict(PEERS), *AFFINITY_PEERS, ours.CUTS, ours.OURS)
+"""Methods that stand beside each other."""
+
+ABLATIONS = (ours.OURS, *(m for m in FINDERS if m not in ALIKE))
+"""Ours, and ours less one stage."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -45,27 +53,36 @@ def main(arguments: list[str] | None = None) -> int:
     for family in families:
         if family not in FAMILIES:
             parser.error(f"no family is called {family!r}; there are {', '.join(FAMILIES)}")
-    methods = [m for m in FINDERS if any(part in m for part in options.only)]
-    tasks = [
-        Task(family, (0 if family in STORED else options.first) + k, wanted)
-        for family in families
-        for k in range(options.count or FAMILIES[family].count)
-        for wanted in (tuple(m for m in methods if _fits(m, family, k)),)
-        if wanted
-    ]
-    reports = {family: Report() for family in families}
+    whole, ablated = ({family: Report() for family in families} for _ in range(2))
+    wanted = [m for m in FINDERS if any(part in m for part in options.only)]
     # Processes of their own: threads would wait for one another in Python.
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as processes:
-        jobs = [(task, processes.submit(measured, task)) for task in tasks]
-        for task, job in jobs:
+        jobs = [
+            (reports, task, processes.submit(measured, task))
+            for family in families
+            for reports, first, count, methods in (
+                (whole, options.first, options.count or FAMILIES[family].count, ALIKE),
+                (ablated, ABLATED.get(family, 0), COMPARED, ABLATIONS),
+            )
+            for task in _tasks(family, first, count, [m for m in methods if m in wanted])
+        ]
+        for reports, task, job in jobs:
             _take(reports[task.family], task, job)
-    measured_ones = {family: report for family, report in reports.items() if report.totals}
-    parts = _overview(measured_ones)
-    parts += [_text(family, report) for family, report in measured_ones.items()]
+    parts = _overview(whole, ablated)
+    parts += [_text(family, report) for family, report in whole.items() if report.totals]
     print("\n".join(parts))
     if options.write:
-        DOCUMENT.write_text("\n".join([HEAD, _explained(), *parts]))
+        DOCUMENT.write_text("\n".join([HEAD, *_explained(), *parts]))
     return 0
+
+
+def _tasks(family: str, first: int, count: int, methods: list[str]) -> Iterator[Task]:
+    """Yield what is measured of a family, volume by volume."""
+    stored = STORED.get(family, ())
+    for place in range(min(count, len(stored)) if stored else count):
+        worth = [m for m in methods if _fits(m, family, place)]
+        if worth:
+            yield Task(family, place if stored else first + place, tuple(worth))
 
 
 def _fits(method: str, family: str, place: int) -> bool:
@@ -88,24 +105,29 @@ def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]
             print(f"{task.family} {task.seed} {method}: {row['setting']} {numbers}", flush=True)
 
 
-def _overview(reports: dict[str, Report]) -> list[str]:
-    parts = ["## Goals", "", markdown(against_goals(reports, ours.OURS), "volumes of"), ""]
-    compared = {name: report.first(COMPARED) for name, report in reports.items()}
-    less = ablations(compared, ours.OURS)
+def _overview(whole: dict[str, Report], ablated: dict[str, Report]) -> list[str]:
+    reached = {family: report for family, report in whole.items() if report.totals}
+    parts = ["## Goals", "", markdown(against_goals(reached, ours.OURS), "volumes of"), ""]
+    less = ablations({f: r for f, r in ablated.items() if r.totals}, ours.OURS)
     if len(less):
-        parts += ["## Ablations", "", markdown(less, "F1 / VOI"), ""]
+        seeds = ", ".join(str(first) for first in ABLATED.values())
+        told = (
+            f"F1 / VOI without one stage, on {COMPARED} volumes of a family (seeds from {seeds})."
+        )
+        parts += ["## Ablations", "", told, "", markdown(less, "without"), ""]
     return parts
 
 
-def _explained() -> str:
-    """Return what a person wrote about the tables, which outlives their renewal."""
-    text = DOCUMENT.read_text() if DOCUMENT.exists() else ""
-    begin = text.find(WHY)
-    end = text.find("\n## ", begin + len(WHY))
-    return text[begin : end if end > 0 else None].rstrip() + "\n" if begin >= 0 else WHY + "\n"
+def _explained() -> list[str]:
+    """Return what is in the page and not measured here, which outlives its renewal."""
+    sections = DOCUMENT.read_text().split("\n## ") if DOCUMENT.exists() else []
+    told = {f"## {text.partition(chr(10))[0]}": f"## {text.rstrip()}\n" for text in sections}
+    return [told.get(title, f"{title}\n") for title in TOLD]
 
 
-WHY = "## What fails and why"
+TOLD = ("## Families left out", "## What fails and why")
+"""Sections that a person writes, or `left_out` prints."""
+
 HEAD = """# How well segmentation does
 
 ![One slice at every stage of segmentation](gallery/bag-segmentation.png)
@@ -120,12 +142,12 @@ of objects detected with precision and recall of 50 %, sheets 20 %.
 
 
 def _text(family: str, report: Report) -> str:
-    beside = report.first(COMPARED).of(ALIKE)
+    beside = report.first(COMPARED)
     title = f"## {FAMILIES[family].title}"
     parts = [title, "", markdown(beside.metrics(), "method"), ""]
     if family not in STORED:
-        whole = report.of({ours.OURS})
-        parts += [markdown(whole.by("group"), "class"), "", markdown(whole.by("kind"), "kind")]
+        own = report.of({ours.OURS})
+        parts += [markdown(own.by("group"), "class"), "", markdown(own.by("kind"), "kind")]
     return "\n".join([*parts, ""])
 
 

@@ -89,7 +89,7 @@ def _beside(value: float, goal: float | None, most: bool = False) -> str:
 
 
 def ablations(reports: dict[str, Report], method: str) -> pd.DataFrame:
-    """Return what every method without one stage loses in F1 and wins in VOI, by family.
+    """Return by how much F1 and VOI change where one stage is taken out, by family.
 
     Parameters
     ----------
@@ -106,5 +106,5 @@ def ablations(reports: dict[str, Report], method: str) -> pd.DataFrame:
         columns[FAMILIES[name].title] = [
             f"{row.f1:+.3f} / {row.voi:+.3f}" for row in less.itertuples()
         ]
-        columns[f"{FAMILIES[name].title}, seconds"] = [f"{s:+.1f}" for s in less["seconds"]]
-    return pd.DataFrame(columns, index=less.index)
+        names = less.index.str.removeprefix("without ")
+    return pd.DataFrame(columns, index=names) if columns else pd.DataFrame()
