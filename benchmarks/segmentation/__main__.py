@@ -1,11 +1,10 @@
 """Measure segmentations of volumes nobody has tuned on: goals, ablations, and plain peers.
 
 `python -m benchmarks.segmentation` takes twenty bags of each generator and as many scanned by rays
-(seeds from 9001 on), and what is in files where they are here; peers stand for the first five of
+(seeds from 9001 on), and what is in files where they are here; peers stand for the first two of
 each. Ablations choose what stays, and so are measured on volumes that are for choosing. Scores are
-kept among the temporary files, by volume, method and state of the
-code, so that a run that was stopped goes on where it was. Peers on our affinities need the
-dependency group `bench`.
+kept among the temporary files, by volume, method and state of the code, so that a run that was
+stopped goes on where it was. Peers on our affinities need the dependency group `bench`.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from benchmarks.segmentation.report import Report, Scored, markdown
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
 
-COMPARED = 5
-"""Volumes of a family that peers and ablations are measured on."""
+COMPARED, ABLATED_COUNT = 2, 5
+"""Volumes of a family that peers, and ours without a stage, are measured on."""
 
 ABLATED = {"first": 1600, "second": 8600, "projection": 1600}
 """Seeds of the first volumes that ablations are measured on; of those in files their place is 0."""
@@ -62,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
             for family in families
             for reports, first, count, methods in (
                 (whole, options.first, options.count or FAMILIES[family].count, ALIKE),
-                (ablated, ABLATED.get(family, 0), COMPARED, ABLATIONS),
+                (ablated, ABLATED.get(family, 0), ABLATED_COUNT, ABLATIONS),
             )
             for task in _tasks(family, first, count, [m for m in methods if m in wanted])
         ]
@@ -87,7 +86,7 @@ def _tasks(family: str, first: int, count: int, methods: list[str]) -> Iterator[
 
 def _fits(method: str, family: str, place: int) -> bool:
     """Return whether a method is worth its time: cuts take minutes a volume."""
-    if method == ours.OURS:
+    if method in ABLATIONS:
         return True
     return place < COMPARED and (method != ours.CUTS or family == "first")
 
@@ -111,9 +110,8 @@ def _overview(whole: dict[str, Report], ablated: dict[str, Report]) -> list[str]
     less = ablations({f: r for f, r in ablated.items() if r.totals}, ours.OURS)
     if len(less):
         seeds = ", ".join(str(first) for first in ABLATED.values())
-        told = (
-            f"F1 / VOI without one stage, on {COMPARED} volumes of a family (seeds from {seeds})."
-        )
+        volumes = f"{ABLATED_COUNT} volumes of a family (seeds from {seeds})"
+        told = f"F1 / VOI without one stage, on {volumes}."
         parts += ["## Ablations", "", told, "", markdown(less, "without"), ""]
     return parts
 
