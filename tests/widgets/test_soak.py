@@ -39,4 +39,10 @@ def test_random_commands_at_speed_neither_err_nor_leak(viewer: Any, panel: Unpac
     # The later half of so few: before, what is filled once still counts. In so much shorter a time
     # so much less may come.
     report.warm_up = 1 / 2
-    assert report.growth < tool.FLAT * (1 - report.warm_up) / (1 - tool.WARM_UP), report
+    most = tool.FLAT * (1 - report.warm_up) / (1 - tool.WARM_UP)
+    if report.growth >= most:
+        # After other tests in this process some of that may be filled later. A leak goes on.
+        report = tool.soak(viewer, panel, 0.0, seed=1, samples=5, fewest=COMMANDS // 2)
+        report.warm_up = 0
+    assert report.errors == [], report
+    assert report.growth < most, report
