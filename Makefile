@@ -88,8 +88,8 @@ requirements: $(READY)
 	@$(LOCK) --group web -c requirements/dev.txt -o requirements/web.txt
 
 # All that ships trained, in place and in the order in which one learns from the other: nine hours on
-# two cores, 12 GB of memory, 8 GB of disk for the volumes. make weights SHORTEN=130 tries it;
-# `git checkout` of the folder brings back what shipped.
+# two cores, and 8 GB of disk. make weights SHORTEN=130 tries it; `git checkout` of the folder brings
+# back what shipped.
 WEIGHTS := src/napari_unpack/segmentation/weights
 SHORTEN ?= 1
 weights: $(READY)

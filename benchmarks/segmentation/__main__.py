@@ -85,10 +85,11 @@ def _tasks(family: str, first: int, count: int, methods: list[str]) -> Iterator[
 
 
 def _fits(method: str, family: str, place: int) -> bool:
-    """Return whether a method is worth its time: cuts take minutes a volume."""
+    """Return whether a method is worth its time: cuts and large volumes take minutes."""
     if method in ABLATIONS:
         return True
-    return place < COMPARED and (method != ours.CUTS or family == "first")
+    small = family not in ("dense", "pelvis")
+    return place < COMPARED and small and (method != ours.CUTS or family == "first")
 
 
 def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]]) -> None:
