@@ -112,3 +112,17 @@ def test_what_lies_beside_a_box_does_not_hang_in_it():
     labels[12:18, 12:18, 27:29] = 2
     filled = fill_cavities(labels, EVEN)
     assert np.array_equal(join_suspended(labels, filled, EVEN), filled)
+
+
+def test_a_chamber_that_another_has_taken_in_is_filled_once():
+    # Two chambers of one box, with a passage of one voxel between them; the box lacks a side.
+    labels = np.zeros((44, 44, 44), np.int32)
+    labels[2:42, 2:42, 2:42] = 1
+    labels[4:40, 4:40, 4:40] = 0
+    labels[12:32, 12:32, 12:32] = 1
+    labels[14:30, 14:30, 14:30] = 0
+    labels[20, 20, 30:32] = 0
+    wall = labels > 0
+    labels[2:42, 2:42, 40:42] = 0
+    filled = fill_cavities(labels, (1.0, 1.0, 1.0), wall)
+    assert (filled[2:42, 2:42, 2:42] == 1).all()

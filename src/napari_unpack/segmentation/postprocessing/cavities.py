@@ -143,6 +143,9 @@ def _fill_leaky(
     """
     wall = wall | (labels > 0)
     hole = binary_dilation(core, generate_binary_structure(3, 2)) & ~wall
+    if not hole.any():
+        # A cavity before it, with which a narrow gap joins it, took it in as a pit.
+        return
     # Pits of a rough wall are no gaps in it; the air of what lies in the cavity is no pit.
     pits = _closed(~wall & ~hole)
     beside = np.zeros(int(pits.max()) + 1, np.bool_)
