@@ -14,10 +14,12 @@ from benchmarks.__main__ import main
 from benchmarks.packing import pack
 from benchmarks.row import Row, ms
 from benchmarks.rows import ORDER, chosen
-from benchmarks.segmentation import keeping, ours
+from benchmarks.segmentation import affinity_peers, keeping, ours
 from benchmarks.segmentation.bags import Case
 from benchmarks.segmentation.goals import ablations, against_goals
 from benchmarks.segmentation.report import Report, markdown, scored
+
+from napari_unpack.segmentation.learned import method
 
 
 def test_every_row_can_be_chosen_by_a_part_of_its_name() -> None:
@@ -149,3 +151,22 @@ def test_scores_are_kept_and_not_measured_again(monkeypatch, tmp_path) -> None:
     assert first[0][1].totals == second[0][1].totals
     pd.testing.assert_frame_equal(first[0][1].objects, second[0][1].objects, check_names=False)
     assert first[1][1].totals == second[1][1].totals == []
+
+
+def test_peers_on_the_affinities_have_no_classifier_after_them(monkeypatch) -> None:
+    volume = np.zeros((32, 36, 40), np.uint16)
+    volume[4:28, 6:30, 4:18], volume[4:28, 6:30, 20:36] = 900, 1400
+    monkeypatch.setattr(method, "merge_parts", lambda *_, **__: pytest.fail("parts were merged"))
+    linked = []
+    kept = method.mean_affinity_linkage
+
+    def linkage(affinities, sizes, threshold, *more, **named):
+        linked.append(threshold.at(1000))
+        return kept(affinities, sizes, threshold, *more, **named)
+
+    monkeypatch.setattr(method, "mean_affinity_linkage", linkage)
+    found = dict(affinity_peers.ours(volume, (1.0, 1.0, 1.0)))
+    assert list(found) == [f"linkage alone {bar:g}" for bar in affinity_peers.BARS]
+    # Each at its own bar.
+    assert linked == list(affinity_peers.BARS)
+    assert all(labels.max() >= 2 for labels in found.values())

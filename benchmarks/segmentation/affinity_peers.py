@@ -42,9 +42,14 @@ def _peer(name: str, link: Link, volume: NDArray[Any], spacing: Any) -> Found:
 
 
 def _alone(volume: NDArray[Any], spacing: Any) -> NDArray[np.int32]:
-    with mock.patch.object(pipeline, "find_objects", partial(method.find_objects, steps=False)):
+    with mock.patch.object(pipeline, "find_objects", _without_steps):
         labels: NDArray[np.int32] = segment(volume, spacing).labels
         return labels
+
+
+def _without_steps(*given: Any, **named: Any) -> NDArray[np.int32]:
+    """Stand in for `find_objects`, whatever it is asked for."""
+    return method.find_objects(*given, **{**named, "steps": False})
 
 
 def _linked(
