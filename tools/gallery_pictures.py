@@ -201,14 +201,15 @@ def _through(session: Any, preset: str) -> ImageTexture:
 
 
 def captioned(picture: ImageTexture, words: str) -> NDArray[np.uint8]:
-    """Return an (SIDE, SIDE, 3 or 4) picture of 0 to 1 with words below it."""
-    whole = np.zeros((SIDE + CAPTION, SIDE, 3), np.uint8)
+    """Return an (H, W, 3 or 4) picture of 0 to 1 with words below it."""
+    high, wide = picture.shape[:2]
+    whole = np.zeros((high + CAPTION, wide, 3), np.uint8)
     whole[:] = (14, 16, 20)
-    whole[:SIDE] = np.rint(np.clip(picture[..., :3], 0, 1) * 255)
+    whole[:high] = np.rint(np.clip(picture[..., :3], 0, 1) * 255)
     image = Image.fromarray(whole)
     color = tuple(round(255 * c) for c in CAPTIONS)
     ImageDraw.Draw(image).text(
-        (SIDE / 2, SIDE + CAPTION / 2),
+        (wide / 2, high + CAPTION / 2),
         words,
         fill=color,
         font=ImageFont.load_default(17),

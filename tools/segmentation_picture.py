@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gallery_pictures import CAPTION, CAPTIONS, save
+from gallery_pictures import captioned, save
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageOps
+from scipy.ndimage import binary_dilation
 
 from napari_unpack import segment
 from napari_unpack.appearance import golden_hue, tints_of
@@ -19,7 +20,7 @@ from napari_unpack.segmentation.learned.method import oversegment, split_at_dens
 from napari_unpack.segmentation.learned.part_merging import merge_parts
 from napari_unpack.segmentation.learned.part_splitting import merge_pieces
 
-WIDE, COLUMNS = 640, 3
+WIDE, COLUMNS = 480, 3
 """Pixels of a panel, and how many stand side by side."""
 
 
@@ -40,7 +41,8 @@ def draw_segmentation(bag: Any, path: Path) -> None:
     pieces, measured = split_at_density_steps(volume, bag.spacing, found)
     together = merge_pieces(pieces.copy(), measured, found.scale)
     # The least affinity of a voxel with one beside it: dark where the network sees an end.
-    affinity = np.where(dense, found.prediction.next.min(axis=0), 0).astype(np.uint16)
+    near = binary_dilation(dense, iterations=2)
+    affinity = np.where(near, found.prediction.next.min(axis=0), 0).astype(np.uint16)
     window = object_window(volume, truth)
     stages = [
         ("1  the scan", volume, nothing, window),
@@ -54,7 +56,7 @@ def draw_segmentation(bag: Any, path: Path) -> None:
         ("what was packed", volume, truth, window),
     ]
     panels = [
-        _captioned(_slice(values, labels, truth, levels), words)
+        captioned(_slice(values, labels, truth, levels), words)
         for words, values, labels, levels in stages
     ]
     rows = [np.hstack(panels[k : k + COLUMNS]) for k in range(0, len(panels), COLUMNS)]
@@ -63,13 +65,15 @@ def draw_segmentation(bag: Any, path: Path) -> None:
 
 def _slice(
     values: NDArray[Any], labels: NDArray[Any], truth: NDArray[Any], levels: Any
-) -> Image.Image:
+) -> NDArray[np.float32]:
     image = slice_image(
         values, labels, _tints(labels, truth), ALONG_Z, values.shape[0] // 2, levels
     )
     high, wide = image.shape[:2]
-    small = Image.fromarray(image[..., :3])
-    return small.resize((WIDE, round(WIDE * high / wide)), Image.Resampling.LANCZOS)
+    size = (WIDE, round(WIDE * high / wide))
+    panel = Image.fromarray(image[..., :3]).resize(size, Image.Resampling.LANCZOS)
+    framed = ImageOps.expand(panel, 3, fill=(14, 16, 20))
+    return np.asarray(framed, np.float32) / 255
 
 
 def _tints(labels: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float32]:
@@ -87,16 +91,6 @@ def _tints(labels: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float32]:
     tints = tints_of(hues, last).copy()
     tints[1:, 3] = 0.6
     return tints
-
-
-def _captioned(picture: Image.Image, words: str) -> NDArray[np.uint8]:
-    whole = Image.new("RGB", (WIDE + 8, picture.height + CAPTION + 8), (14, 16, 20))
-    whole.paste(picture, (4, 4))
-    color = tuple(round(255 * c) for c in CAPTIONS)
-    place = (whole.width / 2, picture.height + 4 + CAPTION / 2)
-    font = ImageFont.load_default(19)
-    ImageDraw.Draw(whole).text(place, words, fill=color, font=font, anchor="mm")
-    return np.asarray(whole)
 
 
 def _silent(fraction: float, text: str = "") -> None:

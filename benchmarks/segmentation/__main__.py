@@ -25,8 +25,8 @@ from benchmarks.segmentation.report import Report, Scored, markdown
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "segmentation.md"
 
-COMPARED, ABLATED_COUNT = 1, 5
-"""Volumes of a family that peers, and ours without a stage, are measured on."""
+ABLATED_COUNT = 5
+"""Volumes of a family that ours without a stage is measured on."""
 
 ABLATED = {"first": 1600, "second": 8600, "projection": 1600}
 """Seeds of the first volumes that ablations are measured on; of those in files their place is 0."""
@@ -53,6 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
         if family not in FAMILIES:
             parser.error(f"no family is called {family!r}; there are {', '.join(FAMILIES)}")
     whole, ablated = ({family: Report() for family in families} for _ in range(2))
+    few = min(ABLATED_COUNT, options.count or ABLATED_COUNT)
     wanted = [m for m in FINDERS if any(part in m for part in options.only)]
     # Processes of their own: threads would wait for one another in Python.
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as processes:
@@ -61,13 +62,13 @@ def main(arguments: list[str] | None = None) -> int:
             for family in families
             for reports, first, count, methods in (
                 (whole, options.first, options.count or FAMILIES[family].count, ALIKE),
-                (ablated, ABLATED.get(family, 0), ABLATED_COUNT, ABLATIONS),
+                (ablated, ABLATED.get(family, 0), few, ABLATIONS),
             )
             for task in _tasks(family, first, count, [m for m in methods if m in wanted])
         ]
         for reports, task, job in jobs:
             _take(reports[task.family], task, job)
-    parts = _overview(whole, ablated, options.first)
+    parts = _overview(whole, ablated, options.first, few)
     parts += [_text(family, report) for family, report in whole.items() if report.totals]
     print("\n".join(parts))
     if options.write:
@@ -88,8 +89,7 @@ def _fits(method: str, family: str, place: int) -> bool:
     """Return whether a method is worth its time: cuts and large volumes take minutes."""
     if method in ABLATIONS:
         return True
-    small = family not in ("dense", "pelvis")
-    return place < COMPARED and small and (method != ours.CUTS or family == "first")
+    return place < FAMILIES[family].compared and (method != ours.CUTS or family == "first")
 
 
 def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]]) -> None:
@@ -105,7 +105,9 @@ def _take(report: Report, task: Task, job: Future[list[tuple[str, Scored, bool]]
             print(f"{task.family} {task.seed} {method}: {row['setting']} {numbers}", flush=True)
 
 
-def _overview(whole: dict[str, Report], ablated: dict[str, Report], first: int) -> list[str]:
+def _overview(
+    whole: dict[str, Report], ablated: dict[str, Report], first: int, few: int
+) -> list[str]:
     reached = {family: report for family, report in whole.items() if report.totals}
     unseen = f"Means of seeds from {first}, by which nothing was chosen, and of what is in files"
     seen = f"{unseen}: the bags of the public simulator were looked at when choosing."
@@ -114,7 +116,7 @@ def _overview(whole: dict[str, Report], ablated: dict[str, Report], first: int) 
     less = ablations({f: r for f, r in ablated.items() if r.totals}, ours.OURS)
     if len(less):
         seeds = ", ".join(str(first) for first in ABLATED.values())
-        volumes = f"{ABLATED_COUNT} volumes of a family (seeds from {seeds})"
+        volumes = f"{few} volumes of a family (seeds from {seeds})"
         told = f"F1 / VOI without one stage, on {volumes}."
         parts += ["## Ablations", "", told, "", markdown(less, "without"), ""]
     return parts
@@ -145,7 +147,7 @@ matched at IoU > 0.5; shares by class of objects detected with precision and rec
 
 
 def _text(family: str, report: Report) -> str:
-    beside = report.first(COMPARED)
+    beside = report.first(FAMILIES[family].compared or FAMILIES[family].count)
     title = f"## {FAMILIES[family].title}"
     parts = [title, "", markdown(beside.metrics(), "method"), ""]
     if family not in STORED:

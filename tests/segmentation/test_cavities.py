@@ -8,11 +8,11 @@ from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, jo
 EVEN = (1.0, 1.0, 1.0)
 
 
-def hollow_box() -> NDArray[np.int32]:
-    """Return a box of 20 voxels with walls of two, in air."""
-    labels = np.zeros((30, 30, 30), np.int32)
-    labels[5:25, 5:25, 5:25] = 1
-    labels[7:23, 7:23, 7:23] = 0
+def hollow_box(grid: int = 30, low: int = 5, high: int = 25) -> NDArray[np.int32]:
+    """Return a box with walls of two voxels, in air."""
+    labels = np.zeros((grid,) * 3, np.int32)
+    labels[(slice(low, high),) * 3] = 1
+    labels[(slice(low + 2, high - 2),) * 3] = 0
     return labels
 
 
@@ -57,9 +57,7 @@ def test_a_wall_that_is_seen_and_no_objects_encloses_air_and_goes_to_its_box():
 
 
 def test_the_air_between_things_in_a_box_is_not_the_boxs():
-    labels = np.zeros((44, 44, 44), np.int32)
-    labels[3:41, 3:41, 3:41] = 1
-    labels[5:39, 5:39, 5:39] = 0
+    labels = hollow_box(44, 3, 41)
     # Three things close on air, of which none makes up half of the walls.
     labels[20:34, 14:28, 14:28] = 2
     labels[20:34, 14:28, 14:18] = 3
@@ -116,13 +114,9 @@ def test_what_lies_beside_a_box_does_not_hang_in_it():
 
 def test_a_chamber_that_another_has_taken_in_is_filled_once():
     # Two chambers of one box, with a passage of one voxel between them; the box lacks a side.
-    labels = np.zeros((44, 44, 44), np.int32)
-    labels[2:42, 2:42, 2:42] = 1
-    labels[4:40, 4:40, 4:40] = 0
-    labels[12:32, 12:32, 12:32] = 1
-    labels[14:30, 14:30, 14:30] = 0
+    labels = hollow_box(44, 2, 42) | hollow_box(44, 12, 32)
     labels[20, 20, 30:32] = 0
     wall = labels > 0
     labels[2:42, 2:42, 40:42] = 0
-    filled = fill_cavities(labels, (1.0, 1.0, 1.0), wall)
+    filled = fill_cavities(labels, EVEN, wall)
     assert (filled[2:42, 2:42, 2:42] == 1).all()
