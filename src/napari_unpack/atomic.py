@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import platform
 import secrets
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -239,10 +241,15 @@ def recover_folder(path: Path) -> None:
 
 
 def _replace_folder(new: Path, path: Path) -> None:
-    # A folder cannot be renamed over another: the old one steps aside, and back on an error.
-    # Its name is known, so that `recover_folder` finds it after a kill between the two renames.
+    # A folder cannot be renamed over another, but two names can be exchanged on most systems.
     old = _aside(path)
     shutil.rmtree(old, ignore_errors=True)
+    if _exchange(new, path):
+        _sync(path.parent)
+        shutil.rmtree(new, ignore_errors=True)
+        return
+    # Elsewhere the old one steps aside, and back on an error. Its name is known, so that
+    # `recover_folder` finds it after a kill between the two renames.
     if path.exists():
         path.replace(old)
     try:
@@ -252,6 +259,16 @@ def _replace_folder(new: Path, path: Path) -> None:
         raise
     _sync(path.parent)
     shutil.rmtree(old, ignore_errors=True)
+
+
+def _exchange(one: Path, two: Path) -> bool:
+    """Exchange two names at once; return whether the system and its disk can."""
+    if sys.platform != "linux":
+        return False
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)
+    # AT_FDCWD of linux/fcntl.h, RENAME_EXCHANGE of linux/fs.h.
+    here, exchange = -100, 2
+    return bool(rename and rename(here, os.fsencode(one), here, os.fsencode(two), exchange) == 0)
 
 
 def _aside(path: Path) -> Path:

@@ -10,6 +10,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -250,6 +251,28 @@ def save_folder(path: Path, text: str) -> None:
         (temporary / "a.txt").write_text(text)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="names are exchanged on Linux")
+def test_at_no_moment_is_there_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, seen, done = tmp_path / "bag", [], threading.Event()
+    save_folder(path, "old")
+
+    def look() -> None:
+        while not done.is_set():
+            seen.append((path / "a.txt").exists())
+
+    watching = threading.Thread(target=look)
+    watching.start()
+    monkeypatch.setattr(Path, "replace", lambda *_: pytest.fail("one of two renames"))
+    for text in ("new", "newer") * 20:
+        save_folder(path, text)
+    done.set()
+    watching.join()
+    assert len(seen) > 20
+    assert all(seen)
+    assert (path / "a.txt").read_text() == "newer"
+    assert [other.name for other in tmp_path.iterdir()] == ["bag"]
+
+
 def test_a_folder_survives_a_kill_between_its_two_renames(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "bag"
     save_folder(path, "old")
@@ -266,6 +289,8 @@ def test_a_folder_survives_a_kill_between_its_two_renames(tmp_path: Path, monkey
         return replace(self, target)
 
     with monkeypatch.context() as patch:
+        # Where names cannot be exchanged.
+        patch.setattr(sys, "platform", "darwin")
         patch.setattr(Path, "replace", killed)
         with pytest.raises(KilledError):
             save_folder(path, "new")
