@@ -294,25 +294,23 @@ def _segment_grid(
         density = denoised(density, spacing, foreground.method, clearing)
         # Under a microscope there is neither a table nor a bag.
         foreground = ForegroundOptions(supports=False, shell=False)
+    else:
+        begun = share.part(0.0, 0.05, "Finding the foreground")
+        found = find_foreground(density, spacing, foreground.method, begun)
+        foreground = replace(foreground, found=found)
     cleared = replace(options, foreground=foreground, grainy=noisy)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
-
-    def walls() -> NDArray[np.bool_] | None:
-        # Haze is foreground too.
-        return None if noisy else find_foreground(density, spacing, foreground.method)[0]
-
     if density.size > WORKING_VOXELS:
         labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
-        dense = walls()
     else:
-        with beside(walls) as found:
-            labels = _objects(density, spacing, looking, cleared, noted)
-        dense = found.result()
+        labels = _objects(density, spacing, looking, cleared, noted)
     if noisy:
         growing = share.part(0.9, 0.95, "Drawing borders")
         labels = grow_to_half_height(labels, given, spacing, growing)
     closing = share.part(0.95, 0.99, "Filling cavities")
-    filled = fill_cavities(labels, spacing, dense, closing)
+    # Haze is foreground too, so that it makes no walls.
+    walls = None if foreground.found is None else foreground.found[0]
+    filled = fill_cavities(labels, spacing, walls, closing)
     closing(1.0)
     labels = filled if noisy else join_suspended(labels, filled, spacing)
     share(1.0)
@@ -365,13 +363,13 @@ def _objects_in_blocks(
 ) -> NDArray[np.int32]:
     """Find objects block by block, all of whose densities are compared on the volume's scale."""
     begun, given = share.part(0.0, 0.02, "Finding the foreground"), options.foreground
-    mask, levels = find_foreground(density, spacing, given.method, begun)
+    mask, levels = given.found or find_foreground(density, spacing, given.method, begun)
     known = KnownScale(levels, typical_knee(density, mask, levels.air))
     # Cut off by the end of a block, a box looks like a table.
     aside = _no_objects(density, mask, spacing, given.supports)
     if aside.any():
         density = np.where(aside, density.dtype.type(levels.air), density)
-    blockwise = replace(given, supports=False, known=known)
+    blockwise = replace(given, supports=False, known=known, found=None)
     # A worker has the network; it asks no others.
     alone = replace(options, foreground=blockwise, network=None)
     find = partial(_objects_of_block, options=alone)

@@ -51,12 +51,15 @@ class ForegroundOptions:
     known : KnownScale, optional
         Where the densities are a block's, which is no scanner's slice; by default it is found in
         them.
+    found : tuple of (Z, Y, X) ndarray of bool and Levels, optional
+        What `find_foreground` has returned of this very volume, so that nobody asks it again.
     """
 
     method: str | float = "hysteresis"
     supports: bool = True
     shell: bool = True
     known: KnownScale | None = None
+    found: tuple[NDArray[np.bool_], Levels] | None = None
 
 
 def checked_foreground(method: str | float) -> str | float:

@@ -69,13 +69,15 @@ def split_parts(
     share = Share(progress)
     begun = share.part(0.0, 0.1, "Finding the foreground")
     known = foreground.known
-    mask, levels = find_foreground(density, spacing, foreground.method, begun, known)
+    mask, levels = foreground.found or find_foreground(
+        density, spacing, foreground.method, begun, known
+    )
     section = measured_section(density) if known is None else None
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.
-        mask &= section
+        mask = mask & section
     if foreground.supports:
-        mask &= ~find_supports(mask, spacing)
+        mask = mask & ~find_supports(mask, spacing)
     dividing = share.part(0.1, 0.25, "Finding density regions")
     fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
     knee = typical_knee(density, mask, levels.air) if known is None else known.knee

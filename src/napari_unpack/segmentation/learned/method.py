@@ -164,7 +164,7 @@ def oversegment(
     share = Share(progress)
     begun = share.part(0.0, 0.05, "Finding the foreground")
     known = options.known
-    dense, levels = find_foreground(density, spacing, options.method, begun, known)
+    dense, levels = options.found or find_foreground(density, spacing, options.method, begun, known)
     knee = typical_knee(density, dense, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
@@ -174,10 +174,10 @@ def oversegment(
     section = measured_section(density) if known is None else None
     if section is not None:
         mask &= section
-        dense &= section
+        dense = dense & section
     if options.supports:
         held = find_supports(dense, spacing)
-        dense &= ~held
+        dense = dense & ~held
         # What is not dense beside a support is its blurred rim.
         held = binary_dilation(held, iterations=SUPPORT_RIM)
         mask &= dense | ~held
