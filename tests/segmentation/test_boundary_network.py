@@ -66,25 +66,40 @@ def test_tiles_agree_with_the_whole():
     truth = two_boxes()
     volume = scanned(truth, {1: 1000, 2: 400})
     whole = default_boundaries().predict(volume, SCALE, silent)
-    tiled = default_boundaries().predict(volume, SCALE, silent, tile=24)
+    tiled = default_boundaries().predict(volume, SCALE, silent, tile=16)
     assert np.abs(whole.foreground.astype(int) - tiled.foreground).mean() < 5
     inside = truth > 0
     assert np.abs(whole.next.astype(int) - tiled.next)[:, inside].mean() < 5
 
 
-def test_every_voxel_is_seen_once_and_in_its_place(monkeypatch):
-    class Echo:
-        """A network that says what it is shown."""
+class Echo:
+    """A network that says what it is shown."""
 
-        def run(self, names, feed, options):
-            cells = feed["cells"][0]
-            said = np.zeros((boundary_network.CHANNELS, *cells.shape[1:]), np.uint8)
-            said[:8] = np.rint(np.expm1(cells) * 100)
-            return [said[None]]
+    def __init__(self):
+        self.shown = []
 
-    volume = np.random.default_rng(0).integers(0, 250, (37, 50, 21)).astype(np.uint8)
+    def run(self, names, feed, options):
+        cells = feed["cells"][0]
+        self.shown.append(cells.shape[1:])
+        said = np.zeros((boundary_network.CHANNELS, *cells.shape[1:]), np.uint8)
+        said[:8] = np.rint(np.expm1(cells) * 100)
+        return [said[None]]
+
+
+def test_every_voxel_is_seen_once_and_in_its_place():
+    volume = np.random.default_rng(0).integers(0, 250, (51, 54, 49)).astype(np.uint8)
     said = BoundaryNetwork(Echo()).predict(volume, DensityScale(0.0, 100.0), silent, tile=8)
     np.testing.assert_array_equal(said.foreground, volume)
+
+
+def test_an_axis_is_cut_only_where_it_is_longer_than_what_a_middle_tile_sees():
+    # Tiles of 8 cells see 8 more on both sides: 24 cells are one tile, 25 are four.
+    network = Echo()
+    volume = np.zeros((48, 50, 20), np.uint8)
+    BoundaryNetwork(network).predict(volume, DensityScale(0.0, 100.0), silent, tile=8)
+    assert [shape[0] for shape in network.shown] == [24] * 4
+    assert [shape[1] for shape in network.shown] == [16, 24, 24, 16]
+    assert [shape[2] for shape in network.shown] == [16] * 4
 
 
 def test_a_damaged_or_foreign_network_is_refused(tmp_path):
