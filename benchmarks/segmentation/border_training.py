@@ -14,7 +14,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.segmentation.classifier_training import Scans, train
@@ -23,18 +22,16 @@ from benchmarks.segmentation.training_scans import Scan
 from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
-    MOST_RIVALS,
     BorderEvidence,
     describe,
     find_rivals,
 )
-from napari_unpack.segmentation.learned.border_refinement import find_inside
+from napari_unpack.segmentation.learned.border_refinement import find_inside, places_in
 from napari_unpack.segmentation.learned.method import sharpened, split_at_density_steps
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import merge_pieces
 
 SCANS = (Scans("bags", 24), Scans("solids", 40), Scans("clad solids", 40))
-WIDTH = len(BORDER_FEATURES)
 # Of the voxels at borders, and of all examples at most.
 SHARE, MOST = 0.12, 400_000
 # A label is an object's of which that has so much of it.
@@ -85,7 +82,12 @@ def border_examples(
         Columns as `border_features.BORDER_FEATURES`.
     right : (N,) ndarray of bool
     """
-    rows, places, names = _described(labels, find_inside(labels), chosen, *evidence.facts())
+    at = places_in((labels > 0) & chosen, (0, len(labels)))
+    rivals, counts, _ = find_rivals(labels, at)
+    at, rivals, counts = at[counts > 1], rivals[counts > 1], counts[counts > 1]
+    rows = describe(labels, find_inside(labels), evidence, at, rivals, counts)
+    places = np.repeat(np.ravel_multi_index(tuple(at.T), labels.shape), counts)
+    names = rivals[rivals > 0]
     whose = owners(labels, truth)[names]
     right = whose == truth.reshape(-1)[places]
     kept = np.bincount(places, right, truth.size)[places] == 1
@@ -103,41 +105,6 @@ def owners(labels: NDArray[np.int32], truth: NDArray[np.integer[Any]]) -> NDArra
     owner = np.zeros(int(labels.max()) + 1, np.int64)
     owner[compact[compact > 0]] = np.where(clear, objects[main], 0)[1:]
     return owner
-
-
-# Not cached: numba would not notice an edit of what it inlines from the package.
-@njit(nogil=True)
-def _described(  # type: ignore[no-untyped-def]
-    labels, inside, chosen, values, knee, following, noise, means, sizes, logs
-):
-    found = [np.zeros((0, 0), np.float32) for _ in range(0)]
-    places = [np.int64(0) for _ in range(0)]
-    owned = [np.int64(0) for _ in range(0)]
-    size = labels.shape
-    names = np.zeros(MOST_RIVALS, np.int32)
-    for z in range(size[0]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                if labels[z, y, x] == 0 or not chosen[z, y, x]:
-                    continue
-                count = find_rivals(labels, z, y, x, names)
-                if count == 1:
-                    continue
-                rows = np.zeros((MOST_RIVALS, WIDTH), np.float32)
-                describe(
-                    labels, inside, values, knee, following, noise, means, sizes, logs,
-                    z, y, x, names[:count], rows,
-                )  # fmt: skip
-                found.append(rows[:count])
-                for n in range(count):
-                    places.append((z * size[1] + y) * size[2] + x)
-                    owned.append(np.int64(names[n]))
-    table = np.zeros((len(places), WIDTH), np.float32)
-    k = 0
-    for rows in found:
-        table[k : k + len(rows)] = rows
-        k += len(rows)
-    return table, np.array(places), np.array(owned)
 
 
 def fit(states: list[State]) -> PairClassifier:

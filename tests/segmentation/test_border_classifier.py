@@ -8,7 +8,6 @@ from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
     HOLD,
-    MOST_RIVALS,
     BorderEvidence,
     describe,
     draw_borders,
@@ -68,12 +67,13 @@ def random_judge(seed):
 
 
 def rows_at(labels, evidence, place):
-    names = np.zeros(MOST_RIVALS, np.int32)
-    rows = np.zeros((MOST_RIVALS, len(BORDER_FEATURES)), np.float32)
-    count = find_rivals(labels, *place, names)
-    if count > 1:
-        describe(labels, find_inside(labels), *evidence.facts(), *place, names[:count], rows)
-    return names[:count], rows[:count].astype(np.float64)
+    places = np.array([place])
+    inside = find_inside(labels)
+    names, counts, _ = find_rivals(labels, places)
+    if counts[0] == 1:
+        return names[0, :1], np.zeros((1, len(BORDER_FEATURES)))
+    rows = describe(labels, inside, evidence, places, names, counts)
+    return names[0, : counts[0]], rows.astype(np.float64)
 
 
 def column(rows, name):

@@ -136,36 +136,38 @@ def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArr
 def label_boxes(labels: NDArray[np.integer]) -> LabelBoxes:
     """Find the box and voxel count of every object: one pass, memory by the largest ID."""
     top = int(labels.max(initial=0))
-    lower, upper, counts = _scan(labels, top)
+    # Rows of IDs that do not occur keep it, and are dropped with their counts of 0.
+    lower = np.full((top + 1, 3), np.iinfo(np.int64).max)
+    upper, counts = np.zeros((top + 1, 3), np.int64), np.zeros(top + 1, np.int64)
+    for z, plane in enumerate(labels):
+        # Of one type, so that the kernel is compiled once; a plane at a time, to save memory.
+        _scan(np.ascontiguousarray(plane, np.int32), z, lower, upper, counts)
     ids = np.flatnonzero(counts)
     return LabelBoxes(ids, lower[ids], upper[ids], counts[ids])
 
 
 @njit(cache=True, nogil=True)
-def _scan(labels, top):  # type: ignore[no-untyped-def]
-    counts = np.zeros(top + 1, np.int64)
-    # Rows of IDs that do not occur keep it, and are dropped with their counts of 0.
-    lower = np.full((top + 1, 3), np.iinfo(np.int64).max)
-    upper = np.zeros((top + 1, 3), np.int64)
-    for z in range(labels.shape[0]):
-        for y in range(labels.shape[1]):
-            x = 0
-            while x < labels.shape[2]:
-                label = labels[z, y, x]
-                # Runs of one label are counted at once: labels seldom change along x.
-                start = x
-                while x < labels.shape[2] and labels[z, y, x] == label:
-                    x += 1
-                if label == 0:
-                    continue
-                counts[label] += x - start
-                lower[label, 0] = min(lower[label, 0], z)
-                lower[label, 1] = min(lower[label, 1], y)
-                lower[label, 2] = min(lower[label, 2], start)
-                upper[label, 0] = max(upper[label, 0], z + 1)
-                upper[label, 1] = max(upper[label, 1], y + 1)
-                upper[label, 2] = max(upper[label, 2], x)
-    return lower, upper, counts
+def _scan(plane, z, lower, upper, counts):  # type: ignore[no-untyped-def]
+    """Extend boxes and counts by a plane of labels."""
+    height, width = plane.shape
+    for y in range(height):
+        x = 0
+        while x < width:
+            label = plane[y, x]
+            # Runs of one label are counted at once: labels seldom change along x.
+            start = x
+            while x < width and plane[y, x] == label:
+                x += 1
+            if label == 0:
+                continue
+            counts[label] += x - start
+            low, high = lower[label], upper[label]
+            low[0] = min(low[0], z)
+            low[1] = min(low[1], y)
+            low[2] = min(low[2], start)
+            high[0] = max(high[0], z + 1)
+            high[1] = max(high[1], y + 1)
+            high[2] = max(high[2], x)
 
 
 def differing_box(a: NDArray[np.generic], b: NDArray[np.generic]) -> Box | None:

@@ -78,8 +78,11 @@ def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     # Two passes over the volume, and sorting of the faces between labels.
     count = int(labels.max(initial=0)) + 1
     faces = np.prod(spacing) / np.array(spacing)
-    number, surface, voxels = _surfaces(labels, count, faces)
-    keys, axes = _between(labels, count, number)
+    surface, voxels = np.zeros(count), np.zeros(count, np.int64)
+    number = _measure_surfaces(labels, faces, surface, voxels)
+    # The number of faces is known, so that no list has to grow.
+    keys, axes = np.empty(number, np.int64), np.empty(number, np.int8)
+    _find_faces(labels, count, keys, axes)
     # Sorting, not a table of pairs: among thousands of fragments hardly any two touch.
     names, where = np.unique(keys, return_inverse=True)
     area = np.bincount(where, faces[axes], len(names)).astype(np.float64)
@@ -115,10 +118,8 @@ def touching_area_matrix(labels: NDArray[np.int32], spacing: Spacing) -> NDArray
 
 
 @njit(cache=True, nogil=True)
-def _surfaces(labels, count, faces):  # type: ignore[no-untyped-def]
-    """Return the faces between two labels, and the surface and voxels of every label."""
-    surface = np.zeros(count)
-    voxels = np.zeros(count, np.int64)
+def _measure_surfaces(labels, faces, surface, voxels):  # type: ignore[no-untyped-def]
+    """Add to the surface and voxels of every label; return the number of faces between two."""
     between = 0
     size = labels.shape
     for z in range(size[0]):
@@ -144,15 +145,12 @@ def _surfaces(labels, count, faces):  # type: ignore[no-untyped-def]
                         if other:
                             surface[other] += faces[axis]
                         between += here != 0 and other != 0
-    return between, surface, voxels
+    return between
 
 
 @njit(cache=True, nogil=True)
-def _between(labels, count, number):  # type: ignore[no-untyped-def]
-    """Return for every face between two labels their names as one key, and its axis."""
-    # The number of faces is known from `_surfaces`, so that no list has to grow.
-    keys = np.empty(number, np.int64)
-    axes = np.empty(number, np.int8)
+def _find_faces(labels, count, keys, axes):  # type: ignore[no-untyped-def]
+    """Write for every face between two labels their names as one key, and its axis."""
     size = labels.shape
     n = 0
     for z in range(size[0]):
@@ -170,4 +168,3 @@ def _between(labels, count, number):  # type: ignore[no-untyped-def]
                         keys[n] = min(here, other) * count + max(here, other)
                         axes[n] = axis
                         n += 1
-    return keys, axes

@@ -53,7 +53,7 @@ def hull_points(
     """
     if points is None:
         assert mask is not None
-        ends = _corners(np.asarray(_extremes(np.ascontiguousarray(mask))))
+        ends = _corners(_extremes(mask))
         moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
         origin = np.zeros(3) if first is None else first
         points = (ends[:, None, :] + moves + origin).reshape(-1, 3) * np.array(spacing)
@@ -102,36 +102,40 @@ def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return points
 
 
-@njit(cache=True, nogil=True)
-def _extremes(mask):  # type: ignore[no-untyped-def]
-    """Return the voxels that are first or last of their rows along all three axes."""
+def _extremes(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the voxels, (N, 3), that are first or last of their rows along all three axes."""
     nz, ny, nx = mask.shape
-    first_z = np.full((ny, nx), nz, np.int32)
-    last_z = np.full((ny, nx), -1, np.int32)
-    first_y = np.full((nz, nx), ny, np.int32)
-    last_y = np.full((nz, nx), -1, np.int32)
-    ends = np.full((nz, ny, 2), -1, np.int32)
-    for z in range(nz):
-        for y in range(ny):
-            for x in range(nx):
+    # First and last of every row; -1 where it has none. Made here: in a kernel an array costs as
+    # much to compile as a loop.
+    along_z, along_y, along_x = (
+        np.full((*rows, 2), -1, np.int32) for rows in ((ny, nx), (nz, nx), (nz, ny))
+    )
+    _find_ends(np.ascontiguousarray(mask), along_z, along_y, along_x)
+    z, y = np.nonzero(along_x[..., 0] >= 0)
+    ends = along_x[z, y]
+    z, y, x = np.repeat(z, 2), np.repeat(y, 2), ends.reshape(-1)
+    at_z, at_y = along_z[y, x], along_y[z, x]
+    found = (z == at_z[:, 0]) | (z == at_z[:, 1])
+    found &= (y == at_y[:, 0]) | (y == at_y[:, 1])
+    # A row of one voxel has one end.
+    found[1::2] &= ends[:, 0] != ends[:, 1]
+    return np.stack([z[found], y[found], x[found]], axis=1).astype(np.float64)
+
+
+@njit(cache=True, nogil=True)
+def _find_ends(mask, along_z, along_y, along_x):  # type: ignore[no-untyped-def]
+    """Find the first and the last voxel of every row along every axis."""
+    depth, height, width = mask.shape
+    for z in range(depth):
+        for y in range(height):
+            for x in range(width):
                 if mask[z, y, x]:
-                    first_z[y, x] = min(first_z[y, x], z)
-                    last_z[y, x] = z
-                    first_y[z, x] = min(first_y[z, x], y)
-                    last_y[z, x] = y
-                    if ends[z, y, 0] < 0:
-                        ends[z, y, 0] = x
-                    ends[z, y, 1] = x
-    found = np.empty((2 * nz * ny, 3), np.float64)
-    count = 0
-    for z in range(nz):
-        for y in range(ny):
-            for side in range(2):
-                x = ends[z, y, side]
-                if x < 0 or (side == 1 and x == ends[z, y, 0]):
-                    continue
-                along_y = y == first_y[z, x] or y == last_y[z, x]
-                if along_y and (z == first_z[y, x] or z == last_z[y, x]):
-                    found[count, 0], found[count, 1], found[count, 2] = z, y, x
-                    count += 1
-    return found[:count].copy()
+                    if along_z[y, x, 0] < 0:
+                        along_z[y, x, 0] = z
+                    if along_y[z, x, 0] < 0:
+                        along_y[z, x, 0] = y
+                    if along_x[z, y, 0] < 0:
+                        along_x[z, y, 0] = x
+                    along_z[y, x, 1] = z
+                    along_y[z, x, 1] = y
+                    along_x[z, y, 1] = x

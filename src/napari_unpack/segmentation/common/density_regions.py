@@ -106,9 +106,11 @@ def density_regions(
     noise = _noise(lifted, mask)
     share(0.1)
     # Smoothed twice with weights 2 and 1: noise must not make a basin of every voxel.
-    smooth = _mean_of_neighbours(_mean_of_neighbours(lifted, mask), mask)
+    once, smooth, gradient = (np.zeros_like(lifted) for _ in range(3))
+    _average_neighbours(lifted, mask, once)
+    _average_neighbours(once, mask, smooth)
     share(0.2)
-    gradient = _gradient(smooth, mask)
+    _measure_gradient(smooth, mask, gradient)
     # Below a third of the median slope all is flat; above 0.8 a factor of e, all is a step.
     floor = 0.3 * float(np.median(gradient[mask]))
     levels = np.clip((gradient - floor) * (250 / 0.8), 0, 254).astype(np.uint8)
@@ -137,7 +139,8 @@ def regional_minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArr
         np.where(mask, levels + np.uint8(1), 0).astype(np.uint8), connectivity=6, return_N=True
     )
     plateaus = plateaus.astype(np.int32)
-    lowest = _has_no_descent(plateaus, levels, count)
+    lowest = np.ones(count + 1, np.bool_)
+    _find_descents(plateaus, levels, lowest)
     lowest[0] = False
     names = np.where(lowest, np.cumsum(lowest), 0).astype(np.int32)
     return names[plateaus]
@@ -151,48 +154,46 @@ def intersected_labels(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> N
     basins, hosts : (Z, Y, X) ndarray of int32
         Labels; 0 is none.
     """
-    names, of_basin, of_host = _pairs(basins, hosts, int(basins.max(initial=0)))
-    order = np.lexsort((of_host, of_basin))
-    place = np.zeros(len(order) + 1, np.int32)
-    place[order + 1] = np.arange(1, len(order) + 1)
-    return place[names]
-
-
-@njit(cache=True, nogil=True)
-def _pairs(basins, hosts, top):  # type: ignore[no-untyped-def]
-    """Number every pair of basin and host in order of appearance."""
-    names = np.zeros(basins.shape, np.int32)
-    latest = np.zeros(top + 1, np.int32)
+    names, latest = np.zeros(basins.size, np.int32), np.zeros(basins.max(initial=0) + 1, np.int32)
     # By name less 1: basin, host, and the pair of the same basin met before it.
-    rows = np.zeros((3, top + 16), np.int32)
-    count = 0
-    one, two, three = basins.reshape(-1), hosts.reshape(-1), names.reshape(-1)
-    for k in range(len(one)):
-        if one[k] == 0:
-            continue
-        name = latest[one[k]]
-        while name and rows[1, name - 1] != two[k]:
-            name = rows[2, name - 1]
-        if name == 0:
-            if count == rows.shape[1]:
-                more = np.zeros((3, 2 * count), np.int32)
-                # Number by number: an assignment of arrays takes numba three seconds to compile.
-                for row in range(3):
-                    for n in range(count):
-                        more[row, n] = rows[row, n]
-                rows = more
-            rows[0, count], rows[1, count], rows[2, count] = one[k], two[k], latest[one[k]]
-            count += 1
-            name = count
-            latest[one[k]] = name
-        three[k] = name
-    return names, rows[0, :count].copy(), rows[1, :count].copy()
+    rows, count, place = np.zeros((3, len(latest) + 15), np.int32), 0, 0
+    flat = basins.reshape(-1), hosts.reshape(-1), names
+    while place < len(names):
+        place, count = _number_pairs(*flat, latest, rows, count, place)
+        rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
+    of_basin, of_host = rows[0, :count], rows[1, :count]
+    order = np.lexsort((of_host, of_basin))
+    ranks = np.zeros(len(order) + 1, np.int32)
+    ranks[order + 1] = np.arange(1, len(order) + 1)
+    return ranks[names].reshape(basins.shape)
 
 
 @njit(cache=True, nogil=True)
-def _has_no_descent(plateaus, levels, count):  # type: ignore[no-untyped-def]
-    """Return which plateaus have no lower neighbour."""
-    lowest = np.ones(count + 1, np.bool_)
+def _number_pairs(one, two, names, latest, rows, count, place):  # type: ignore[no-untyped-def]
+    """Number pairs of basin and host in order of appearance, from a place on.
+
+    Return how far that went before the rows were full, and how many pairs there are.
+    """
+    while place < len(one):
+        if one[place]:
+            name = latest[one[place]]
+            while name and rows[1, name - 1] != two[place]:
+                name = rows[2, name - 1]
+            if name == 0:
+                if count == rows.shape[1]:
+                    break
+                rows[0, count], rows[1, count] = one[place], two[place]
+                rows[2, count] = latest[one[place]]
+                count += 1
+                name = latest[one[place]] = count
+            names[place] = name
+        place += 1
+    return place, count
+
+
+@njit(cache=True, nogil=True)
+def _find_descents(plateaus, levels, lowest):  # type: ignore[no-untyped-def]
+    """Write False for plateaus that have a lower neighbour."""
     depth, height, width = plateaus.shape
     for z in range(depth):
         for y in range(height):
@@ -208,13 +209,11 @@ def _has_no_descent(plateaus, levels, count):  # type: ignore[no-untyped-def]
                         lowest[here] = False
                     elif levels[k, j, i] > levels[z, y, x]:
                         lowest[plateaus[k, j, i]] = False
-    return lowest
 
 
 @njit(cache=True, nogil=True)
-def _mean_of_neighbours(values, mask):  # type: ignore[no-untyped-def]
-    """Return the mean of every voxel, counted twice, and its face neighbours inside a mask."""
-    result = np.zeros_like(values)
+def _average_neighbours(values, mask, result):  # type: ignore[no-untyped-def]
+    """Write the mean of every voxel, counted twice, and its face neighbours inside a mask."""
     depth, height, width = mask.shape
     for z in range(depth):
         for y in range(height):
@@ -235,13 +234,11 @@ def _mean_of_neighbours(values, mask):  # type: ignore[no-untyped-def]
                 if x + 1 < width and mask[z, y, x + 1]:
                     total, count = total + values[z, y, x + 1], count + 1
                 result[z, y, x] = total / count
-    return result
 
 
 @njit(cache=True, nogil=True)
-def _gradient(values, mask):  # type: ignore[no-untyped-def]
-    """Return the gradient's length inside a mask, a voxel: air is no step."""
-    result = np.zeros_like(values)
+def _measure_gradient(values, mask, result):  # type: ignore[no-untyped-def]
+    """Write the gradient's length inside a mask, a voxel: air is no step."""
     depth, height, width = mask.shape
     for z in range(depth):
         for y in range(height):
@@ -260,7 +257,6 @@ def _gradient(values, mask):  # type: ignore[no-untyped-def]
                     if span:
                         squared += ((high - low) / span) ** 2
                 result[z, y, x] = np.sqrt(squared)
-    return result
 
 
 def _noise(lifted: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
@@ -287,7 +283,8 @@ def _merge_basins(
     # Basins in different hosts stay apart; small ones are merged with the neighbour that differs
     # least in any case.
     count = int(basins.max())
-    sizes, sums = _statistics(basins, values, count)
+    sizes, sums = np.zeros(count + 1), np.zeros(count + 1)
+    _add_values(basins.reshape(-1), values.reshape(-1), sizes, sums)
     pairs, faces, slopes = _adjacency(basins, gradient, count, share.part(0.0, 0.6))
     if hosts is not None:
         host = np.zeros(count + 1, np.int32)
@@ -302,7 +299,13 @@ def _merge_basins(
         # The order is that of the start: sorting again after every merge would cost its square.
         order = np.argsort(np.abs(means[pairs[:, 0]] - means[pairs[:, 1]]) + slopes, kind="stable")
         _merge(pairs[order], owner, sizes, sums, limit, noise)
-    _absorb_small(pairs, faces, owner, sizes, sums, smallest)
+    # In three steps, so that specks join each other before they join something large.
+    for least in (smallest / 8, smallest / 2, smallest / 1):
+        # A chain of specks at least halves with every round.
+        for _ in range(8):
+            best, gap = np.full(count + 1, -1), np.full(count + 1, np.inf)
+            if not _absorb_small(pairs, faces, owner, sizes, sums, least, best, gap):
+                break
     share(0.9)
     roots = _roots(owner)
     present = np.zeros(count + 1, np.bool_)
@@ -313,15 +316,11 @@ def _merge_basins(
 
 
 @njit(cache=True, nogil=True)
-def _statistics(basins, values, count):  # type: ignore[no-untyped-def]
-    """Return the voxels of every basin and the sum of its values."""
-    sizes = np.zeros(count + 1, np.float64)
-    sums = np.zeros(count + 1, np.float64)
-    labels, flat = basins.reshape(-1), values.reshape(-1)
-    for k in range(len(labels)):
-        sizes[labels[k]] += 1
-        sums[labels[k]] += flat[k]
-    return sizes, sums
+def _add_values(basins, values, sizes, sums):  # type: ignore[no-untyped-def]
+    """Add the voxels of every basin to its size, and their values to its sum."""
+    for k in range(len(basins)):
+        sizes[basins[k]] += 1
+        sums[basins[k]] += values[k]
 
 
 def _adjacency(
@@ -353,10 +352,12 @@ def _find(owner, k):  # type: ignore[no-untyped-def]
     return k
 
 
-@njit(cache=True, nogil=True)
-def _roots(owner):  # type: ignore[no-untyped-def]
+def _roots(owner: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the root of every basin."""
-    return np.array([_find(owner, k) for k in range(len(owner))])
+    roots = owner[owner]
+    while (roots != owner).any():
+        roots, owner = roots[roots], roots
+    return roots
 
 
 @njit(cache=True, nogil=True)
@@ -374,32 +375,28 @@ def _merge(pairs, owner, sizes, sums, limit, noise):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def _absorb_small(pairs, faces, owner, sizes, sums, smallest):  # type: ignore[no-untyped-def]
-    """Merge small basins with the neighbour of the least difference for the faces shared."""
-    # In three steps, so that specks join each other before they join something large.
-    for limit in (smallest / 8, smallest / 2, smallest / 1):
-        # A chain of specks at least halves with every round.
-        for _ in range(8):
-            best = np.full(len(owner), -1)
-            least = np.full(len(owner), np.inf)
-            for k in range(len(pairs)):
-                a, b = _find(owner, pairs[k, 0]), _find(owner, pairs[k, 1])
-                if a == b:
-                    continue
-                gap = abs(sums[a] / sizes[a] - sums[b] / sizes[b]) / np.sqrt(faces[k])
-                if sizes[a] < limit and gap < least[a]:
-                    least[a], best[a] = gap, b
-                if sizes[b] < limit and gap < least[b]:
-                    least[b], best[b] = gap, a
-            changed = False
-            for k in range(1, len(owner)):
-                if owner[k] != k or best[k] < 0:
-                    continue
-                a, b = _find(owner, k), _find(owner, best[k])
-                if a != b:
-                    owner[a] = b
-                    sizes[b] += sizes[a]
-                    sums[b] += sums[a]
-                    changed = True
-            if not changed:
-                break
+def _absorb_small(pairs, faces, owner, sizes, sums, limit, best, least):  # type: ignore[no-untyped-def]
+    """Merge small basins with the neighbour of the least difference for the faces shared.
+
+    Return whether there was any.
+    """
+    for k in range(len(pairs)):
+        a, b = _find(owner, pairs[k, 0]), _find(owner, pairs[k, 1])
+        if a == b:
+            continue
+        gap = abs(sums[a] / sizes[a] - sums[b] / sizes[b]) / np.sqrt(faces[k])
+        if sizes[a] < limit and gap < least[a]:
+            least[a], best[a] = gap, b
+        if sizes[b] < limit and gap < least[b]:
+            least[b], best[b] = gap, a
+    changed = False
+    for k in range(1, len(owner)):
+        if owner[k] != k or best[k] < 0:
+            continue
+        a, b = _find(owner, k), _find(owner, best[k])
+        if a != b:
+            owner[a] = b
+            sizes[b] += sizes[a]
+            sums[b] += sums[a]
+            changed = True
+    return changed

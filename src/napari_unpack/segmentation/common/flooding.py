@@ -41,7 +41,12 @@ def flood(
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
     steps = np.stack([-strides, strides], axis=1).reshape(-1)
     flat = labels.reshape(-1), heights.reshape(-1), steps
-    lists = _queue(*flat)
+    # First-in, first-out lists of the seeds to flood from, one for each height: the first of each,
+    # the last, and what comes after each voxel. int32: 2^31 voxels are more than is ever flooded at
+    # once, and this is the largest array here.
+    head, tail = np.full(256, -1, np.int64), np.full(256, -1, np.int64)
+    lists = head, tail, np.full(labels.size, -1, np.int32)
+    _queue(*flat, *lists)
     share(0.2)
     level, flooded = 0, 0
     while level < 256:
@@ -52,12 +57,8 @@ def flood(
 
 
 @njit(cache=True, nogil=True)
-def _queue(labels, heights, steps):  # type: ignore[no-untyped-def]
-    """Return first-in, first-out lists of the seeds to flood from, one for each height."""
-    head = np.full(256, -1, np.int64)
-    tail = np.full(256, -1, np.int64)
-    # int32: 2^31 voxels are more than is ever flooded at once, and this is the largest array here.
-    after = np.full(len(labels), -1, np.int32)
+def _queue(labels, heights, steps, head, tail, after):  # type: ignore[no-untyped-def]
+    """Put the seeds with something to flood around them into the lists of their heights."""
     for voxel in range(len(labels)):
         if labels[voxel] <= 0:
             continue
@@ -71,7 +72,6 @@ def _queue(labels, heights, steps):  # type: ignore[no-untyped-def]
                     after[tail[level]] = voxel
                 tail[level] = voxel
                 break
-    return head, tail, after
 
 
 @njit(cache=True, nogil=True)

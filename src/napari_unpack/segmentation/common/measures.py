@@ -1,35 +1,106 @@
-"""Kernels that measure a region in one pass: all that the oracle's features need."""
+"""What the oracle's features need of a region, measured in a few passes over its voxels."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
+
+from napari_unpack.segmentation.common.array_source import Box, grown
 
 # Of histograms for quantiles: which are exact to one bin.
 BINS = 4096
+# Where a voxel lies: outside the volume (0), in it but not in the region, or in the region.
+BEYOND, INSIDE = 1, 2
 
 
-@njit(cache=True, nogil=True)
-def measure_region(mask, depth, field, origin, spacing, middle):  # type: ignore[no-untyped-def]
-    """Measure densities, gradients, moments and the boundary of a region in one pass.
+def framed(array: NDArray[np.generic], box: Box, by: int, dtype: DTypeLike) -> NDArray[Any]:
+    """Return a copy of a box of an array, wider on every side, with 0 beyond the array.
+
+    Parameters
+    ----------
+    array : (Z, Y, X) ndarray
+    box : (slice, slice, slice)
+    by : int
+        Voxels on every side.
+    dtype : dtype
+        Of the copy.
+    """
+    shape = array.shape
+    known = grown(box, by, (shape[0], shape[1], shape[2]))
+    out = np.zeros([s.stop - s.start + 2 * by for s in box], dtype)
+    pairs = zip(known, box, strict=True)
+    a, b, c = (slice(k.start - s.start + by, k.stop - s.start + by) for k, s in pairs)
+    out[a, b, c] = array[known]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """A region and what is around it, in flat arrays of its box and two voxels on every side.
+
+    Within them a neighbour, and the one behind it, is a fixed number of places away.
 
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
         The region in its box.
-    depth : (Z, Y, X) ndarray of float32
-        Distance to the outside, mm.
-    field : ndarray
-        Density, of the box or of the whole volume.
-    origin : (3,) ndarray of int64
-        First voxel of the box in `field`.
-    spacing : (3,) ndarray of float64, mm z y x
-    middle : float
-        The region's median density, above 0.
+    voxels : (N,) ndarray of int64
+        Places of its voxels, ascending.
+    kinds : (P,) ndarray of uint8
+        0 outside the volume, `BEYOND` or `INSIDE`.
+    density : (P,) ndarray of float32 or float64
+        As exact as in the volume; 0 where none was measured.
+    jumps : (3,) ndarray of int64
+        Places to the next voxel along z, y and x.
+    """
 
-    Returns
-    -------
+    mask: NDArray[np.bool_]
+    voxels: NDArray[np.int64]
+    kinds: NDArray[np.uint8]
+    density: NDArray[np.floating]
+    jumps: NDArray[np.int64]
+
+    @staticmethod
+    def of(
+        mask: NDArray[np.bool_], field: NDArray[np.generic], origin: NDArray[np.int64]
+    ) -> Neighbourhood:
+        """Return the neighbourhood of a region.
+
+        Parameters
+        ----------
+        mask : (Z, Y, X) ndarray of bool
+            The region in its box.
+        field : (Z', Y', X') ndarray
+            Density, of the box or of the whole volume.
+        origin : (3,) ndarray of int64
+            First voxel of the box in `field`.
+        """
+        first = origin.tolist()
+        a, b, c = (slice(o, o + n) for o, n in zip(first, mask.shape, strict=True))
+        # One type for nearly all volumes, so that the kernels are compiled once.
+        density = framed(field, (a, b, c), 2, np.result_type(field.dtype, np.float32))
+        density[~np.isfinite(density)] = 0
+        volume = np.broadcast_to(np.uint8(BEYOND), field.shape)
+        kinds = framed(volume, (a, b, c), 2, np.uint8)
+        kinds[2:-2, 2:-2, 2:-2][mask] = INSIDE
+        voxels = np.flatnonzero(kinds == INSIDE)
+        jumps = np.array(kinds.strides, np.int64)
+        return Neighbourhood(
+            np.ascontiguousarray(mask), voxels, kinds.reshape(-1), density.reshape(-1), jumps
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """Densities, gradients, moments and the boundary of a region of N voxels.
+
+    Parameters
+    ----------
     values, deep, l1, l2 : (N,) ndarray of float32
         Density, depth, and the L1 and L2 norm of the density's gradient inside, a voxel; 1/mm.
     moments : (9,) ndarray of float64
@@ -46,47 +117,100 @@ def measure_region(mask, depth, field, origin, spacing, middle):  # type: ignore
     inner : float
         Sum of squared differences across faces inside.
     """
-    nz, ny, nx = mask.shape
-    fz, fy, fx = field.shape
-    # 1. Count voxels and boundary faces, so that every array has its size from the start.
-    count, faces = 0, 0
-    for z in range(nz):
-        for y in range(ny):
-            for x in range(nx):
-                if not mask[z, y, x]:
-                    continue
-                count += 1
-                for axis in range(3):
-                    for side in (-1, 1):
-                        k = z + (side if axis == 0 else 0)
-                        j = y + (side if axis == 1 else 0)
-                        i = x + (side if axis == 2 else 0)
-                        if not (0 <= k < nz and 0 <= j < ny and 0 <= i < nx) or not mask[k, j, i]:
-                            faces += 1
-    values = np.empty(count, np.float32)
-    deep = np.empty(count, np.float32)
-    l1 = np.empty(count, np.float32)
-    l2 = np.empty(count, np.float32)
-    steps = np.empty(faces, np.float32)
-    moments = np.zeros(9)
-    edge = np.zeros(10)
-    weak = np.zeros(3)
-    normal = np.zeros(3)
-    open_faces = np.zeros(6)
-    area = np.array(
-        [spacing[1] * spacing[2], spacing[0] * spacing[2], spacing[0] * spacing[1]], np.float64
+
+    values: NDArray[np.float32]
+    deep: NDArray[np.float32]
+    l1: NDArray[np.float32]
+    l2: NDArray[np.float32]
+    moments: NDArray[np.float64]
+    edge: NDArray[np.float64]
+    weak: NDArray[np.float64]
+    steps: NDArray[np.float32]
+    near: float
+    inner: float
+
+
+def measure_region(
+    region: Neighbourhood,
+    deep: NDArray[np.float32],
+    spacing: NDArray[np.float64],
+    middle: float,
+) -> Measurements:
+    """Measure densities, gradients, moments and the boundary of a region.
+
+    Parameters
+    ----------
+    region : Neighbourhood
+    deep : (N,) ndarray of float32
+        Distance of the region's voxels to the outside, mm.
+    spacing : (3,) ndarray of float64, mm z y x
+    middle : float
+        The region's median density, above 0.
+    """
+    # Arrays are made here: in a kernel each would cost as much to compile as a loop.
+    values = region.density[region.voxels].astype(np.float32)
+    moments, norms = np.zeros(9), np.empty((2, len(values)), np.float32)
+    neighbours = np.empty(len(values), np.uint8)
+    inner = _inside(
+        region.mask,
+        region.kinds,
+        region.density,
+        region.jumps,
+        spacing,
+        moments,
+        norms,
+        neighbours,
     )
-    near, inner = 0.0, 0.0
-    count, faces = 0, 0
-    # 2. Every voxel: its density and depth, and what it adds to the moments of the shape.
-    for z in range(nz):
-        for y in range(ny):
-            for x in range(nx):
+    border = region.voxels[neighbours < 6]
+    offsets = np.array(list(product((-1, 0, 1), repeat=3)))
+    edge, weak, near = np.zeros(10), np.zeros(3), np.zeros(1)
+    steps = np.empty(6 * len(values) - int(neighbours.sum()), np.float32)
+    count = _boundary(
+        border,
+        region.kinds,
+        region.density,
+        region.jumps,
+        offsets @ region.jumps,
+        offsets / spacing,
+        _face_areas(spacing),
+        0.2 * middle,
+        np.zeros(3),
+        edge,
+        weak,
+        near,
+        steps,
+    )
+    return Measurements(
+        values,
+        deep,
+        norms[0],
+        norms[1],
+        moments,
+        edge,
+        weak,
+        steps[:count],
+        float(near[0]),
+        inner,
+    )
+
+
+def _face_areas(spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+    a, b, c = spacing
+    return np.array([b * c, a * c, a * b])
+
+
+@njit(cache=True, nogil=True)
+def _inside(mask, kinds, density, jumps, spacing, moments, norms, neighbours):  # type: ignore[no-untyped-def]
+    """Find moments, the gradient's norms and the face neighbours inside; return `inner`."""
+    depth, height, width = mask.shape
+    inner, n = 0.0, 0
+    for z in range(depth):
+        for y in range(height):
+            row = (z + 2) * jumps[0] + (y + 2) * jumps[1] + 2
+            for x in range(width):
                 if not mask[z, y, x]:
                     continue
-                value = _at(field, z + origin[0], y + origin[1], x + origin[2])
-                values[count] = value
-                deep[count] = depth[z, y, x]
+                # 1. What every voxel adds to the moments of the shape.
                 a, b, c = z * spacing[0], y * spacing[1], x * spacing[2]
                 moments[0] += a
                 moments[1] += b
@@ -97,138 +221,121 @@ def measure_region(mask, depth, field, origin, spacing, middle):  # type: ignore
                 moments[6] += a * b
                 moments[7] += a * c
                 moments[8] += b * c
-                # 3. The density's gradient by differences with face neighbours inside, mean of both
+                # 2. The density's gradient by differences with face neighbours inside, mean of both
                 # sides where there are two; faces without one are the boundary.
-                sum1, sum2, border = 0.0, 0.0, 0
+                here = row + x
+                value = np.float64(density[here])
+                sum1, sum2, count = 0.0, 0.0, 0
                 for axis in range(3):
                     slope, sides = 0.0, 0
                     for side in (-1, 1):
-                        dz = side if axis == 0 else 0
-                        dy = side if axis == 1 else 0
-                        dx = side if axis == 2 else 0
-                        k, j, i = z + dz, y + dy, x + dx
-                        here = 2 * axis + (side + 1) // 2
-                        if 0 <= k < nz and 0 <= j < ny and 0 <= i < nx and mask[k, j, i]:
-                            other = _at(field, k + origin[0], j + origin[1], i + origin[2])
-                            slope += side * (other - value)
+                        there = here + side * jumps[axis]
+                        if kinds[there] == INSIDE:
+                            change = density[there] - value
+                            slope += side * change
                             sides += 1
-                            open_faces[here] = 0
                             if side > 0:
-                                inner += (other - value) ** 2
-                        else:
-                            open_faces[here] = 1
-                            border += 1
+                                inner += change * change
                     if sides:
                         slope /= sides * spacing[axis]
                     sum1 += abs(slope)
                     sum2 += slope * slope
-                l1[count] = sum1
-                l2[count] = np.sqrt(sum2)
-                count += 1
-                if border == 0:
-                    continue
-                # 4. Boundary voxels: of the 27 voxels around, those inside give the outward normal
-                # and the mean curvature; 18 of 27 are inside at a plane.
-                occupied = 0
-                normal[:] = 0
-                for dz in range(-1, 2):
-                    for dy in range(-1, 2):
-                        for dx in range(-1, 2):
-                            k, j, i = z + dz, y + dy, x + dx
-                            if 0 <= k < nz and 0 <= j < ny and 0 <= i < nx and mask[k, j, i]:
-                                occupied += 1
-                                normal[0] -= dz / spacing[0]
-                                normal[1] -= dy / spacing[1]
-                                normal[2] -= dx / spacing[2]
-                length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-                curvature = 1 - occupied / 18
+                    count += sides
+                norms[0, n] = sum1
+                norms[1, n] = np.sqrt(sum2)
+                neighbours[n] = count
+                n += 1
+    return inner
+
+
+@njit(cache=True, nogil=True)
+def _boundary(  # type: ignore[no-untyped-def]
+    border, kinds, density, jumps, around, ways, areas, faint, normal, edge, weak, near, steps
+):
+    """Add up what the boundary's faces show; return how many have a step."""
+    count = 0
+    for here in border:
+        value = np.float64(density[here])
+        # 3. Boundary voxels: of the 27 voxels around, those inside give the outward normal and the
+        # mean curvature; 18 of 27 are inside at a plane.
+        occupied = 0
+        normal[:] = 0
+        for k in range(27):
+            if kinds[here + around[k]] == INSIDE:
+                occupied += 1
                 for axis in range(3):
-                    for side in (-1, 1):
-                        if open_faces[2 * axis + (side + 1) // 2] == 0:
-                            continue
-                        # 5. Boundary faces. Counted as they are they favour boxes along the axes:
-                        # each stands for its area projected onto the surface.
-                        slant = 1.0
-                        if length > 1e-9:
-                            slant = max(side * normal[axis] / length, 0.0)
-                        size = area[axis] * slant
-                        edge[0] += size
-                        edge[1] += size * curvature
-                        edge[2] += size * abs(curvature)
-                        dz = side if axis == 0 else 0
-                        dy = side if axis == 1 else 0
-                        dx = side if axis == 2 else 0
-                        k, j, i = z + origin[0] + dz, y + origin[1] + dy, x + origin[2] + dx
-                        if not (0 <= k < fz and 0 <= j < fy and 0 <= i < fx):
-                            continue
-                        beyond = _at(field, k, j, i)
-                        near += size * abs(value - beyond)
-                        # 6. The step of density across the face, from a voxel inside to one two
-                        # voxels further out: a scan blurs its edges over about one on both sides.
-                        k, j, i = z + 2 * dz, y + 2 * dy, x + 2 * dx
-                        free = not (0 <= k < nz and 0 <= j < ny and 0 <= i < nx)
-                        if free or not mask[k, j, i]:
-                            k, j, i = k + origin[0], j + origin[1], i + origin[2]
-                            if 0 <= k < fz and 0 <= j < fy and 0 <= i < fx:
-                                beyond = _at(field, k, j, i)
-                        within = value
-                        k, j, i = z - dz, y - dy, x - dx
-                        if 0 <= k < nz and 0 <= j < ny and 0 <= i < nx and mask[k, j, i]:
-                            within = _at(field, k + origin[0], j + origin[1], i + origin[2])
-                        step = within - beyond
-                        steps[faces] = step
-                        faces += 1
-                        edge[3] += size
-                        edge[4] += size * abs(step)
-                        edge[5] += size * max(-step, 0.0)
-                        edge[6] += size * max(step, 0.0)
-                        edge[7] += size * abs(step) * curvature
-                        # 7. Where the step is weak, or the outside denser, the region may have been
-                        # cut there; the vector area of a flat cut is large, of noise all round 0.
-                        if step < 0.2 * middle:
-                            if step > -0.2 * middle:
-                                edge[8] += size
-                            else:
-                                edge[9] += size
-                            weak[axis] += side * area[axis]
-    return values, deep, l1, l2, moments, edge, weak, steps[:faces], near, inner
+                    normal[axis] -= ways[k, axis]
+        length = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
+        curvature = 1 - occupied / 18
+        for face in range(6):
+            axis, side = face // 2, 2 * (face % 2) - 1
+            jump = side * jumps[axis]
+            if kinds[here + jump] == INSIDE:
+                continue
+            # 4. Boundary faces. Counted as they are they favour boxes along the axes: each stands
+            # for its area projected onto the surface.
+            slant = 1.0
+            if length > 1e-9:
+                slant = max(side * normal[axis] / length, 0.0)
+            size = areas[axis] * slant
+            edge[0] += size
+            edge[1] += size * curvature
+            edge[2] += size * abs(curvature)
+            if kinds[here + jump] != BEYOND:
+                continue
+            beyond = np.float64(density[here + jump])
+            near[0] += size * abs(value - beyond)
+            # 5. The step of density across the face, from a voxel inside to one two voxels further
+            # out: a scan blurs its edges over about one on both sides.
+            if kinds[here + 2 * jump] == BEYOND:
+                beyond = np.float64(density[here + 2 * jump])
+            within = value
+            if kinds[here - jump] == INSIDE:
+                within = np.float64(density[here - jump])
+            step = within - beyond
+            steps[count] = step
+            count += 1
+            edge[3] += size
+            edge[4] += size * abs(step)
+            edge[5] += size * max(-step, 0.0)
+            edge[6] += size * max(step, 0.0)
+            edge[7] += size * abs(step) * curvature
+            # 6. Where the step is weak, or the outside denser, the region may have been cut there;
+            # the vector area of a flat cut is large, of noise all round 0.
+            if step < faint:
+                if step > -faint:
+                    edge[8] += size
+                else:
+                    edge[9] += size
+                weak[axis] += side * areas[axis]
+    return count
 
 
-@njit(cache=True, nogil=True)
-def _at(field, z, y, x):  # type: ignore[no-untyped-def]
-    """Return a density, 0 where none was measured."""
-    value = np.float64(field[z, y, x])
-    return value if np.isfinite(value) else 0.0
-
-
-@njit(cache=True, nogil=True)
-def level_area(mask, field, origin, spacing, level):  # type: ignore[no-untyped-def]
+def level_area(region: Neighbourhood, spacing: NDArray[np.float64], level: float) -> float:
     """Return the area, mm^2, of the faces inside between densities below and above a level.
 
     Parameters
     ----------
-    mask, field, origin, spacing
-        As for `measure_region`.
+    region : Neighbourhood
+    spacing : (3,) ndarray of float64, mm z y x
     level : float
         Density.
     """
-    nz, ny, nx = mask.shape
+    areas = _face_areas(spacing)
+    return float(
+        _level_area(region.voxels, region.kinds, region.density, region.jumps, areas, level)
+    )
+
+
+@njit(cache=True, nogil=True)
+def _level_area(voxels, kinds, density, jumps, areas, level):  # type: ignore[no-untyped-def]
     total = 0.0
-    for z in range(nz):
-        for y in range(ny):
-            for x in range(nx):
-                if not mask[z, y, x]:
-                    continue
-                high = _at(field, z + origin[0], y + origin[1], x + origin[2]) > level
-                if z + 1 < nz and mask[z + 1, y, x]:
-                    other = _at(field, z + 1 + origin[0], y + origin[1], x + origin[2]) > level
-                    total += spacing[1] * spacing[2] if high != other else 0.0
-                if y + 1 < ny and mask[z, y + 1, x]:
-                    other = _at(field, z + origin[0], y + 1 + origin[1], x + origin[2]) > level
-                    total += spacing[0] * spacing[2] if high != other else 0.0
-                if x + 1 < nx and mask[z, y, x + 1]:
-                    other = _at(field, z + origin[0], y + origin[1], x + 1 + origin[2]) > level
-                    total += spacing[0] * spacing[1] if high != other else 0.0
+    for here in voxels:
+        high = density[here] > level
+        for axis in range(3):
+            there = here + jumps[axis]
+            if kinds[there] == INSIDE and (density[there] > level) != high:
+                total += areas[axis]
     return total
 
 
@@ -257,35 +364,24 @@ def chamfer_depth(
     )
     # In float32, as the distances are: sums must compare equal in both sweeps.
     lengths = np.linalg.norm(steps * np.array(spacing), axis=1).astype(np.float32)
+    # Framed by a voxel outside, so that the kernel need not ask where the box ends.
     out = np.zeros([n + 2 for n in mask.shape], np.float32)
-    strides = np.array([out.shape[1] * out.shape[2], out.shape[2], 1])
-    _chamfer(np.ascontiguousarray(mask), out.reshape(-1), strides, steps @ strides, lengths)
-    return out[1:-1, 1:-1, 1:-1]
+    depth = out[1:-1, 1:-1, 1:-1]
+    depth[mask] = np.inf
+    _chamfer(out.reshape(-1), steps @ (np.array(out.strides) // out.itemsize), lengths)
+    return depth
 
 
 @njit(cache=True, nogil=True)
-def _chamfer(mask, out, strides, jumps, lengths):  # type: ignore[no-untyped-def]
-    """Sweep forward and back over the volume (Rosenfeld & Pfaltz 1966)."""
-    nz, ny, nx = mask.shape
-    for turn in range(2):
-        for row in range(nz * ny):
-            z, y = row // ny, row % ny
-            if turn:
-                z, y = nz - 1 - z, ny - 1 - y
-            base = (z + 1) * strides[0] + (y + 1) * strides[1] + 1
-            for k in range(nx):
-                x = nx - 1 - k if turn else k
-                if not mask[z, y, x]:
-                    continue
-                here = base + x
-                if turn:
-                    best = out[here]
-                    for n in range(len(jumps)):
-                        best = min(best, out[here - jumps[n]] + lengths[n])
-                else:
-                    best = np.float32(np.inf)
-                    for n in range(len(jumps)):
-                        best = min(best, out[here + jumps[n]] + lengths[n])
+def _chamfer(out, jumps, lengths):  # type: ignore[no-untyped-def]
+    """Sweep forward and back over the voxels above 0 (Rosenfeld & Pfaltz 1966)."""
+    for turn in (1, -1):
+        for n in range(len(out)):
+            here = n if turn > 0 else len(out) - 1 - n
+            best = out[here]
+            if best > 0:
+                for k in range(len(jumps)):
+                    best = min(best, out[here + turn * jumps[k]] + lengths[k])
                 out[here] = best
 
 
@@ -302,15 +398,16 @@ def quantiles(values: NDArray[np.float32], shares: list[float]) -> NDArray[np.fl
     low, high = float(values.min()), float(values.max())
     if high <= low:
         return np.full(len(shares), low)
-    counts = np.cumsum(_histogram(values, low, BINS / (high - low)))
+    counts = np.zeros(BINS)
+    _histogram(values, low, BINS / (high - low), counts)
     edges = np.arange(BINS + 1) * ((high - low) / BINS) + low
-    return np.interp(np.array(shares) * len(values), np.concatenate([[0.0], counts]), edges)
+    return np.interp(
+        np.array(shares) * len(values), np.concatenate([[0.0], np.cumsum(counts)]), edges
+    )
 
 
 @njit(cache=True, nogil=True)
-def _histogram(values, low, scale):  # type: ignore[no-untyped-def]
+def _histogram(values, low, scale, counts):  # type: ignore[no-untyped-def]
     """Count values into `BINS` bins."""
-    counts = np.zeros(BINS)
     for value in values:
         counts[min(int((value - low) * scale), BINS - 1)] += 1
-    return counts

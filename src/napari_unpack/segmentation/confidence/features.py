@@ -9,14 +9,14 @@ against the median m. Heavy tails are log-compressed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume
 from napari_unpack.segmentation.common.measures import (
+    Measurements,
+    Neighbourhood,
     chamfer_depth,
     level_area,
     measure_region,
@@ -80,20 +80,6 @@ FEATURES = (
 MOST_VOXELS = 400_000
 
 
-@dataclass(frozen=True, eq=False)
-class _Measurements:
-    values: NDArray[np.float32]
-    deep: NDArray[np.float32]
-    l1: NDArray[np.float32]
-    l2: NDArray[np.float32]
-    moments: NDArray[np.float64]
-    edge: NDArray[np.float64]
-    weak: NDArray[np.float64]
-    steps: NDArray[np.float32]
-    near: float
-    inner: float
-
-
 def features(region: Region) -> NDArray[np.float64]:
     """Measure a region.
 
@@ -145,8 +131,8 @@ def features(region: Region) -> NDArray[np.float64]:
     spacing = np.array(region.spacing)
     depth = chamfer_depth(region.mask, region.spacing)
     middle = max(abs(float(quantiles(region.values, [0.5])[0])), 1e-6)
-    field, origin = region.field
-    found = _Measurements(*measure_region(region.mask, depth, field, origin, spacing, middle))
+    around = Neighbourhood.of(region.mask, *region.field)
+    found = measure_region(around, depth[region.mask], spacing, middle)
     volume = region.volume
     radius = float(np.cbrt(3 * volume / (4 * np.pi)))
     surface = max(float(found.edge[0]), 1e-9)
@@ -154,7 +140,7 @@ def features(region: Region) -> NDArray[np.float64]:
         [
             *_geometry(region, found, depth, volume, surface, radius),
             *_boundary(found, surface, middle),
-            *_density(region, found, middle, volume, radius),
+            *_density(region, around, found, middle, volume, radius),
             *_gradient(found, middle),
             *_ratios(found, middle, volume, radius, region.voxel_volume),
         ],
@@ -176,7 +162,7 @@ def _thinned(region: Region) -> Region:
 
 def _geometry(
     region: Region,
-    found: _Measurements,
+    found: Measurements,
     depth: NDArray[np.float32],
     volume: float,
     surface: float,
@@ -222,11 +208,11 @@ def _lobes(depth: NDArray[np.float32], level: float) -> float:
     pieces, count = cc3d.connected_components(core, connectivity=6, return_N=True)
     if count < 2:
         return 0.0
-    sizes = np.bincount(pieces.reshape(-1))[1:]
+    sizes = np.bincount(pieces[core])[1:]
     return float(1 - sizes.max() / sizes.sum())
 
 
-def _boundary(found: _Measurements, surface: float, middle: float) -> list[float]:
+def _boundary(found: Measurements, surface: float, middle: float) -> list[float]:
     edge = found.edge
     met = max(float(edge[3]), 1e-9)
     low, high = (0.0, 0.0) if not len(found.steps) else quantiles(found.steps, [0.25, 0.75])
@@ -245,7 +231,12 @@ def _boundary(found: _Measurements, surface: float, middle: float) -> list[float
 
 
 def _density(
-    region: Region, found: _Measurements, middle: float, volume: float, radius: float
+    region: Region,
+    around: Neighbourhood,
+    found: Measurements,
+    middle: float,
+    volume: float,
+    radius: float,
 ) -> list[float]:
     values = found.values
     q01, q05, q25, q50, q75, q95, q99 = quantiles(values, [0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99])
@@ -254,10 +245,9 @@ def _density(
     low, center, high = quantiles(core, [0.25, 0.5, 0.75])
     outer = float(quantiles(rim, [0.5])[0]) if len(rim) else float(center)
     level, explained, step = _otsu(core)
-    field, origin = region.field
     cut = 0.0
     if step > 0:
-        area = level_area(region.mask, field, origin, np.array(region.spacing), level)
+        area = level_area(around, np.array(region.spacing), level)
         share = min((values > level).mean(), (values <= level).mean())
         cut = float(np.log1p(area * radius / max(share * volume, region.voxel_volume)))
     return [
@@ -295,7 +285,7 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float, float]:
     return float(edges[best + 1]), min(explained, 1.0), float(upper - lower)
 
 
-def _gradient(found: _Measurements, middle: float) -> list[float]:
+def _gradient(found: Measurements, middle: float) -> list[float]:
     l1, l2 = found.l1, found.l2
     median = quantiles(l1, [0.5])[0]
     q25, q50, q75, q95 = quantiles(l2, [0.25, 0.5, 0.75, 0.95])
@@ -314,7 +304,7 @@ def _gradient(found: _Measurements, middle: float) -> list[float]:
 
 
 def _ratios(
-    found: _Measurements, middle: float, volume: float, radius: float, voxel: float
+    found: Measurements, middle: float, volume: float, radius: float, voxel: float
 ) -> list[float]:
     values, edge = found.values.astype(np.float64), found.edge
     met = max(float(edge[3]), 1e-9)

@@ -67,7 +67,8 @@ def find_shell(
     if not wide.any():
         return shell
     reach = np.maximum(np.round(thickness / 2 / np.array(spacing)).astype(np.int64), 1)
-    outer = _outermost(labels, top, reach)
+    outer = np.zeros(top + 1, np.int64)
+    _count_outermost(labels, reach, np.zeros(3, np.int64), np.zeros(labels.shape, np.bool_), outer)
     share(0.2)
     depth = label_depths(labels, spacing)
     share(0.7)
@@ -131,14 +132,11 @@ def drop_skin(
 
 
 @njit(cache=True, nogil=True)
-def _outermost(labels, top, reach):  # type: ignore[no-untyped-def]
+def _count_outermost(labels, reach, voxel, seen, counts):  # type: ignore[no-untyped-def]
     """Count by label the voxels no deeper than `reach` behind the first along an axis."""
-    seen = np.zeros(labels.shape, np.bool_)
-    counts = np.zeros(top + 1, np.int64)
     for axis in range(3):
         length = labels.shape[axis]
         one, two = labels.shape[(axis + 1) % 3], labels.shape[(axis + 2) % 3]
-        voxel = np.zeros(3, np.int64)
         for a in range(one):
             for b in range(two):
                 voxel[(axis + 1) % 3], voxel[(axis + 2) % 3] = a, b
@@ -157,4 +155,3 @@ def _outermost(labels, top, reach):  # type: ignore[no-untyped-def]
                             if label and not seen[z, y, x]:
                                 seen[z, y, x] = True
                                 counts[label] += 1
-    return counts

@@ -43,7 +43,8 @@ def find_streaks(
         air, such as the flesh around a bone.
     """
     top = int(labels.max(initial=0))
-    counts = _surfaces(labels, density, levels.air, levels.high, top + 1)
+    counts = np.zeros((top + 1, 3), np.int64)
+    _count_faces(labels, density, levels.air, levels.high, counts)
     surface, bare, steep = counts.T
     judged = (bare > BARE * surface) & (bare > 0)
     shares = steep / np.maximum(bare, 1)
@@ -52,9 +53,8 @@ def find_streaks(
 
 
 @njit(cache=True, nogil=True)
-def _surfaces(labels, density, air, level, count):  # type: ignore[no-untyped-def]
+def _count_faces(labels, density, air, level, found):  # type: ignore[no-untyped-def]
     """Count the faces of each label, those that meet air, and those where density falls there."""
-    found = np.zeros((count, 3), np.int64)
     size = labels.shape
     for z in range(size[0]):
         for y in range(size[1]):
@@ -87,4 +87,3 @@ def _surfaces(labels, density, air, level, count):  # type: ignore[no-untyped-de
                         inner = max(inner, np.float64(density[k, j, i]))
                     found[here, 1] += 1
                     found[here, 2] += inner - outer >= STEP * (inner - air)
-    return found

@@ -18,12 +18,28 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
-from napari_unpack.segmentation.learned.border_refinement import find_inside
+from napari_unpack.segmentation.learned.border_refinement import (
+    AIR,
+    BESIDE,
+    DENSITY,
+    FARTHER,
+    FARTHEST,
+    MOST_LABELS,
+    NEAR,
+    WEIGHT,
+    Moves,
+    apply_moves,
+    count_votes,
+    find_inside,
+    places_in,
+    tally,
+    touching,
+)
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
-from napari_unpack.tasks import SILENT, Share
+from napari_unpack.tasks import SILENT, Share, Slab
 
 # Labels at most that are compared at a voxel: its own, those across its six faces, and others.
-MOST_RIVALS = 7
+MOST_RIVALS = MOST_LABELS
 # Stored with the weights and compared with them: the names must stay as they were trained.
 # Of a label at a voxel, beside its rival there, the other label with most voxels around: whether
 # it holds the voxel; the affinities across the faces it shares with both, and how many they are;
@@ -62,152 +78,137 @@ TEXTURE = 0.05
 BINS, BIN_WIDTH = 160, 0.06
 
 
-@njit(cache=True, nogil=True)
-def _bin_of(value, knee):  # type: ignore[no-untyped-def]
-    """Return the bin of a density above air; see `DensityScale`."""
-    return int(min(np.log1p(max(value, 0.0) / knee) / BIN_WIDTH, BINS - 1.0))
+def _bin_of(values: NDArray[np.float64], knee: float) -> NDArray[np.int64]:
+    """Return the bins of densities above air; see `DensityScale`."""
+    bins: NDArray[np.int64] = np.minimum(
+        np.log1p(np.maximum(values, 0.0) / knee) / BIN_WIDTH, BINS - 1.0
+    ).astype(np.int64)
+    return bins
 
 
-@njit(cache=True, nogil=True)
-def find_rivals(labels, z, y, x, names):  # type: ignore[no-untyped-def]
-    """Write the labels of a voxel and of the 26 around it, few as they are; return how many.
+def find_rivals(
+    labels: NDArray[np.int32], places: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the labels of voxels and of the 26 around each, few as they are.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         0 is background, which has no claim.
-    z, y, x : int
-        The voxel, of a label.
-    names : (MOST_RIVALS,) ndarray of int32
-        Gets the labels, the voxel's own first.
+    places : (N, 3) ndarray of int64
+        The voxels, of labels.
+
+    Returns
+    -------
+    names : (N, MOST_RIVALS) ndarray of int32
+        The labels: the voxel's own, those across its faces, others.
+    counts, across : (N,) ndarray of int64
+        How many these are, and how many without the others.
     """
-    size = labels.shape
-    count = 1
-    names[0] = labels[z, y, x]
-    # Those across a face first: corners must not take their room.
-    for corners in (False, True):
-        for k in range(max(z - 1, 0), min(z + 2, size[0])):
-            for j in range(max(y - 1, 0), min(y + 2, size[1])):
-                for i in range(max(x - 1, 0), min(x + 2, size[2])):
-                    name = labels[k, j, i]
-                    away = abs(k - z) + abs(j - y) + abs(i - x)
-                    if name == 0 or name == names[0] or (away > 1) != corners:
-                        continue
-                    n = 1
-                    while n < count and names[n] != name:
-                        n += 1
-                    if n == count and count < MOST_RIVALS:
-                        names[n] = name
-                        count += 1
-    return count
+    names = np.zeros((len(places), MOST_RIVALS), np.int32)
+    names[:, 0] = labels[*places.T]
+    counts, across = np.ones(len(places), np.int64), np.ones(len(places), np.int64)
+    low, high = np.maximum(places - 1, 0), np.minimum(places + 2, labels.shape)
+    _find_rivals(labels, places, low, high, names, counts, across)
+    return names, counts, across
 
 
 @njit(cache=True, nogil=True)
-def describe(  # type: ignore[no-untyped-def]
-    labels, inside, values, knee, following, noise, means, sizes, logs, z, y, x, names, rows
-):
-    """Write the features of every label at a voxel.
+def _find_rivals(labels, places, low, high, names, counts, across):  # type: ignore[no-untyped-def]
+    for p in range(len(places)):
+        z, y, x = places[p, 0], places[p, 1], places[p, 2]
+        # Those across a face first: corners must not take their room.
+        for corners in range(2):
+            across[p] = counts[p]
+            for k in range(low[p, 0], high[p, 0]):
+                for j in range(low[p, 1], high[p, 1]):
+                    for i in range(low[p, 2], high[p, 2]):
+                        name = labels[k, j, i]
+                        if name == 0 or name == names[p, 0]:
+                            continue
+                        if (abs(k - z) + abs(j - y) + abs(i - x) > 1) != (corners > 0):
+                            continue
+                        n = 1
+                        while n < counts[p] and names[p, n] != name:
+                            n += 1
+                        if n == counts[p] and n < MOST_RIVALS:
+                            names[p, n] = name
+                            counts[p] += 1
+
+
+def describe(
+    labels: NDArray[np.int32],
+    inside: NDArray[np.bool_],
+    evidence: BorderEvidence,
+    places: NDArray[np.int64],
+    names: NDArray[np.int32],
+    counts: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    """Return the features of every label at some voxels.
 
     Parameters
     ----------
     labels, inside : (Z, Y, X) ndarray of int32 and bool
         Objects, and which voxels are inside them; see `find_inside`.
-    values, knee, following, noise, means, sizes, logs
-        See `BorderEvidence`.
-    z, y, x : int
-        The voxel.
-    names : (N,) ndarray of int32
-        See `find_rivals`; at least two.
-    rows : (MOST_RIVALS, F) ndarray of float32
-        Gets N rows in the order of `BORDER_FEATURES`.
+    evidence : BorderEvidence
+    places : (N, 3) ndarray of int64
+        The voxels.
+    names, counts
+        See `find_rivals`; at least two labels each.
+
+    Returns
+    -------
+    (R, F) ndarray of float32
+        For every voxel as many rows as labels; columns as `BORDER_FEATURES`.
     """
-    count = len(names)
-    # By label: the 26 voxels around, nearer ones counting more; voxels within 2; within 3; local
-    # mean density; faces shared; affinities across them.
-    counts = np.zeros((count, 6))
-    weights = np.full(count, 1e-9)
-    air = np.zeros(2)
-    around, many = 0.0, 0
-    size = labels.shape
-    for k in range(max(z - 3, 0), min(z + 4, size[0])):
-        for j in range(max(y - 3, 0), min(y + 4, size[1])):
-            for i in range(max(x - 3, 0), min(x + 4, size[2])):
-                name = labels[k, j, i]
-                reach = max(abs(k - z), abs(j - y), abs(i - x))
-                if reach <= 1:
-                    around += values[k, j, i]
-                    many += 1
-                if name == 0:
-                    air[0] += reach <= 1
-                    air[1] += 1
-                    continue
-                if reach == 0:
-                    continue
-                for n in range(count):
-                    if names[n] == name:
-                        if reach == 1:
-                            counts[n, 0] += 1 / np.sqrt(abs(k - z) + abs(j - y) + abs(i - x))
-                        counts[n, 1] += reach <= 2
-                        counts[n, 2] += 1
-                        weight = 1.0 if inside[k, j, i] else 0.02
-                        counts[n, 3] += weight * values[k, j, i]
-                        weights[n] += weight
-    _add_faces(labels, following, z, y, x, names, counts)
-    here = values[z, y, x]
-    lifted = _bin_of(here, knee)
-    for n in range(count):
-        # Nothing of it inside near here: half a vote for what it is as a whole.
-        if weights[n] < 0.5:
-            counts[n, 3] += 0.5 * means[names[n]]
-            weights[n] += 0.5
-        counts[n, 3] /= weights[n]
-    for n in range(count):
-        rival = -1
-        for m in range(count):
-            if m != n and (rival < 0 or counts[m, 1] > counts[rival, 1]):
-                rival = m
-        mine, other = counts[n], counts[rival]
-        step = mine[3] - other[3]
-        spread = noise + TEXTURE * max(min(mine[3], other[3]), 0.0) + 1e-6
-        nearer = abs(here - other[3]) - abs(here - mine[3])
-        likelier = logs[names[n], lifted] - logs[names[rival], lifted]
-        row = rows[n]
-        row[0] = n == 0
-        row[1], row[2] = mine[5], other[5]
-        row[3], row[4] = mine[4], other[4]
-        row[5], row[6] = mine[0], other[0]
-        row[7], row[8] = mine[1] / 124, other[1] / 124
-        row[9], row[10] = mine[2] / 342, other[2] / 342
-        row[11], row[12] = air[0] / 26, air[1] / 342
-        row[13] = np.tanh(nearer / (4 * spread))
-        row[14] = nearer / max(abs(step), 2 * spread)
-        row[15] = np.tanh(step / (8 * spread))
-        row[16] = np.tanh((around / many - here) / (4 * spread))
-        row[17] = min(max(likelier, -6.0), 6.0)
-        row[18] = min(max(here / max(mine[3], 1e-6), 0.0), 3.0)
-        row[19] = np.log(sizes[names[n]] / sizes[names[rival]])
+    votes = np.zeros((len(places), MOST_RIVALS))
+    faces = np.zeros((len(places), AIR + 1), np.int64)
+    count_votes(labels, evidence.following, 0.0, places, names, counts.copy(), votes, faces)
+    found = np.zeros((len(places), AIR + 1, WEIGHT + 1))
+    found[..., WEIGHT] = 1e-9
+    around = tally(labels, inside, evidence.values, places, names, counts, 1.0, False, found)
+    around /= (np.minimum(places + 2, labels.shape) - np.maximum(places - 1, 0)).prod(axis=1)
 
+    present = np.arange(MOST_RIVALS) < counts[:, None]
+    # The rival of each: the other one with most voxels around.
+    many = np.where(present, found[:, :MOST_RIVALS, FARTHER], -1.0)
+    every = np.arange(len(places))
+    first = many.argmax(axis=1)
+    many[every, first] = -1.0
+    leads = np.arange(MOST_RIVALS) == first[:, None]
+    rivals = np.where(leads, many.argmax(axis=1)[:, None], first[:, None])[present]
+    at, own = np.nonzero(present)
+    name, other = names[at, own], names[at, rivals]
 
-@njit(cache=True, nogil=True)
-def _add_faces(labels, following, z, y, x, names, counts):  # type: ignore[no-untyped-def]
-    """Add to columns 4 and 5 the faces shared with every label, and the affinities across them."""
-    size = labels.shape
-    for side in range(6):
-        axis, ahead = side // 2, side % 2
-        k, j, i = z, y, x
-        if axis == 0:
-            k += 2 * ahead - 1
-        elif axis == 1:
-            j += 2 * ahead - 1
-        else:
-            i += 2 * ahead - 1
-        if not (0 <= k < size[0] and 0 <= j < size[1] and 0 <= i < size[2]):
-            continue
-        affinity = following[axis, z, y, x] if ahead else following[axis, k, j, i]
-        for n in range(len(names)):
-            if names[n] == labels[k, j, i]:
-                counts[n, 4] += 1
-                counts[n, 5] += affinity / 255.0
+    # Nothing of it inside near here: half a vote for what it is as a whole.
+    weights = found[:, :MOST_RIVALS, WEIGHT]
+    half = np.where(weights < 0.5, 0.5, 0.0)
+    means = found[:, :MOST_RIVALS, DENSITY] + half * evidence.means[names]
+    means /= weights + half
+    mine, others = means[at, own], means[at, rivals]
+    here = evidence.values[*places.T].astype(np.float64)
+    lifted = _bin_of(here, evidence.knee)[at]
+    here, around, air = here[at], around[at], found[at, AIR]
+    step = mine - others
+    spread = evidence.noise + TEXTURE * np.maximum(np.minimum(mine, others), 0.0) + 1e-6
+    nearer = np.abs(here - others) - np.abs(here - mine)
+    likelier = evidence.logs[name, lifted] - evidence.logs[other, lifted]
+    rows = np.empty((len(at), len(BORDER_FEATURES)), np.float32)
+    rows[:, 0] = own == 0
+    rows[:, 1], rows[:, 2] = votes[at, own], votes[at, rivals]
+    rows[:, 3], rows[:, 4] = faces[at, own], faces[at, rivals]
+    for n, (column, whole) in enumerate(((NEAR, 1), (FARTHER, 124), (FARTHEST, 342))):
+        rows[:, 5 + 2 * n] = found[at, own, column] / whole
+        rows[:, 6 + 2 * n] = found[at, rivals, column] / whole
+    rows[:, 11], rows[:, 12] = air[:, BESIDE] / 26, air[:, FARTHEST] / 342
+    rows[:, 13] = np.tanh(nearer / (4 * spread))
+    rows[:, 14] = nearer / np.maximum(np.abs(step), 2 * spread)
+    rows[:, 15] = np.tanh(step / (8 * spread))
+    rows[:, 16] = np.tanh((around - here) / (4 * spread))
+    rows[:, 17] = np.clip(likelier, -6.0, 6.0)
+    rows[:, 18] = np.clip(here / np.maximum(mine, 1e-6), 0.0, 3.0)
+    rows[:, 19] = np.log(evidence.sizes[name] / evidence.sizes[other])
+    return rows
 
 
 # Voxels that a border moves at most.
@@ -217,7 +218,6 @@ HOLD = 1.0
 # Of every bin of density in every object: one voxel of an odd density must not decide.
 LEAST_SHARE = 0.005
 
-FACES = BORDER_FEATURES.index("faces")
 # Voxels to every side whose labels `describe` reads: it looks three far, and whether a voxel
 # there is inside depends on the next.
 REACH = 4
@@ -279,24 +279,12 @@ class BorderEvidence:
         values -= np.float32(air)
         sizes = np.maximum(np.bincount(labels.reshape(-1)), 1).astype(np.float64)
         means = np.bincount(labels.reshape(-1), values.reshape(-1), len(sizes)) / sizes
-        counts = _histograms(labels, values, find_inside(labels), scale.knee, len(sizes))
+        counts = _histograms(labels, values, scale.knee, len(sizes))
         # Noise spreads densities over neighbouring bins anyway; small objects fill few.
         counts = gaussian_filter1d(counts, 1.0, axis=1)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1e-9)
         logs = np.log(shares + LEAST_SHARE)
         return BorderEvidence(values, scale.knee, following, noise, means, sizes, logs)
-
-    def facts(self) -> tuple[object, ...]:
-        """Return what the compiled loops take, in their order."""
-        return (
-            self.values,
-            self.knee,
-            self.following,
-            self.noise,
-            self.means,
-            self.sizes,
-            self.logs,
-        )
 
 
 def draw_borders(
@@ -329,23 +317,18 @@ def draw_borders(
     voxel of border.
     """
     trained = classifier or default_border_classifier()
-    layers = [np.ascontiguousarray(w, np.float32) for w in trained.weights]
-    offsets = [np.ascontiguousarray(o, np.float32) for o in trained.offsets]
-    # In float32, as the weights are: one type, so that the loops are compiled once.
-    center = trained.center.astype(np.float32)
-    scale = trained.scale.astype(np.float32)
-    given = (*evidence.facts(), center, scale, *layers, *offsets)
+    labels = labels.copy()
     # Only what is near a change can change in the next round.
     due = np.ones(labels.shape, np.bool_)
     for n in range(rounds):
         # Each round looks at less than half of what the one before looked at.
         round_share = share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
-        inside, moved = find_inside(labels), labels.copy()
-        move = partial(_move, moved, labels, inside, due, *given)
-        changed = np.concatenate(round_share.over_slabs(labels.shape, move))
+        move = partial(_moves, labels, find_inside(labels), evidence, trained, due)
+        moves = round_share.over_slabs(labels.shape, move)
+        changed = np.concatenate([places for places, _ in moves])
         if not len(changed):
             break
-        labels = moved
+        apply_moves(labels, moves)
         due = _around(changed, labels.shape)
     return labels
 
@@ -358,90 +341,78 @@ def default_border_classifier() -> PairClassifier:
     )
 
 
-@njit(cache=True, nogil=True)
-def _histograms(labels, values, inside, knee, count):  # type: ignore[no-untyped-def]
+def _histograms(
+    labels: NDArray[np.int32], values: NDArray[np.float32], knee: float, count: int
+) -> NDArray[np.float64]:
     """Count log densities, label by label; voxels at a border, which are blurred, hardly count."""
-    found = np.zeros((count, BINS))
-    for z in range(labels.shape[0]):
-        for y in range(labels.shape[1]):
-            for x in range(labels.shape[2]):
-                name = labels[z, y, x]
-                if name > 0:
-                    weight = 1.0 if inside[z, y, x] else 0.05
-                    found[name, _bin_of(values[z, y, x], knee)] += weight
-    return found
+    objects = np.flatnonzero(labels)
+    weights = np.where(find_inside(labels).reshape(-1)[objects], 1.0, 0.05)
+    bins = _bin_of(values.reshape(-1)[objects].astype(np.float64), knee)
+    bins += labels.reshape(-1)[objects] * np.int64(BINS)
+    counts: NDArray[np.float64] = np.bincount(bins, weights, count * BINS).astype(np.float64)
+    return counts.reshape(count, BINS)
+
+
+def _moves(
+    labels: NDArray[np.int32],
+    inside: NDArray[np.bool_],
+    evidence: BorderEvidence,
+    trained: PairClassifier,
+    due: NDArray[np.bool_],
+    slab: Slab,
+) -> Moves:
+    """Return the voxels of a slab that move, and the labels they go to."""
+    # Across an edge alone a voxel would come apart from its object.
+    places = places_in(touching(labels, slab) & due[slab[0] : slab[1]], slab)
+    names, counts, across = find_rivals(labels, places)
+    rows = describe(labels, inside, evidence, places, names, counts)
+    # In float32, as the weights are: one type, so that the loops are compiled once.
+    center, scale = trained.center.astype(np.float32), trained.scale.astype(np.float32)
+    # As in training: a feature far off what was learned must not decide alone.
+    rows = np.clip((rows - center) / scale, -6.0, 6.0)
+    layers = [np.ascontiguousarray(w, np.float32) for w in trained.weights]
+    offsets = [np.ascontiguousarray(o, np.float32) for o in trained.offsets]
+    best = np.zeros(len(places), np.int64)
+    first = np.cumsum(counts) - counts
+    given = (*layers, *offsets, np.zeros_like(offsets[0]), np.zeros_like(offsets[1]))
+    _choose(rows.astype(np.float64), first, across, *given, best)  # type: ignore[call-arg]
+    moved = best > 0
+    return places[moved], names[moved, best[moved]]
 
 
 @njit(cache=True, nogil=True)
-def _move(  # type: ignore[no-untyped-def]
-    result, labels, inside, due, values, knee, following, noise, means, sizes, logs,
-    center, scale, w0, w1, w2, o0, o1, o2, slab,
-):  # fmt: skip
-    """Write to a slab of a copy of the labels where their borders move; return where that is."""
-    changed = [np.int64(0) for _ in range(0)]
-    size = labels.shape
-    names = np.zeros(MOST_RIVALS, np.int32)
-    rows = np.zeros((MOST_RIVALS, len(center)), np.float32)
-    one, two = np.zeros(len(o0), np.float32), np.zeros(len(o1), np.float32)
-    for z in range(slab[0], slab[1]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                if not due[z, y, x] or labels[z, y, x] == 0:
-                    continue
-                count = find_rivals(labels, z, y, x, names)
-                if count == 1:
-                    continue
-                describe(
-                    labels, inside, values, knee, following, noise, means, sizes, logs,
-                    z, y, x, names[:count], rows,
-                )  # fmt: skip
-                best, most = 0, -np.inf
-                for n in range(count):
-                    # Across an edge alone it would come apart from its object.
-                    if n > 0 and rows[n, FACES] == 0:
-                        continue
-                    logit = HOLD if n == 0 else 0.0
-                    logit += _logit(rows[n], center, scale, w0, w1, w2, o0, o1, o2, one, two)
-                    if logit > most:
-                        best, most = n, logit
-                if best > 0:
-                    result[z, y, x] = names[best]
-                    changed.append((z * size[1] + y) * size[2] + x)
-    return np.array(changed)
+def _choose(rows, first, across, w0, w1, w2, o0, o1, o2, one, two, best):  # type: ignore[no-untyped-def]
+    """Write which label of every voxel has the highest `PairClassifier.probability`.
+
+    Loops beat BLAS here, and the logistic changes no order.
+    """
+    for p in range(len(first)):
+        most = -np.inf
+        for n in range(across[p]):
+            for h in range(len(one)):
+                one[h] = o0[h]
+            for k in range(rows.shape[1]):
+                value = rows[first[p] + n, k]
+                for h in range(len(one)):
+                    one[h] += value * w0[k, h]
+            for h in range(len(two)):
+                two[h] = o1[h]
+            for k in range(len(one)):
+                lit = np.tanh(one[k])
+                for h in range(len(two)):
+                    two[h] += lit * w1[k, h]
+            logit = o2[0]
+            for k in range(len(two)):
+                logit += np.tanh(two[k]) * w2[k, 0]
+            led = logit + (HOLD if n == 0 else 0.0)
+            if led > most:
+                best[p], most = n, led
 
 
-@njit(cache=True, nogil=True)
-def _logit(row, center, scale, w0, w1, w2, o0, o1, o2, one, two):  # type: ignore[no-untyped-def]
-    """Return `PairClassifier.probability` of one row before the logistic: loops beat BLAS here."""
-    for n in range(len(one)):
-        one[n] = o0[n]
-    for k in range(len(row)):
-        # As in training: a feature far off what was learned must not decide alone.
-        value = min(max((row[k] - center[k]) / scale[k], -6.0), 6.0)
-        for n in range(len(one)):
-            one[n] += value * w0[k, n]
-    for n in range(len(two)):
-        two[n] = o1[n]
-    for k in range(len(one)):
-        value = np.tanh(one[k])
-        for n in range(len(two)):
-            two[n] += value * w1[k, n]
-    logit = o2[0]
-    for k in range(len(two)):
-        logit += np.tanh(two[k]) * w2[k, 0]
-    return logit
-
-
-@njit(cache=True, nogil=True)
-def _around(places, size):  # type: ignore[no-untyped-def]
+def _around(places: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Return which voxels have a changed place within reach."""
-    near = np.zeros(size, np.bool_)
-    for place in places:
-        z, rest = place // (size[1] * size[2]), place % (size[1] * size[2])
-        y, x = rest // size[2], rest % size[2]
-        near[
-            max(z - REACH, 0) : z + REACH + 1,
-            max(y - REACH, 0) : y + REACH + 1,
-            max(x - REACH, 0) : x + REACH + 1,
-        ] = True
+    near = np.zeros(shape, np.bool_)
+    low, high = np.maximum(places - REACH, 0), places + (REACH + 1)
+    for (z, y, x), (k, j, i) in zip(low.tolist(), high.tolist(), strict=True):
+        near[z:k, y:j, x:i] = True
     return near

@@ -6,6 +6,7 @@ affinities alone (`assign_labels`), then also by densities on both sides (`sharp
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
@@ -13,10 +14,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import label_means
-from napari_unpack.tasks import SILENT, Share
+from napari_unpack.tasks import SILENT, Share, Slab
 
 # Of a voxel and its six neighbours.
 MOST_LABELS = 7
+# Row of a tally after those of a voxel's labels.
+AIR = MOST_LABELS
+# Columns of a tally: voxels within 1, those nearer counting more; plainly; within 2; within
+# `REACH`; weighted sum of their densities; their weights.
+NEAR, BESIDE, FARTHER, FARTHEST, DENSITY, WEIGHT = range(6)
 # By how many votes another label must lead to take a voxel: in doubt nothing moves.
 LEAD = 0.2
 # Voxels around a border in which the mean densities of both sides are taken.
@@ -31,35 +37,190 @@ SMOOTHING = 0.5
 # Of voxels that are blurred with the other side, in means; something thin has no others.
 WEIGHT_AT_BORDER = 0.02
 
+Moves = tuple[NDArray[np.int64], NDArray[np.int32]]
+
+
+def touching(labels: NDArray[np.int32], slab: Slab) -> NDArray[np.bool_]:
+    """Return which voxels of a slab share a face with another object.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects; 0 is background.
+    slab : tuple of int
+        See `Share.over_slabs`.
+    """
+    start = max(slab[0] - 1, 0)
+    part = labels[start : slab[1] + 1]
+    objects, found = part > 0, np.zeros(part.shape, np.bool_)
+    for axis in range(3):
+        along, held, touched = (np.moveaxis(a, axis, 0) for a in (part, objects, found))
+        differ = (along[1:] != along[:-1]) & held[1:] & held[:-1]
+        touched[1:] |= differ
+        touched[:-1] |= differ
+    return found[slab[0] - start : slab[1] - start]
+
+
+def places_in(mask: NDArray[np.bool_], slab: Slab) -> NDArray[np.int64]:
+    """Return where a mask of a slab is set, in the volume.
+
+    Parameters
+    ----------
+    mask : (D, Y, X) ndarray of bool
+        Of the slab's D slices.
+    slab : tuple of int
+        See `Share.over_slabs`.
+
+    Returns
+    -------
+    (N, 3) ndarray of int64
+        Voxels, z y x.
+    """
+    # Flat, as numpy is several times slower along three axes.
+    places = np.unravel_index(np.flatnonzero(mask), mask.shape)
+    return np.stack([places[0] + slab[0], *places[1:]], axis=1).astype(np.int64, copy=False)
+
+
+def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> None:
+    """Write what moves to labels.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Changed in place.
+    moves : iterable of Moves
+        Which voxels, (N, 3), go to which label, (N,).
+    """
+    for places, names in moves:
+        labels[*places.T] = names
+
 
 @njit(cache=True, nogil=True)
-def _count_votes(labels, following, bar, z, y, x, names, votes):  # type: ignore[no-untyped-def]
-    """Write the labels at a voxel and their votes; return how many, and whether it is bare."""
+def count_votes(labels, following, bar, places, names, counts, votes, faces):  # type: ignore[no-untyped-def]
+    """Add up the affinities of some voxels with the labels across their faces.
+
+    Parameters
+    ----------
+    labels, following
+        See `assign_labels`.
+    bar : float
+        Taken off every affinity, which is 1 at most.
+    places : (N, 3) ndarray of int64
+        The voxels.
+    names : (N, MOST_LABELS) ndarray of int32
+        Labels at every voxel, its own first; gets those that are missing.
+    counts : (N,) ndarray of int64
+        How many these are; gets how many they become.
+    votes : (N, MOST_LABELS) ndarray of float64
+        Gets the affinities added.
+    faces : (N, AIR + 1) ndarray of int64
+        Gets the faces counted, those to air in column `AIR`.
+    """
     size = labels.shape
-    count, bare = 1, False
-    names[0], votes[0] = labels[z, y, x], 0.0
-    for side in range(6):
-        axis, ahead = side // 2, side % 2
-        k, j, i = z, y, x
-        if axis == 0:
-            k += 2 * ahead - 1
-        elif axis == 1:
-            j += 2 * ahead - 1
-        else:
-            i += 2 * ahead - 1
-        inside = 0 <= k < size[0] and 0 <= j < size[1] and 0 <= i < size[2]
-        name = labels[k, j, i] if inside else 0
-        bare |= inside and name == 0
-        if name > 0:
-            affinity = following[axis, z, y, x] if ahead else following[axis, k, j, i]
+    for p in range(len(places)):
+        z, y, x = places[p, 0], places[p, 1], places[p, 2]
+        for side in range(6):
+            axis, ahead = side // 2, side % 2
+            k, j, i = z, y, x
+            if axis == 0:
+                k += 2 * ahead - 1
+            elif axis == 1:
+                j += 2 * ahead - 1
+            else:
+                i += 2 * ahead - 1
+            if not (0 <= k < size[0] and 0 <= j < size[1] and 0 <= i < size[2]):
+                continue
+            name = labels[k, j, i]
+            if name == 0:
+                faces[p, AIR] += 1
+                continue
             n = 0
-            while n < count and names[n] != name:
+            while n < counts[p] and names[p, n] != name:
                 n += 1
-            if n == count:
-                names[n], votes[n] = name, 0.0
-                count += 1
-            votes[n] += affinity / 255.0 - bar
-    return count, bare
+            if n == counts[p]:
+                names[p, n] = name
+                counts[p] += 1
+            affinity = following[axis, z, y, x] if ahead else following[axis, k, j, i]
+            votes[p, n] += affinity / 255.0 - bar
+            faces[p, n] += 1
+
+
+@njit(cache=True, nogil=True)
+def _tally(  # type: ignore[no-untyped-def]
+    labels, inside, values, places, low, high, names, counts, near, itself, found, around
+):
+    for p in range(len(places)):
+        z, y, x = places[p, 0], places[p, 1], places[p, 2]
+        many, beside = counts[p], 0.0
+        for k in range(low[p, 0], high[p, 0]):
+            for j in range(low[p, 1], high[p, 1]):
+                apart = max(abs(k - z), abs(j - y))
+                for i in range(low[p, 2], high[p, 2]):
+                    reach = max(apart, abs(i - x))
+                    if reach <= 1:
+                        beside += values[k, j, i]
+                    name = labels[k, j, i]
+                    if name == 0:
+                        found[p, AIR, BESIDE] += reach <= 1
+                        found[p, AIR, FARTHEST] += 1
+                        continue
+                    n = 0
+                    while n < many and names[p, n] != name:
+                        n += 1
+                    if n == many or (reach == 0 and not itself):
+                        continue
+                    weight = 1.0 if inside[k, j, i] else WEIGHT_AT_BORDER
+                    found[p, n, DENSITY] += weight * values[k, j, i]
+                    found[p, n, WEIGHT] += weight
+                    found[p, n, FARTHEST] += 1
+                    if reach <= 2:
+                        found[p, n, FARTHER] += 1
+                        if reach <= 1:
+                            found[p, n, NEAR] += near[abs(k - z) + abs(j - y) + abs(i - x)]
+        around[p] = beside
+
+
+def tally(
+    labels: NDArray[np.int32],
+    inside: NDArray[np.bool_],
+    values: NDArray[np.float32],
+    places: NDArray[np.int64],
+    names: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    even: float,
+    itself: bool,
+    found: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Add up what lies within `REACH` of some voxels, by label.
+
+    Parameters
+    ----------
+    labels, inside : (Z, Y, X) ndarray of int32 and bool
+        Objects, and which voxels are inside them; see `find_inside`.
+    values : (Z, Y, X) ndarray of float32
+        Density above air.
+    places, names, counts
+        See `count_votes`.
+    even : float
+        What a voxel across a face counts in column `NEAR`; one across an edge or a corner counts
+        less, as it is further away.
+    itself : bool
+        Whether the voxel in the middle counts.
+    found : (N, AIR + 1, WEIGHT + 1) ndarray of float64
+        Gets the sums added, those of air in columns `BESIDE` and `FARTHEST`, which no label has
+        or all have.
+
+    Returns
+    -------
+    (N,) ndarray of float64
+        Sum of the densities at and right beside every voxel.
+    """
+    low = np.maximum(places - REACH, 0)
+    high = np.minimum(places + (REACH + 1), labels.shape)
+    near = np.append(0.0, even / np.sqrt(np.arange(1, 4)))
+    around = np.zeros(len(places))
+    _tally(labels, inside, values, places, low, high, names, counts, near, itself, found, around)
+    return around
 
 
 def assign_labels(
@@ -83,42 +244,44 @@ def assign_labels(
         Voxels that a border moves at most.
     share : Share
     """
-    labels = _expand(cells, foreground)
+    full = cells.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
+    z, y, x = foreground.shape
+    labels = np.where(foreground, full[:z, :y, :x], np.int32(0))
     for n in range(rounds):
-        before, labels = labels, labels.copy()
-        vote = partial(_vote, before, following, labels)
-        share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote)
+        vote = partial(_vote, labels, following)
+        apply_moves(labels, share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote))
     return labels
 
 
-@njit(cache=True, nogil=True)
-def _expand(cells, foreground):  # type: ignore[no-untyped-def]
-    labels = np.zeros(foreground.shape, np.int32)
-    for z in range(foreground.shape[0]):
-        for y in range(foreground.shape[1]):
-            for x in range(foreground.shape[2]):
-                if foreground[z, y, x]:
-                    labels[z, y, x] = cells[z // 2, y // 2, x // 2]
-    return labels
+def _vote(labels: NDArray[np.int32], following: NDArray[np.uint8], slab: Slab) -> Moves:
+    """Return the voxels at borders and the label with the highest affinity across their faces."""
+    places = places_in(touching(labels, slab), slab)
+    names, counts, votes, _ = _votes(labels, following, 0.5, places)
+    return places, _leading(names, counts, votes)
 
 
-@njit(cache=True, nogil=True)
-def _vote(labels, following, result, slab):  # type: ignore[no-untyped-def]
-    """Give every voxel to the label with the highest affinity across its faces."""
-    size = labels.shape
-    names = np.zeros(MOST_LABELS, np.int32)
-    votes = np.zeros(MOST_LABELS, np.float64)
-    for z in range(slab[0], slab[1]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                if labels[z, y, x] == 0:
-                    continue
-                count, _ = _count_votes(labels, following, 0.5, z, y, x, names, votes)
-                best = 0
-                for n in range(1, count):
-                    if votes[n] > votes[best] + LEAD:
-                        best = n
-                result[z, y, x] = names[best]
+def _votes(
+    labels: NDArray[np.int32], following: NDArray[np.uint8], bar: float, places: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the names, counts and votes of `count_votes`, and which voxels have a face to air."""
+    names = np.zeros((len(places), MOST_LABELS), np.int32)
+    names[:, 0] = labels[*places.T]
+    counts = np.ones(len(places), np.int64)
+    votes = np.zeros((len(places), MOST_LABELS))
+    faces = np.zeros((len(places), AIR + 1), np.int64)
+    count_votes(labels, following, bar, places, names, counts, votes, faces)
+    return names, counts, votes, faces[:, AIR] > 0
+
+
+def _leading(
+    names: NDArray[np.int32], counts: NDArray[np.int64], votes: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """Return which label of every voxel has most votes; one that comes later must lead."""
+    best, most = names[:, 0].copy(), votes[:, 0].copy()
+    for n in range(1, int(counts.max(initial=1))):
+        leads = (counts > n) & (votes[:, n] > most + LEAD)
+        best[leads], most[leads] = names[leads, n], votes[leads, n]
+    return best
 
 
 def sharpen_borders(
@@ -165,109 +328,65 @@ def sharpen_borders(
     share()
     blurred = label_means(labels, values) > dense
     turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
+    labels = labels.copy()
     for n, even in enumerate(turns):
         round_share = share.part(n / len(turns), (n + 1) / len(turns))
-        inside, before, labels = find_inside(labels), labels, labels.copy()
-        move = partial(_move, before, values, inside, following, noise, blurred, even, labels)
-        round_share.over_slabs(labels.shape, move)
+        inside = find_inside(labels)
+        move = partial(_move, labels, values, inside, following, noise, blurred, even)
+        apply_moves(labels, round_share.over_slabs(labels.shape, move))
     return labels
 
 
-@njit(cache=True, nogil=True)
-def find_inside(labels):  # type: ignore[no-untyped-def]
+def find_inside(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return which voxels of (Z, Y, X) labels share all faces with others of their object."""
-    inside = np.zeros(labels.shape, np.bool_)
-    size = labels.shape
-    for z in range(size[0]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                here = labels[z, y, x]
-                alone = here > 0
-                if z > 0:
-                    alone &= labels[z - 1, y, x] == here
-                if y > 0:
-                    alone &= labels[z, y - 1, x] == here
-                if x > 0:
-                    alone &= labels[z, y, x - 1] == here
-                if z + 1 < size[0]:
-                    alone &= labels[z + 1, y, x] == here
-                if y + 1 < size[1]:
-                    alone &= labels[z, y + 1, x] == here
-                if x + 1 < size[2]:
-                    alone &= labels[z, y, x + 1] == here
-                inside[z, y, x] = alone
+    inside = labels > 0
+    for axis in range(3):
+        along, kept = np.moveaxis(labels, axis, 0), np.moveaxis(inside, axis, 0)
+        same = along[1:] == along[:-1]
+        kept[1:] &= same
+        kept[:-1] &= same
     return inside
 
 
-@njit(cache=True, nogil=True)
-def _move(  # type: ignore[no-untyped-def]
-    labels, values, inside, following, noise, blurred, even, result, slab
-):
-    """Write to a slab of a copy of the labels where their borders move."""
-    size = labels.shape
-    names = np.zeros(MOST_LABELS, np.int32)
-    votes = np.zeros(MOST_LABELS, np.float64)
-    for z in range(slab[0], slab[1]):
-        for y in range(size[1]):
-            for x in range(size[2]):
-                mine = labels[z, y, x]
-                if mine == 0 or inside[z, y, x]:
-                    continue
-                count, bare = _count_votes(labels, following, 0.0, z, y, x, names, votes)
-                # Only dense things have a halo above the foreground's level.
-                bare &= blurred[mine]
-                if count == 1 and not bare:
-                    continue
-                if even > 0:
-                    _favour_many(labels, even, z, y, x, names[:count], votes)
-                means = _means_around(labels, values, inside, z, y, x, names[:count])
-                if bare and values[z, y, x] < means[0] / 2:
-                    result[z, y, x] = 0
-                    continue
-                low, high = means.min(), means.max()
-                spread = noise + TEXTURE * max(low, 0.0) + 1e-6
-                step = high - low
-                # Half the square of the step over its spread: a log-likelihood, as votes add up.
-                loud = min(DENSITY_VOTES, (step / spread) ** 2 / 2)
-                # Noise beyond both means says no more than the mean itself.
-                value = min(max(values[z, y, x], low), high)
-                best = 0
-                for n in range(count):
-                    votes[n] -= loud * ((value - means[n]) / max(step, 1e-6)) ** 2
-                    if votes[n] > votes[best] + LEAD:
-                        best = n
-                result[z, y, x] = names[best]
-
-
-@njit(cache=True, nogil=True)
-def _favour_many(labels, even, z, y, x, names, votes):  # type: ignore[no-untyped-def]
-    """Add the votes of the 26 neighbours for their labels."""
-    size = labels.shape
-    for k in range(max(z - 1, 0), min(z + 2, size[0])):
-        for j in range(max(y - 1, 0), min(y + 2, size[1])):
-            for i in range(max(x - 1, 0), min(x + 2, size[2])):
-                away = abs(k - z) + abs(j - y) + abs(i - x)
-                if away == 0:
-                    continue
-                for n in range(len(names)):
-                    if names[n] == labels[k, j, i]:
-                        votes[n] += even / np.sqrt(away)
-
-
-@njit(cache=True, nogil=True)
-def _means_around(labels, values, inside, z, y, x, names):  # type: ignore[no-untyped-def]
-    """Return the mean density of some labels around a voxel."""
-    sums, counts = np.zeros(len(names)), np.zeros(len(names))
-    size = labels.shape
-    for k in range(max(z - REACH, 0), min(z + REACH + 1, size[0])):
-        for j in range(max(y - REACH, 0), min(y + REACH + 1, size[1])):
-            for i in range(max(x - REACH, 0), min(x + REACH + 1, size[2])):
-                name = labels[k, j, i]
-                if name == 0:
-                    continue
-                for n in range(len(names)):
-                    if names[n] == name:
-                        weight = 1.0 if inside[k, j, i] else WEIGHT_AT_BORDER
-                        sums[n] += weight * values[k, j, i]
-                        counts[n] += weight
-    return sums / counts
+def _move(
+    labels: NDArray[np.int32],
+    values: NDArray[np.float32],
+    inside: NDArray[np.bool_],
+    following: NDArray[np.uint8],
+    noise: float,
+    blurred: NDArray[np.bool_],
+    even: float,
+    slab: Slab,
+) -> Moves:
+    """Return the voxels of a slab that may move, and the labels they go to."""
+    movable = touching(labels, slab)
+    if blurred.any():
+        part = slice(*slab)
+        rest = np.flatnonzero((labels[part] > 0) & ~inside[part])
+        movable.reshape(-1)[rest] |= blurred[labels[part].reshape(-1)[rest]]
+    places = places_in(movable, slab)
+    names, counts, votes, bare = _votes(labels, following, 0.0, places)
+    # Only dense things have a halo above the foreground's level.
+    bare &= blurred[names[:, 0]]
+    kept = bare | (counts > 1)
+    places, names, counts, bare = places[kept], names[kept], counts[kept], bare[kept]
+    found = np.zeros((len(places), AIR + 1, WEIGHT + 1))
+    found[:, :MOST_LABELS, NEAR] = votes[kept]
+    tally(labels, inside, values, places, names, counts, even, True, found)
+    # Few voxels have more than two labels around.
+    most = int(counts.max(initial=1))
+    found, present = found[:, :most], np.arange(most) < counts[:, None]
+    means = found[..., DENSITY] / np.where(present, found[..., WEIGHT], 1.0)
+    low = np.where(present, means, np.inf).min(axis=1)
+    high = np.where(present, means, -np.inf).max(axis=1)
+    spread = noise + TEXTURE * np.maximum(low, 0.0) + 1e-6
+    step = high - low
+    # Half the square of the step over its spread: a log-likelihood, as votes add up.
+    loud = np.minimum(DENSITY_VOTES, (step / spread) ** 2 / 2)
+    here = values[*places.T].astype(np.float64)
+    # Noise beyond both means says no more than the mean itself.
+    value = np.clip(here, low, high)
+    off = (value[:, None] - means) / np.maximum(step, 1e-6)[:, None]
+    best = _leading(names, counts, found[..., NEAR] - loud[:, None] * off**2)
+    best[bare & (here < means[:, 0] / 2)] = 0
+    return places, best

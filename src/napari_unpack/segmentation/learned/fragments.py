@@ -56,14 +56,14 @@ def find_fragments(far: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[n
     """
     # A watershed of the mean affinity of a cell with those one, three and six cells away along the
     # axes, turned round: lowest in the middle of an object, highest at its end.
-    height = _looseness(far, mask, np.array(REACHES))
+    height = np.full(mask.shape, 255, np.uint8)
+    _measure_looseness(far, mask, np.array(REACHES), height)
     return flood(regional_minima(height, mask), mask, height)
 
 
 @njit(cache=True, nogil=True)
-def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
-    """Return 254 less the mean affinity of every cell, in steps of 4 so that minima are few."""
-    height = np.full(mask.shape, 255, np.uint8)
+def _measure_looseness(far, mask, reaches, height):  # type: ignore[no-untyped-def]
+    """Write 254 less the mean affinity of every cell, in steps of 4 so that minima are few."""
     size = mask.shape
     for z in range(size[0]):
         for y in range(size[1]):
@@ -75,28 +75,15 @@ def _looseness(far, mask, reaches):  # type: ignore[no-untyped-def]
                     reach = reaches[r]
                     w = 1.0 if r else 2.0
                     for axis in range(3):
-                        k, j, i = z, y, x
-                        if axis == 0:
-                            k += reach
-                        elif axis == 1:
-                            j += reach
-                        else:
-                            i += reach
+                        c, b, a = reach * (axis == 0), reach * (axis == 1), reach * (axis == 2)
+                        k, j, i = z + c, y + b, x + a
                         if k < size[0] and j < size[1] and i < size[2] and mask[k, j, i]:
                             total += w * far[3 * r + axis, z, y, x]
-                        weight += w
-                        k, j, i = z, y, x
-                        if axis == 0:
-                            k -= reach
-                        elif axis == 1:
-                            j -= reach
-                        else:
-                            i -= reach
+                        k, j, i = z - c, y - b, x - a
                         if k >= 0 and j >= 0 and i >= 0 and mask[k, j, i]:
                             total += w * far[3 * r + axis, k, j, i]
-                        weight += w
+                        weight += 2 * w
                 height[z, y, x] = np.uint8(min(254.0 - total / weight * (250 / 255), 254.0) / 4) * 4
-    return height
 
 
 def measure_affinities(
@@ -156,15 +143,19 @@ def measure_inner_affinities(
     return sums, counts
 
 
-@njit(cache=True, nogil=True)
-def cells_of(labels):  # type: ignore[no-untyped-def]
+def cells_of(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return for every 2 x 2 x 2 voxels the label most of its labelled ones have."""
-    half = (labels.shape[0] // 2, labels.shape[1] // 2, labels.shape[2] // 2)
-    cells = np.zeros(half, np.int32)
-    seen = np.zeros(8, np.int32)
-    for z in range(half[0]):
-        for y in range(half[1]):
-            for x in range(half[2]):
+    cells = np.zeros([n // 2 for n in labels.shape], np.int32)
+    _choose_labels(labels, np.zeros(8, np.int32), cells)
+    return cells
+
+
+@njit(cache=True, nogil=True)
+def _choose_labels(labels, seen, cells):  # type: ignore[no-untyped-def]
+    """Write to cells the label most of their labelled voxels have."""
+    for z in range(cells.shape[0]):
+        for y in range(cells.shape[1]):
+            for x in range(cells.shape[2]):
                 n = 0
                 for k in range(8):
                     name = labels[2 * z + k // 4, 2 * y + k // 2 % 2, 2 * x + k % 2]
@@ -179,4 +170,3 @@ def cells_of(labels):  # type: ignore[no-untyped-def]
                     if count > most:
                         most = count
                         cells[z, y, x] = seen[a]
-    return cells

@@ -129,14 +129,16 @@ def measure_parts(
     spacing : (float, float, float) of mm, z y x
     share : Share
     """
-    top = int(labels.max())
+    count = int(labels.max()) + 1
     depth = label_depths(labels, spacing)
     share(0.3)
     faces = np.prod(spacing) / np.array(spacing)
-    sums, area, middle, step = _measure(labels, lifted, depth, top, faces)
+    sums = np.zeros((count, 5))
+    area, middle, step = (np.zeros((count, count)) for _ in range(3))
+    _measure(labels, lifted, depth, faces, sums, area, middle, step)
     boxes = label_boxes(labels)
-    hulls = [np.zeros((0, 3))] * (top + 1)
-    volumes = np.zeros(top + 1)
+    hulls = [np.zeros((0, 3))] * count
+    volumes = np.zeros(count)
     for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
@@ -146,11 +148,8 @@ def measure_parts(
 
 
 @njit(cache=True, nogil=True)
-def _measure(labels, lifted, depths, top, faces):  # type: ignore[no-untyped-def]
-    sums = np.zeros((top + 1, 5))
-    area = np.zeros((top + 1, top + 1))
-    middle = np.zeros((top + 1, top + 1))
-    step = np.zeros((top + 1, top + 1))
+def _measure(labels, lifted, depths, faces, sums, area, middle, step):  # type: ignore[no-untyped-def]
+    """Add up what `Parts` holds of labels and of pairs of them, by the faces between them."""
     depth, height, width = labels.shape
     for z in range(depth):
         for y in range(height):
@@ -178,7 +177,6 @@ def _measure(labels, lifted, depths, top, faces):  # type: ignore[no-untyped-def
                             area[a, b] += faces[axis]
                             middle[a, b] += faces[axis] * (value + beyond) / 2
                             step[a, b] += faces[axis] * abs(value - beyond)
-    return sums, area, middle, step
 
 
 def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:

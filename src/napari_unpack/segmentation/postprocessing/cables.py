@@ -83,15 +83,20 @@ def gather_cables(
     limits, compared = rule or CableRule(), scale or scale_of(labels, density)
     if compared is None:
         return labels
-    lifted = _lifted(density, compared.air, compared.knee)
+    lifted = np.zeros(density.shape, np.float32)
+    _lift(density, compared.air, compared.knee, lifted)
     share(0.2)
-    lines = _threads(lifted, _kernels(), np.float32(limits.dense), np.float32(limits.sharp))
+    found = _find_threads(lifted, np.float32(limits.dense), np.float32(limits.sharp))
     share(0.5)
-    if np.count_nonzero(lines) < limits.fewest:
+    if len(found) < limits.fewest:
         return labels
-    bundles = cc3d.connected_components(_widened(lines), connectivity=26).astype(np.int32)
+    lines = np.zeros(lifted.shape, np.bool_)
+    lines.reshape(-1)[found] = True
+    wide = np.zeros_like(lines)
+    # No line lies on the volume's border.
+    wide.reshape(-1)[found[:, None] + _offsets(lines.shape, 1)] = True
+    bundles = cc3d.connected_components(wide, connectivity=26).astype(np.int32)
     boxes = label_boxes(bundles)
-    found = np.flatnonzero(lines)
     one, other = bundles.reshape(-1)[found], labels.reshape(-1)[found]
     middles = np.bincount(one, minlength=int(bundles.max()) + 1)
     sizes = np.bincount(labels.reshape(-1))
@@ -102,7 +107,7 @@ def gather_cables(
         lined = np.bincount(of, minlength=len(sizes)) > limits.mostly / 20 * sizes
         if not lined[1:].any():
             continue
-        box = grown(boxes.slices(name), 3, lines.shape)
+        box = grown(boxes.slices(name), 3, labels.shape)
         mine = lines[box] & (bundles[box] == name)
         given = _given(labels[box], lifted[box], mine, sizes, limits)
         result[box] = np.where(given > 0, given, result[box])
@@ -174,9 +179,42 @@ def _going_on(
     return np.array([w for w in others if shared[w].mean() > 0.5], np.int64)
 
 
-def _kernels(width: float = 1.0, reach: int = 3) -> NDArray[np.float32]:
+def _offsets(shape: tuple[int, ...], reach: int) -> NDArray[np.int64]:
+    """Return how far a cube of (2 reach + 1)^3 voxels reaches in a flat volume, (N,)."""
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    t = np.arange(-reach, reach + 1)
+    around: NDArray[np.int64] = (
+        strides[0] * t[:, None, None] + strides[1] * t[:, None] + strides[2] * t
+    ).reshape(-1)
+    return around
+
+
+def _find_threads(
+    lifted: NDArray[np.float32], dense: np.float32, sharp: np.float32
+) -> NDArray[np.int64]:
+    """Return where in a flat volume the middle lines of threads lie, by the Hessian."""
+    marked = np.zeros(lifted.shape, np.bool_)
+    _mark_ridges(lifted, dense, sharp, REACH, marked)
+    places = np.flatnonzero(marked)
+    bends = np.zeros((len(places), 6), np.float32)
+    around = _offsets(lifted.shape, REACH)
+    _bend(lifted.reshape(-1), places, around, _kernels().reshape(6, -1), bends)
+    # Few are left by their trace, which is that of the eigenvalues.
+    steep = bends[:, 0] + bends[:, 1] + bends[:, 2] <= -1.5 * sharp
+    places, bends = places[steep], bends[steep].astype(np.float64)
+    _, middle, most = np.linalg.eigvalsh(bends[:, HESSIAN]).T
+    return places[(middle < -sharp) & (np.abs(most) < -0.5 * middle)]
+
+
+# Voxels to every side at which a Gaussian of one voxel has ended.
+REACH = 3
+# Where zz, yy, xx, zy, zx, yx lie in the matrix.
+HESSIAN = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+
+
+def _kernels(width: float = 1.0) -> NDArray[np.float32]:
     """Return the second derivatives of a Gaussian along zz, yy, xx, zy, zx, yx, (6, n, n, n)."""
-    t = np.arange(-reach, reach + 1.0)
+    t = np.arange(-REACH, REACH + 1.0)
     g = np.exp(-(t**2) / (2 * width**2))
     g /= g.sum()
     first = t / width**2 * g
@@ -189,9 +227,8 @@ def _kernels(width: float = 1.0, reach: int = 3) -> NDArray[np.float32]:
 
 
 @njit(cache=True, nogil=True)
-def _lifted(density, air, knee):  # type: ignore[no-untyped-def]
-    """Return the log density."""
-    lifted = np.zeros(density.shape, np.float32)
+def _lift(density, air, knee, lifted):  # type: ignore[no-untyped-def]
+    """Write the log density to an array of zeros."""
     depth, height, width = density.shape
     for z in range(depth):
         for y in range(height):
@@ -199,52 +236,30 @@ def _lifted(density, air, knee):  # type: ignore[no-untyped-def]
                 rise = np.float64(density[z, y, x]) - air
                 if rise > 0:
                     lifted[z, y, x] = np.log1p(min(rise / knee, 1e30))
-    return lifted
 
 
 @njit(cache=True, nogil=True)
-def _widened(lines):  # type: ignore[no-untyped-def]
-    """Return lines and all their 26 neighbours; no line lies on the volume's border."""
-    wide = lines.copy()
-    for z, y, x in np.argwhere(lines):
-        wide[z - 1 : z + 2, y - 1 : y + 2, x - 1 : x + 2] = True
-    return wide
-
-
-@njit(cache=True, nogil=True)
-def _threads(values, kernels, dense, sharp):  # type: ignore[no-untyped-def]
-    """Return the middle lines of threads, by the Hessian's eigenvalues."""
-    found = np.zeros(values.shape, np.bool_)
+def _mark_ridges(values, dense, sharp, reach, marked):  # type: ignore[no-untyped-def]
+    """Mark what is dense and falls on both sides along one axis at least: cheap to ask."""
     depth, height, width = values.shape
-    reach = kernels.shape[1] // 2
-    bend = np.zeros((3, 3))
-    sums = np.zeros(6, np.float32)
     for z in range(reach, depth - reach):
         for y in range(reach, height - reach):
             for x in range(reach, width - reach):
                 if values[z, y, x] < dense:
                     continue
-                # Across a thread it falls on both sides along one axis at least; cheap to ask.
                 here = 2 * values[z, y, x]
-                if not (
+                marked[z, y, x] = (
                     here - values[z - 2, y, x] - values[z + 2, y, x] > sharp
                     or here - values[z, y - 2, x] - values[z, y + 2, x] > sharp
                     or here - values[z, y, x - 2] - values[z, y, x + 2] > sharp
-                ):
-                    continue
-                sums[:] = 0
-                for a in range(-reach, reach + 1):
-                    for b in range(-reach, reach + 1):
-                        for c in range(-reach, reach + 1):
-                            value = values[z + a, y + b, x + c]
-                            for k in range(6):
-                                sums[k] += value * kernels[k, a + reach, b + reach, c + reach]
-                if sums[0] + sums[1] + sums[2] > -1.5 * sharp:
-                    continue
-                bend[0, 0], bend[1, 1], bend[2, 2] = sums[0], sums[1], sums[2]
-                bend[0, 1] = bend[1, 0] = sums[3]
-                bend[0, 2] = bend[2, 0] = sums[4]
-                bend[1, 2] = bend[2, 1] = sums[5]
-                _, middle, most = np.linalg.eigvalsh(bend)
-                found[z, y, x] = middle < -sharp and abs(most) < -0.5 * middle
-    return found
+                )
+
+
+@njit(cache=True, nogil=True)
+def _bend(values, places, around, kernels, bends):  # type: ignore[no-untyped-def]
+    """Write the second derivatives at places of a flat volume to rows of zeros."""
+    for n in range(len(places)):
+        for k in range(len(around)):
+            value = values[places[n] + around[k]]
+            for axes in range(6):
+                bends[n, axes] += value * kernels[axes, k]

@@ -22,6 +22,9 @@ from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.postprocessing.cables import scale_of
 from napari_unpack.tasks import SILENT, Share
 
+# Of log density, 64 to a factor of e.
+BINS = 1024
+
 
 @dataclass(frozen=True)
 class InclusionRule:
@@ -138,9 +141,9 @@ def _taken(
     quartiles = _quartiles(labels, density, scale.air, scale.knee, len(sizes))
     share(0.2)
     levels, kinds = _levels(quartiles, sizes, open_to, limits)
-    cores = cc3d.connected_components(
-        _cores(labels, density, levels + scale.air, kinds), connectivity=26
-    )
+    dense = np.zeros(labels.shape, np.int32)
+    _find_cores(labels, density, levels + scale.air, kinds, dense)
+    cores = cc3d.connected_components(dense, connectivity=26)
     share(0.4)
     found = label_boxes(cores)
     taken, count = np.zeros_like(labels), int(labels.max())
@@ -269,11 +272,22 @@ def _in_pieces(labels: NDArray[np.int32], hosts: NDArray[np.int64]) -> NDArray[n
     return result
 
 
+def _quartiles(
+    labels: NDArray[np.int32], density: NDArray[np.generic], air: float, knee: float, count: int
+) -> NDArray[np.float64]:
+    """Return the upper quartile of every label's density above air, by label; 0 for none."""
+    bins = np.zeros((count, BINS), np.int32)
+    _count_densities(labels, density, air, knee, bins)
+    seen = bins.cumsum(axis=1)
+    reached = (seen >= 0.75 * seen[:, -1:]).argmax(axis=1)
+    found = knee * np.expm1((reached + 0.5) / 64)
+    found[0] = 0
+    return np.asarray(found, np.float64)
+
+
 @njit(cache=True, nogil=True)
-def _quartiles(labels, density, air, knee, count):  # type: ignore[no-untyped-def]
-    """Return the upper quartile of every label's density above air."""
-    # By logarithm: 64 bins to a factor of e.
-    bins = np.zeros((count, 1024), np.int32)
+def _count_densities(labels, density, air, knee, bins):  # type: ignore[no-untyped-def]
+    """Count log densities above air, label by label."""
     for z in range(labels.shape[0]):
         for y in range(labels.shape[1]):
             for x in range(labels.shape[2]):
@@ -283,27 +297,16 @@ def _quartiles(labels, density, air, knee, count):  # type: ignore[no-untyped-de
                 rise = np.float64(density[z, y, x]) - air
                 place = 0
                 if rise > 0:
-                    place = min(int(64 * np.log1p(rise / knee)), 1023)
+                    place = min(int(64 * np.log1p(rise / knee)), BINS - 1)
                 bins[name, place] += 1
-    found = np.zeros(count)
-    for name in range(1, count):
-        wanted, seen = 0.75 * bins[name].sum(), 0
-        for place in range(1024):
-            seen += bins[name, place]
-            if seen >= wanted:
-                found[name] = knee * np.expm1((place + 0.5) / 64)
-                break
-    return found
 
 
 @njit(cache=True, nogil=True)
-def _cores(labels, density, levels, kinds):  # type: ignore[no-untyped-def]
-    """Return the kind of host of every voxel that is dense enough for a core, plus 1."""
-    found = np.zeros(labels.shape, np.int32)
+def _find_cores(labels, density, levels, kinds, found):  # type: ignore[no-untyped-def]
+    """Write the kind of host of every voxel that is dense enough for a core, plus 1."""
     for z in range(labels.shape[0]):
         for y in range(labels.shape[1]):
             for x in range(labels.shape[2]):
                 name = labels[z, y, x]
                 if density[z, y, x] >= levels[name]:
                     found[z, y, x] = kinds[name] + 1
-    return found
