@@ -26,7 +26,7 @@ from napari_unpack.segmentation.learned.border_classifier import (
     describe,
     find_rivals,
 )
-from napari_unpack.segmentation.learned.border_refinement import find_inside, places_in
+from napari_unpack.segmentation.learned.border_refinement import Borders, places_in
 from napari_unpack.segmentation.learned.method import sharpened, split_at_density_steps
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.segmentation.learned.part_splitting import merge_pieces
@@ -85,7 +85,7 @@ def border_examples(
     at = places_in((labels > 0) & chosen, (0, len(labels)))
     rivals, counts, _ = find_rivals(labels, at)
     at, rivals, counts = at[counts > 1], rivals[counts > 1], counts[counts > 1]
-    rows = describe(labels, find_inside(labels), evidence, at, rivals, counts)
+    rows = describe(labels, Borders.of(labels).inside, evidence, at, rivals, counts)
     places = np.repeat(np.ravel_multi_index(tuple(at.T), labels.shape), counts)
     names = rivals[rivals > 0]
     whose = owners(labels, truth)[names]

@@ -13,7 +13,7 @@ from napari_unpack.segmentation.learned.border_classifier import (
     draw_borders,
     find_rivals,
 )
-from napari_unpack.segmentation.learned.border_refinement import find_inside
+from napari_unpack.segmentation.learned.border_refinement import Borders
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
 SHAPE = (20, 20, 40)
@@ -68,7 +68,7 @@ def random_judge(seed):
 
 def rows_at(labels, evidence, place):
     places = np.array([place])
-    inside = find_inside(labels)
+    inside = Borders.of(labels).inside
     names, counts, _ = find_rivals(labels, places)
     if counts[0] == 1:
         return names[0, :1], np.zeros((1, len(BORDER_FEATURES)))

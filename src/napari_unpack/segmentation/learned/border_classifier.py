@@ -27,13 +27,12 @@ from napari_unpack.segmentation.learned.border_refinement import (
     MOST_LABELS,
     NEAR,
     WEIGHT,
+    Borders,
     Moves,
     apply_moves,
     count_votes,
-    find_inside,
     places_in,
     tally,
-    touching,
 )
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 from napari_unpack.tasks import SILENT, Share, Slab
@@ -149,7 +148,7 @@ def describe(
     Parameters
     ----------
     labels, inside : (Z, Y, X) ndarray of int32 and bool
-        Objects, and which voxels are inside them; see `find_inside`.
+        Objects, and which voxels are inside them; see `Borders`.
     evidence : BorderEvidence
     places : (N, 3) ndarray of int64
         The voxels.
@@ -217,10 +216,6 @@ ROUNDS = 6
 HOLD = 1.0
 # Of every bin of density in every object: one voxel of an odd density must not decide.
 LEAST_SHARE = 0.005
-
-# Voxels to every side whose labels `describe` reads: it looks three far, and whether a voxel
-# there is inside depends on the next.
-REACH = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,13 +318,12 @@ def draw_borders(
     for n in range(rounds):
         # Each round looks at less than half of what the one before looked at.
         round_share = share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
-        move = partial(_moves, labels, find_inside(labels), evidence, trained, due)
-        moves = round_share.over_slabs(labels.shape, move)
-        changed = np.concatenate([places for places, _ in moves])
-        if not len(changed):
+        borders = Borders.of(labels)
+        due &= borders.touching
+        move = partial(_moves, labels, borders.inside, evidence, trained, due)
+        due = apply_moves(labels, round_share.over_slabs(labels.shape, move))
+        if not due.any():
             break
-        apply_moves(labels, moves)
-        due = _around(changed, labels.shape)
     return labels
 
 
@@ -346,7 +340,7 @@ def _histograms(
 ) -> NDArray[np.float64]:
     """Count log densities, label by label; voxels at a border, which are blurred, hardly count."""
     objects = np.flatnonzero(labels)
-    weights = np.where(find_inside(labels).reshape(-1)[objects], 1.0, 0.05)
+    weights = np.where(Borders.of(labels).inside.reshape(-1)[objects], 1.0, 0.05)
     bins = _bin_of(values.reshape(-1)[objects].astype(np.float64), knee)
     bins += labels.reshape(-1)[objects] * np.int64(BINS)
     counts: NDArray[np.float64] = np.bincount(bins, weights, count * BINS).astype(np.float64)
@@ -363,7 +357,7 @@ def _moves(
 ) -> Moves:
     """Return the voxels of a slab that move, and the labels they go to."""
     # Across an edge alone a voxel would come apart from its object.
-    places = places_in(touching(labels, slab) & due[slab[0] : slab[1]], slab)
+    places = places_in(due[slice(*slab)], slab)
     names, counts, across = find_rivals(labels, places)
     rows = describe(labels, inside, evidence, places, names, counts)
     # In float32, as the weights are: one type, so that the loops are compiled once.
@@ -407,12 +401,3 @@ def _choose(rows, first, across, w0, w1, w2, o0, o1, o2, one, two, best):  # typ
             led = logit + (HOLD if n == 0 else 0.0)
             if led > most:
                 best[p], most = n, led
-
-
-def _around(places: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return which voxels have a changed place within reach."""
-    near = np.zeros(shape, np.bool_)
-    low, high = np.maximum(places - REACH, 0), places + (REACH + 1)
-    for (z, y, x), (k, j, i) in zip(low.tolist(), high.tolist(), strict=True):
-        near[z:k, y:j, x:i] = True
-    return near

@@ -7,11 +7,13 @@ affinities alone (`assign_labels`), then also by densities on both sides (`sharp
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.tasks import SILENT, Share, Slab
@@ -40,25 +42,58 @@ WEIGHT_AT_BORDER = 0.02
 Moves = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
-def touching(labels: NDArray[np.int32], slab: Slab) -> NDArray[np.bool_]:
-    """Return which voxels of a slab share a face with another object.
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """Where objects end.
 
     Parameters
     ----------
-    labels : (Z, Y, X) ndarray of int32
-        Objects; 0 is background.
-    slab : tuple of int
-        See `Share.over_slabs`.
+    inside : (Z, Y, X) ndarray of bool
+        Voxels that share all faces with others of their object.
+    touching : (Z, Y, X) ndarray of bool
+        Voxels that share a face with another object.
     """
-    start = max(slab[0] - 1, 0)
-    part = labels[start : slab[1] + 1]
-    objects, found = part > 0, np.zeros(part.shape, np.bool_)
-    for axis in range(3):
-        along, held, touched = (np.moveaxis(a, axis, 0) for a in (part, objects, found))
-        differ = (along[1:] != along[:-1]) & held[1:] & held[:-1]
-        touched[1:] |= differ
-        touched[:-1] |= differ
-    return found[slab[0] - start : slab[1] - start]
+
+    inside: NDArray[np.bool_]
+    touching: NDArray[np.bool_]
+
+    @staticmethod
+    def of(labels: NDArray[np.int32]) -> Borders:
+        """Find the borders of (Z, Y, X) objects; 0 is background."""
+        found = Borders(np.zeros(labels.shape, np.bool_), np.zeros(labels.shape, np.bool_))
+        SILENT.over_slabs(labels.shape, partial(_mark_borders, labels, found))
+        return found
+
+
+def _mark_borders(labels: NDArray[np.int32], found: Borders, slab: Slab) -> None:
+    # With a frame that is no label: no voxel has to be asked whether it lies at the volume's end.
+    part = labels[max(slab[0] - 1, 0) : slab[1] + 1]
+    framed = np.full((slab[1] - slab[0] + 2, *(n + 2 for n in labels.shape[1:])), -1, np.int32)
+    first = 1 if slab[0] == 0 else 0
+    framed[first : first + len(part), 1:-1, 1:-1] = part
+    jumps = np.array(framed.strides) // framed.itemsize
+    jumps = np.concatenate([-jumps, jumps])
+    inside, touching = found.inside[slice(*slab)], found.touching[slice(*slab)]
+    _look_around(framed.reshape(-1), jumps, inside, touching)
+
+
+@njit(cache=True, nogil=True)
+def _look_around(labels, jumps, inside, touching):  # type: ignore[no-untyped-def]
+    depth, height, width = inside.shape
+    for z in range(depth):
+        for y in range(height):
+            place = (z + 1) * jumps[3] + (y + 1) * jumps[4] + 1
+            for x in range(width):
+                here = labels[place + x]
+                if here == 0:
+                    continue
+                alone, met = True, False
+                for k in range(6):
+                    other = labels[place + x + jumps[k]]
+                    alone &= other == here or other < 0
+                    met |= other != here and other > 0
+                inside[z, y, x] = alone
+                touching[z, y, x] = met
 
 
 def places_in(mask: NDArray[np.bool_], slab: Slab) -> NDArray[np.int64]:
@@ -81,8 +116,8 @@ def places_in(mask: NDArray[np.bool_], slab: Slab) -> NDArray[np.int64]:
     return np.stack([places[0] + slab[0], *places[1:]], axis=1).astype(np.int64, copy=False)
 
 
-def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> None:
-    """Write what moves to labels.
+def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> NDArray[np.bool_]:
+    """Write what moves to labels; return where a next round may move more.
 
     Parameters
     ----------
@@ -90,9 +125,22 @@ def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> None:
         Changed in place.
     moves : iterable of Moves
         Which voxels, (N, 3), go to which label, (N,).
+
+    Returns
+    -------
+    (Z, Y, X) ndarray of bool
+        All that is within `REACH` + 1 of what moved: a voxel looks so far, and whether one there is
+        inside its object depends on the next.
     """
+    side = REACH + 1
+    near = np.zeros([-(-n // side) for n in labels.shape], np.bool_)
     for places, names in moves:
         labels[*places.T] = names
+        near[*(places.T // side)] = True
+    # In blocks as long as that, whose neighbours hold all of it.
+    near = binary_dilation(near, np.ones((3, 3, 3)))
+    z, y, x = labels.shape
+    return near.repeat(side, axis=0)[:z].repeat(side, axis=1)[:, :y].repeat(side, axis=2)[..., :x]
 
 
 @njit(cache=True, nogil=True)
@@ -196,7 +244,7 @@ def tally(
     Parameters
     ----------
     labels, inside : (Z, Y, X) ndarray of int32 and bool
-        Objects, and which voxels are inside them; see `find_inside`.
+        Objects, and which voxels are inside them; see `Borders`.
     values : (Z, Y, X) ndarray of float32
         Density above air.
     places, names, counts
@@ -248,14 +296,16 @@ def assign_labels(
     z, y, x = foreground.shape
     labels = np.where(foreground, full[:z, :y, :x], np.int32(0))
     for n in range(rounds):
-        vote = partial(_vote, labels, following)
+        vote = partial(_vote, labels, following, Borders.of(labels).touching)
         apply_moves(labels, share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote))
     return labels
 
 
-def _vote(labels: NDArray[np.int32], following: NDArray[np.uint8], slab: Slab) -> Moves:
+def _vote(
+    labels: NDArray[np.int32], following: NDArray[np.uint8], at: NDArray[np.bool_], slab: Slab
+) -> Moves:
     """Return the voxels at borders and the label with the highest affinity across their faces."""
-    places = places_in(touching(labels, slab), slab)
+    places = places_in(at[slice(*slab)], slab)
     names, counts, votes, _ = _votes(labels, following, 0.5, places)
     return places, _leading(names, counts, votes)
 
@@ -329,23 +379,22 @@ def sharpen_borders(
     blurred = label_means(labels, values) > dense
     turns = (0.0,) * rounds + (SMOOTHING,) * smoothing
     labels = labels.copy()
+    due = np.ones(labels.shape, np.bool_)
     for n, even in enumerate(turns):
+        if n == rounds:
+            # By other rules from here on.
+            due[:] = True
         round_share = share.part(n / len(turns), (n + 1) / len(turns))
-        inside = find_inside(labels)
-        move = partial(_move, labels, values, inside, following, noise, blurred, even)
-        apply_moves(labels, round_share.over_slabs(labels.shape, move))
+        borders = Borders.of(labels)
+        movable = borders.touching & due
+        if blurred.any():
+            ends = np.flatnonzero((labels > 0) & ~borders.inside & due)
+            movable.reshape(-1)[ends] |= blurred[labels.reshape(-1)[ends]]
+        move = partial(
+            _move, labels, values, borders.inside, following, noise, blurred, even, movable
+        )
+        due = apply_moves(labels, round_share.over_slabs(labels.shape, move))
     return labels
-
-
-def find_inside(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return which voxels of (Z, Y, X) labels share all faces with others of their object."""
-    inside = labels > 0
-    for axis in range(3):
-        along, kept = np.moveaxis(labels, axis, 0), np.moveaxis(inside, axis, 0)
-        same = along[1:] == along[:-1]
-        kept[1:] &= same
-        kept[:-1] &= same
-    return inside
 
 
 def _move(
@@ -356,15 +405,11 @@ def _move(
     noise: float,
     blurred: NDArray[np.bool_],
     even: float,
+    movable: NDArray[np.bool_],
     slab: Slab,
 ) -> Moves:
-    """Return the voxels of a slab that may move, and the labels they go to."""
-    movable = touching(labels, slab)
-    if blurred.any():
-        part = slice(*slab)
-        rest = np.flatnonzero((labels[part] > 0) & ~inside[part])
-        movable.reshape(-1)[rest] |= blurred[labels[part].reshape(-1)[rest]]
-    places = places_in(movable, slab)
+    """Return the voxels of a slab that move, and the labels they go to."""
+    places = places_in(movable[slice(*slab)], slab)
     names, counts, votes, bare = _votes(labels, following, 0.0, places)
     # Only dense things have a halo above the foreground's level.
     bare &= blurred[names[:, 0]]
@@ -389,4 +434,5 @@ def _move(
     off = (value[:, None] - means) / np.maximum(step, 1e-6)[:, None]
     best = _leading(names, counts, found[..., NEAR] - loud[:, None] * off**2)
     best[bare & (here < means[:, 0] / 2)] = 0
-    return places, best
+    moved = best != names[:, 0]
+    return places[moved], best[moved]
