@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from phantoms import box, scanned
 
+from napari_unpack import tasks
 from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.learned import border_refinement
 from napari_unpack.segmentation.learned.border_classifier import (
     BORDER_FEATURES,
     HOLD,
@@ -13,7 +15,7 @@ from napari_unpack.segmentation.learned.border_classifier import (
     draw_borders,
     find_rivals,
 )
-from napari_unpack.segmentation.learned.border_refinement import Borders
+from napari_unpack.segmentation.learned.border_refinement import Borders, sharpen_borders
 from napari_unpack.segmentation.learned.pair_classifier import PairClassifier
 
 SHAPE = (20, 20, 40)
@@ -232,3 +234,58 @@ def test_where_nothing_touches_nothing_moves():
     empty = np.zeros_like(alone)
     nothing = scene_of(empty, np.zeros(SHAPE))
     np.testing.assert_array_equal(draw_borders(empty, nothing), empty)
+
+
+def packed_cells(seed, shape=(24, 22, 20)):
+    """Return cells that fill a volume but for some air, and noisy densities of them."""
+    rng = np.random.default_rng(seed)
+    middles = rng.uniform(0, shape, (12, 3))
+    grid = np.stack(np.indices(shape), axis=-1)
+    labels = np.linalg.norm(grid[..., None, :] - middles, axis=-1).argmin(axis=-1)
+    labels = labels.astype(np.int32)
+    density = rng.integers(200, 1200, 12)[labels] * (labels > 0) + rng.normal(0, 200, shape)
+    following = rng.integers(0, 256, (3, *shape)).astype(np.uint8)
+    return labels, density.astype(np.float32), following
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_borders_are_those_of_voxels_looked_at_one_by_one(seed, monkeypatch):
+    # Slabs of three slices: their seams must not show.
+    monkeypatch.setattr(tasks, "VOXELS_PER_CHECK", 3 * 22 * 20)
+    labels, _, _ = packed_cells(seed)
+    found = Borders.of(labels)
+    for place in np.ndindex(labels.shape):
+        here, others = labels[place], []
+        for axis in range(3):
+            for step in (-1, 1):
+                beside = list(place)
+                beside[axis] += step
+                if 0 <= beside[axis] < labels.shape[axis]:
+                    others.append(labels[tuple(beside)])
+        assert found.inside[place] == (here > 0 and all(o == here for o in others))
+        assert found.touching[place] == (here > 0 and any(o not in (0, here) for o in others))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_looked_at_again_is_all_that_can_move(seed, monkeypatch):
+    # One round at a time looks at every voxel; several in a row only near what has moved.
+    labels, density, following = packed_cells(seed)
+    evidence = BorderEvidence.of(labels, density, DensityScale(0.0, 200.0), following, 40.0)
+    judge = random_judge(seed)
+    apart, moved = labels, []
+    for _ in range(3):
+        before, apart = apart, draw_borders(apart, evidence, judge, rounds=1)
+        moved.append(np.count_nonzero(apart != before))
+    monkeypatch.setattr(tasks, "VOXELS_PER_CHECK", 3 * 22 * 20)
+    monkeypatch.setattr(border_refinement, "AT_ONCE", 50)
+    np.testing.assert_array_equal(draw_borders(labels, evidence, judge, rounds=3), apart)
+    assert moved[2] > 0
+
+    sharp, moved = labels, []
+    for _ in range(3):
+        before = sharp
+        sharp = sharpen_borders(sharp, density, 0.0, following, 40.0, rounds=1, smoothing=0)
+        moved.append(np.count_nonzero(sharp != before))
+    again = sharpen_borders(labels, density, 0.0, following, 40.0, rounds=3, smoothing=0)
+    np.testing.assert_array_equal(again, sharp)
+    assert moved[2] > 0

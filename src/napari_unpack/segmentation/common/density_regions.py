@@ -156,11 +156,12 @@ def intersected_labels(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> N
     """
     names, latest = np.zeros(basins.size, np.int32), np.zeros(basins.max(initial=0) + 1, np.int32)
     # By name less 1: basin, host, and the pair of the same basin met before it.
-    rows, count, place = np.zeros((3, len(latest) + 15), np.int32), 0, 0
+    rows = np.zeros((3, len(latest) + 15), np.int32)
     flat = basins.reshape(-1), hosts.reshape(-1), names
+    place, count = _number_pairs(*flat, latest, rows, 0, 0)
     while place < len(names):
-        place, count = _number_pairs(*flat, latest, rows, count, place)
         rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
+        place, count = _number_pairs(*flat, latest, rows, count, place)
     of_basin, of_host = rows[0, :count], rows[1, :count]
     order = np.lexsort((of_host, of_basin))
     ranks = np.zeros(len(order) + 1, np.int32)

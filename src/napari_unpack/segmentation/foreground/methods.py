@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 
 import numpy as np
@@ -59,7 +59,7 @@ class ForegroundOptions:
     supports: bool = True
     shell: bool = True
     known: KnownScale | None = None
-    found: tuple[NDArray[np.bool_], Levels] | None = None
+    found: tuple[NDArray[np.bool_], Levels] | None = field(default=None, compare=False, repr=False)
 
 
 def checked_foreground(method: str | float) -> str | float:

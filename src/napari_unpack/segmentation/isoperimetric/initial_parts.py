@@ -67,11 +67,12 @@ def split_parts(
     """
     limits = rule or SplitRule()
     share = Share(progress)
-    begun = share.part(0.0, 0.1, "Finding the foreground")
     known = foreground.known
-    mask, levels = foreground.found or find_foreground(
-        density, spacing, foreground.method, begun, known
-    )
+    if foreground.found is None:
+        begun = share.part(0.0, 0.1, "Finding the foreground")
+        mask, levels = find_foreground(density, spacing, foreground.method, begun, known)
+    else:
+        mask, levels = foreground.found
     section = measured_section(density) if known is None else None
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.

@@ -6,7 +6,7 @@ affinities alone (`assign_labels`), then also by densities on both sides (`sharp
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -38,6 +38,9 @@ DENSITY_VOTES = 8.0
 SMOOTHING = 0.5
 # Of voxels that are blurred with the other side, in means; something thin has no others.
 WEIGHT_AT_BORDER = 0.02
+
+# Voxels decided about at once, each with up to 1.4 kB of measures.
+AT_ONCE = 2**14
 
 Moves = tuple[NDArray[np.int64], NDArray[np.int32]]
 
@@ -114,6 +117,25 @@ def places_in(mask: NDArray[np.bool_], slab: Slab) -> NDArray[np.int64]:
     # Flat, as numpy is several times slower along three axes.
     places = np.unravel_index(np.flatnonzero(mask), mask.shape)
     return np.stack([places[0] + slab[0], *places[1:]], axis=1).astype(np.int64, copy=False)
+
+
+def moves_in(
+    movable: NDArray[np.bool_], decide: Callable[[NDArray[np.int64]], Moves], slab: Slab
+) -> Moves:
+    """Return what moves in a slab.
+
+    Parameters
+    ----------
+    movable : (Z, Y, X) ndarray of bool
+        What is asked about.
+    decide : callable
+        Given voxels, (N, 3), it says which of them move and where to.
+    slab : tuple of int
+        See `Share.over_slabs`.
+    """
+    places = places_in(movable[slice(*slab)], slab)
+    moves = [decide(places[n : n + AT_ONCE]) for n in range(0, max(len(places), 1), AT_ONCE)]
+    return np.concatenate([m[0] for m in moves]), np.concatenate([m[1] for m in moves])
 
 
 def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> NDArray[np.bool_]:
@@ -296,18 +318,19 @@ def assign_labels(
     z, y, x = foreground.shape
     labels = np.where(foreground, full[:z, :y, :x], np.int32(0))
     for n in range(rounds):
-        vote = partial(_vote, labels, following, Borders.of(labels).touching)
+        vote = partial(moves_in, Borders.of(labels).touching, partial(_vote, labels, following))
         apply_moves(labels, share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote))
     return labels
 
 
 def _vote(
-    labels: NDArray[np.int32], following: NDArray[np.uint8], at: NDArray[np.bool_], slab: Slab
+    labels: NDArray[np.int32], following: NDArray[np.uint8], places: NDArray[np.int64]
 ) -> Moves:
-    """Return the voxels at borders and the label with the highest affinity across their faces."""
-    places = places_in(at[slice(*slab)], slab)
+    """Return the voxels that go to another label with a higher affinity across their faces."""
     names, counts, votes, _ = _votes(labels, following, 0.5, places)
-    return places, _leading(names, counts, votes)
+    best = _leading(names, counts, votes)
+    moved = best != names[:, 0]
+    return places[moved], best[moved]
 
 
 def _votes(
@@ -390,9 +413,8 @@ def sharpen_borders(
         if blurred.any():
             ends = np.flatnonzero((labels > 0) & ~borders.inside & due)
             movable.reshape(-1)[ends] |= blurred[labels.reshape(-1)[ends]]
-        move = partial(
-            _move, labels, values, borders.inside, following, noise, blurred, even, movable
-        )
+        decide = partial(_move, labels, values, borders.inside, following, noise, blurred, even)
+        move = partial(moves_in, movable, decide)
         due = apply_moves(labels, round_share.over_slabs(labels.shape, move))
     return labels
 
@@ -405,11 +427,9 @@ def _move(
     noise: float,
     blurred: NDArray[np.bool_],
     even: float,
-    movable: NDArray[np.bool_],
-    slab: Slab,
+    places: NDArray[np.int64],
 ) -> Moves:
-    """Return the voxels of a slab that move, and the labels they go to."""
-    places = places_in(movable[slice(*slab)], slab)
+    """Return which of some voxels move, and the labels they go to."""
     names, counts, votes, bare = _votes(labels, following, 0.0, places)
     # Only dense things have a halo above the foreground's level.
     bare &= blurred[names[:, 0]]

@@ -162,9 +162,12 @@ def oversegment(
     """
     options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
     share = Share(progress)
-    begun = share.part(0.0, 0.05, "Finding the foreground")
     known = options.known
-    dense, levels = options.found or find_foreground(density, spacing, options.method, begun, known)
+    if options.found is None:
+        begun = share.part(0.0, 0.05, "Finding the foreground")
+        dense, levels = find_foreground(density, spacing, options.method, begun, known)
+    else:
+        dense, levels = options.found
     knee = typical_knee(density, dense, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))

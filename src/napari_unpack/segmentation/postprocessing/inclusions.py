@@ -278,7 +278,7 @@ def _quartiles(
     """Return the upper quartile of every label's density above air, by label; 0 for none."""
     bins = np.zeros((count, BINS), np.int32)
     _count_densities(labels, density, air, knee, bins)
-    seen = bins.cumsum(axis=1)
+    seen = bins.cumsum(axis=1, dtype=np.int32)
     reached = (seen >= 0.75 * seen[:, -1:]).argmax(axis=1)
     found = knee * np.expm1((reached + 0.5) / 64)
     found[0] = 0
